@@ -87,6 +87,8 @@ CLAIMS = [
     ("docs/evaluation.md", r"for two rooms, (\d+) settings", [settings("benchmark")]),
     ("docs/results.md", r"Two embedded rooms x (\d+) settings", [settings("study")]),
     ("docs/report.md", r"two systems, two rooms, (\d+) settings", [settings("benchmark")]),
+    ("docs/study_plan.md", r"Six embedded rooms, (\d+) settings", [settings("six_rooms")]),
+    ("docs/study_plan.md", r"over the (\d+) settings of that system", [settings("six_rooms") - 1]),
     ("docs/node_groups.md", r"all (\d+) groups of the shelf", [len([item for item in COLOUR if item.build])]),
     ("docs/decisions.md", r"in (\w+) engines", [len(get_args(EngineName))]),
     ("docs/your_perturbation.md", r"one of (\w+) kinds", [len(KINDS)]),
@@ -108,6 +110,7 @@ OTHERS = {
     ("docs/recipes.md", "110 settings"): "without the 15 that move the path",
     ("docs/decisions.md", "Sixteen settings"): "of one call to the compositor",
     ("docs/cluster.md", "100,000 sequences"): "a large dataset, measured",
+    ("docs/cluster.md", "3,125 sequences"): "25 scenes, measured",
 }
 
 

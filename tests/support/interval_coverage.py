@@ -10,7 +10,7 @@ if __name__ == "__main__":
 
 from noisy_world.evaluation.analysis.intervals import (
     bootstrap_interval,
-    geometric_interval,
+    exponential,
     here_interval,
     mean_interval,
     share_interval,
@@ -61,14 +61,20 @@ def coverage(kind, scenes, sets, rng):
 def geometric_coverage(scenes, sets, rng):
     """The same of the geometric mean of what has a long tail, whose truth is 1."""
     values, _ = drawn("long tail", scenes, sets, rng)
-    return float(np.mean([held(*geometric_interval(np.log(one).mean(axis=1)), 1.0) for one in values]))
+    return float(np.mean([held(*exponential(mean_interval(np.log(one).mean(axis=1))), 1.0) for one in values]))
 
 
-def here_coverage(scenes, sets, rng):
-    """The same over other seeds in the same scenes, each with a spread of its own."""
-    means, spread = 3.0 * rng.standard_normal((sets, scenes, 1)), np.exp(0.5 * rng.standard_normal((sets, scenes, 1)))
-    values = means + spread * rng.standard_normal((sets, scenes, SEEDS))
+def here_coverage(scenes, sets, rng, *, errors=False, seeds=SEEDS):
+    """The same over other seeds in the same scenes, each with a spread of its own.
+
+    errors: log-normal ones whose logarithms spread by 1 in every scene, and their geometric mean.
+    """
+    means = 3.0 * rng.standard_normal((sets, scenes, 1))
+    spread = 1.0 if errors else np.exp(0.5 * rng.standard_normal((sets, scenes, 1)))
+    values = means + spread * rng.standard_normal((sets, scenes, seeds))
     pairs = zip(values, means.mean(axis=(1, 2)), strict=True)
+    if errors:
+        return float(np.mean([held(*exponential(here_interval(list(one))), np.exp(truth)) for one, truth in pairs]))
     return float(np.mean([held(*here_interval(list(one)), truth) for one, truth in pairs]))
 
 
@@ -103,6 +109,8 @@ def main(sets=20_000):
     lines |= {kind: lambda n, k=kind: coverage(k, n, sets, rng) for kind in ("success often", "success at times")}
     lines["long tail, geometric mean"] = lambda n: geometric_coverage(n, sets, rng)
     lines["these scenes, other seeds"] = lambda n: here_coverage(n, sets, rng)
+    lines["these scenes, other seeds: errors"] = lambda n: here_coverage(n, sets, rng, errors=True)
+    lines["these scenes, two seeds: errors"] = lambda n: here_coverage(n, sets, rng, errors=True, seeds=2)
     lines["ratio (bootstrap)"] = lambda n: ratio_coverage(n, sets // 4, rng)
     for both, name in ((False, "scenes"), (True, "scenes, then seeds")):
         for kind in ("normal", "long tail"):

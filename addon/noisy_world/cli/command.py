@@ -52,6 +52,9 @@ GROUPS = {
         "evaluate": Subcommand(
             "evaluate_command", "run SLAM systems on the sequences of a preset or a dataset, and score them"
         ),
+        "threshold": Subcommand(
+            "threshold_command", "search for the value of a perturbation at which a system's success falls to one half"
+        ),
         "report": Subcommand("report_command", "write the report of a study anew"),
         "run-odometry": Subcommand("run_odometry", "follow the camera through a dataset with rgbd_odometry"),
         "systems": Subcommand("systems_command", "list the systems and whether they can be run here; install one"),

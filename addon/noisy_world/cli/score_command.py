@@ -100,6 +100,8 @@ def score(options: argparse.Namespace) -> int:
         max_difference_s=options.max_difference_s,
         alignment=None if options.alignment is None else Alignment(options.alignment),
     )
+    for note in found.notes:
+        say(f"warning: {note}")
     if options.errors is not None:
         with storage_errors(options.errors):
             options.errors.write_text(frame_errors_text(found.frame_errors), encoding="utf-8")
@@ -119,6 +121,7 @@ def content(score: "Score") -> dict[str, Any]:
         "translation_m": None if by is None else by.translation.tolist(),
         "scale": None if by is None else by.scale,
         "failure": score.failure,
+        "result": score.result,
         "poses": score.poses,
         "frames": score.frames,
         "matched": score.matched,
@@ -133,6 +136,7 @@ _SPOKEN = {"none": "no alignment", "first_pose": "aligned at the first pose", "s
 def format_score(score: "Score") -> str:
     """Return a score as text: what was compared, how, and a row for each metric."""
     from ..evaluation.metrics import FAILURES, PROTOCOLS, metrics_of
+    from ..evaluation.metrics.success import INCOMPLETE, IS_INCOMPLETE
 
     protocol = PROTOCOLS[score.protocol]
     lines = [
@@ -143,6 +147,8 @@ def format_score(score: "Score") -> str:
     ]
     if score.failure:
         lines.append(f"FAILED ({score.failure}): {FAILURES[score.failure]}")
+    elif score.result == INCOMPLETE:
+        lines.append(f"INCOMPLETE: it {IS_INCOMPLETE}, and errors are those of the frames that it has")
     table = metric_lines((name, metric, score.values[name]) for name, metric in metrics_of(protocol).items())
     return "\n".join([*lines, "", *table])
 
@@ -154,7 +160,7 @@ def picture(score: "Score", truth: "Trajectory", ending: str) -> bytes:
 
     errors_m = score.frame_errors.error_m
     known_m = errors_m[errors_m == errors_m]  # noqa: PLR0124 - a frame without a pose has NaN
-    said = f"{score.matched:,} of {score.frames:,} frames tracked, {_SPOKEN[score.alignment]}"
+    said = f"{score.result}: {score.matched:,} of {score.frames:,} frames tracked, {_SPOKEN[score.alignment]}"
     if score.failure:
         title = f"failed: {FAILURES[score.failure]}"
     else:

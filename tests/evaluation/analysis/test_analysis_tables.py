@@ -66,24 +66,29 @@ def test_every_table_has_a_caption_and_columns(tables):
 def test_spread_over_scenes_and_seeds(tables):
     row = row_of(tables["spread"], system="one", setting="fog1", measure="ate_rmse_m")
     assert (row["n_runs"], row["n_failed"], row["n"], row["n_scenes"]) == (6, 0, 6, 3)
-    of_scenes = np.array([0.0225, 0.045, 0.09])
-    assert row["mean"] == pytest.approx(of_scenes.mean())
-    low, high = stats.t.interval(0.95, 2, of_scenes.mean(), stats.sem(of_scenes))
-    assert (row["low"], row["high"]) == pytest.approx((max(low, 0.0), high))
-    here = np.sqrt(sum((0.02 * f * 0.25) ** 2 / 4.0 for f in FACTOR.values())) / 3.0  # variances of two values' means
-    freedom = sum(f**2 for f in FACTOR.values()) ** 2 / sum(f**4 for f in FACTOR.values())
-    assert row["here_high"] - row["mean"] == pytest.approx(stats.t.ppf(0.975, freedom) * here)
+    middle = 0.04 * np.sqrt(1.25)  # of scenes of 0.02, 0.04 and 0.08 times that of two seeds
+    assert (row["average"], row["mean"]) == ("geometric", pytest.approx(middle))
+    at_large = np.exp(stats.t.ppf(0.975, 2) * np.log(2.0) / np.sqrt(3.0))
+    assert (row["low"], row["high"]) == pytest.approx((middle / at_large, middle * at_large))
+    here = np.exp(stats.t.ppf(0.975, 3) * np.sqrt(3.0 * np.log(1.25) ** 2 / 4.0) / 3.0)
+    assert (row["here_low"], row["here_high"]) == pytest.approx((middle / here, middle * here))
     assert (row["minimum"], row["maximum"], row["median"]) == pytest.approx((0.02, 0.1, 0.045))
-    assert row["standard_deviation"] == pytest.approx(statistics.stdev([0.02, 0.025, 0.04, 0.05, 0.08, 0.1]))
-    assert row["geometric_mean"] == pytest.approx(0.04 * np.sqrt(1.25))
+    logs = np.log([0.02, 0.025, 0.04, 0.05, 0.08, 0.1])
+    assert row["standard_deviation"] == pytest.approx(np.exp(statistics.stdev(logs)))
+    score = row_of(tables["spread"], system="one", setting="fog1", measure="success_auc")
+    assert (score["average"], score["mean"]) == ("arithmetic", pytest.approx(1.0 - 0.0525 / 4.0))
     clean = row_of(tables["spread"], system="one", setting="clean", measure="ate_rmse_m")
     assert np.isnan(clean["here_low"])  # one seed, one repeat: nothing is known of others
 
 
 def test_differences_to_clean_are_scene_by_scene(tables):
     row = row_of(tables["differences"], system="one", setting="fog1", measure="ate_rmse_m")
-    assert row["difference"] == pytest.approx(np.mean([0.0125, 0.025, 0.05]))
+    assert np.isnan(row["difference"])  # of errors ratios alone
     assert row["ratio"] == pytest.approx(2.0 * np.sqrt(1.25))
+    here = np.exp(stats.t.ppf(0.975, 3) * np.sqrt(3.0 * np.log(1.25) ** 2 / 4.0) / 3.0)  # clean is exact
+    assert row["here_high"] == pytest.approx(row["ratio"] * here)
+    score = row_of(tables["differences"], system="one", setting="fog1", measure="success_auc")
+    assert score["difference"] == pytest.approx(-np.mean([0.0125, 0.025, 0.05]) / 4.0)
     assert np.isnan(row["ratio_low"])  # the same in every scene
     assert set(tables["differences"]["setting"]) == {"fog1", "fog5", "blur3", "fast"}
 
@@ -102,14 +107,14 @@ def test_curves_begin_at_clean(tables):
     curve = tables["curves"]
     fog = curve[(curve["system"] == "one") & (curve["perturbation"] == "fog") & (curve["measure"] == "ate_rmse_m")]
     assert fog["severity"].tolist() == [0.0, 1.0, 5.0]
-    assert fog["mean"].to_numpy() == pytest.approx(np.array([0.01, 0.02 * 1.125, 0.4 * 1.125]) * 7.0 / 3.0)
+    assert fog["mean"].to_numpy() == pytest.approx(2.0 * np.array([0.01, 0.02 * np.sqrt(1.25), 0.4 * np.sqrt(1.25)]))
     assert set(curve["perturbation"]) == {"fog", "gaussian_blur"}  # what has severities
 
 
 def test_groups_weigh_settings_alike(tables):
     row = row_of(tables["by_perturbation"], system="one", perturbation="fog", measure="ate_rmse_m")
     assert (row["n_settings"], row["n_runs"]) == (2, 12)
-    assert row["mean"] == pytest.approx(0.21 * 1.125 * 7.0 / 3.0)
+    assert row["mean"] == pytest.approx(2.0 * np.sqrt(0.02 * 0.4 * 1.25))
     assert set(tables["by_mode"]["mode"]) == {"", "static", "dynamic"}
     assert tables["by_severity"]["severity"].dropna().unique().tolist() == [1.0, 3.0, 5.0]
 

@@ -7,9 +7,10 @@ from interval_coverage import coverage, geometric_coverage, here_coverage, quant
 from scipy import stats
 
 from noisy_world.evaluation.analysis.intervals import (
+    Interval,
     bootstrap_interval,
     difference_here_interval,
-    geometric_interval,
+    exponential,
     here_interval,
     mean_interval,
     share_interval,
@@ -23,7 +24,9 @@ def test_a_mean_has_students_interval(scenes):
     assert mean_interval(values) == pytest.approx(expected, rel=1e-12)
     weightstats = pytest.importorskip("statsmodels.stats.weightstats")
     assert mean_interval(values) == pytest.approx(weightstats.DescrStatsW(values).tconfint_mean(), rel=1e-12)
-    assert geometric_interval(values) == pytest.approx(np.exp(expected), rel=1e-12)
+    assert exponential(mean_interval(values)) == pytest.approx(np.exp(expected), rel=1e-12)
+    assert min(exponential(Interval(-1e4, 1e4))) >= 0.0
+    assert np.isfinite(exponential(Interval(-1e4, 1e4))).all()
 
 
 def test_no_spread_is_no_interval():
@@ -95,6 +98,7 @@ def test_intervals_hold_the_truth_as_often_as_they_say():
         assert coverage("normal", scenes, SETS, rng) == pytest.approx(0.95, abs=WITHIN), scenes
         assert geometric_coverage(scenes, SETS, rng) == pytest.approx(0.95, abs=WITHIN), scenes
         assert here_coverage(scenes, SETS, rng) == pytest.approx(0.95, abs=WITHIN), scenes
+        assert here_coverage(scenes, SETS, rng, errors=True) == pytest.approx(0.95, abs=WITHIN), scenes
     for kind in ("success often", "success at times"):
         assert coverage(kind, 3, 200, rng) >= 0.95 - WITHIN
     assert ratio_coverage(5, 250, rng, resamples=200) == pytest.approx(0.95, abs=0.04)

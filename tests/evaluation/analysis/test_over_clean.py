@@ -6,6 +6,7 @@ import pandas as pd
 import pytest
 
 from noisy_world.evaluation.analysis.over_clean import over_clean_table, with_over_clean
+from noisy_world.evaluation.analysis.run_results import with_results
 from noisy_world.evaluation.analysis.run_table import SETTING, tidy_runs
 from noisy_world.evaluation.measured import metric_of
 
@@ -21,7 +22,7 @@ def table(*rows, systems=("mine",)):
 
 
 def found_in(runs, *names):
-    return with_over_clean(runs)[list(names)].to_numpy().tolist()
+    return with_over_clean(with_results(runs))[list(names)].to_numpy().tolist()
 
 
 def test_a_run_is_compared_with_its_own_scene_s_clean_run():
@@ -46,14 +47,14 @@ def test_repeats_of_clean_are_their_median():
 
 @pytest.mark.parametrize(
     ("broken", "name"),
-    [(("a", "fog", 1, 1, np.nan, 0.0, "no_poses"), "n_failed"), (("a", "fog", 1, 1, 1e-4, 0.79, ""), "n_lost")],
+    [(("a", "fog", 1, 1, np.nan, 0.0, "no_poses"), "n_failed"), (("a", "fog", 1, 1, 1e-4, 0.79, ""), "n_incomplete")],
 )
-def test_a_run_that_failed_or_lost_track_is_counted_and_has_no_ratio(broken, name):
+def test_a_run_that_failed_or_is_incomplete_is_counted_and_has_no_ratio(broken, name):
     runs = table(*CLEAN, broken, ("b", "fog", 1, 1, 0.012, 0.8, ""))
     assert np.isnan(found_in(runs, "ate_over_clean")[2][0])
     assert found_in(runs, "success_10x_clean") == [[1.0], [1.0], [0.0], [1.0]]
     (row,) = over_clean_table(tidy_runs(runs), ["system", *SETTING]).to_dict("records")
-    assert (row["n_runs"], row["n"], row[name], row["n_failed"] + row["n_lost"]) == (2, 1, 1, 1)
+    assert (row["n_runs"], row["n"], row[name], row["n_failed"] + row["n_incomplete"]) == (2, 1, 1, 1)
     assert row["over_clean"] == pytest.approx(3.0)
 
 
@@ -86,6 +87,6 @@ def test_columns_have_their_meaning():
 
 
 def test_a_table_of_protocol_paper_stays_as_it_is():
-    runs = table(*CLEAN).rename(columns={"ate_rmse_m": "ate_m"})
+    runs = with_results(table(*CLEAN).rename(columns={"ate_rmse_m": "ate_m"}))
     assert with_over_clean(runs) is runs
     assert over_clean_table(tidy_runs(runs), ["system"]).empty

@@ -95,11 +95,11 @@ def test_what_the_images_tell_is_found_and_what_they_do_not_tell_is_not():
     folds, coefficients, predicted = tables(noise=False)
     whole = folds.set_index("held_out").loc["all"]
     assert list(folds["held_out"]) == ["a", "b", "c", "d", "all"]
-    assert (whole["n"], folds["n_failed"].iloc[:4].sum()) == (120, whole["n_failed"])
+    assert (whole["n"], folds["n_without_success"].iloc[:4].sum()) == (120, whole["n_without_success"])
     assert whole["auc"] > 0.98
     assert whole["skill"] > 0.5
     assert coefficients.set_index("feature")["coefficient"]["orb_tracked_low"] < -1.0
-    y, p = predicted["failed"], predicted["predicted"]
+    y, p = predicted["without_success"], predicted["predicted"]
     assert whole["brier"] == pytest.approx(np.mean((y - p) ** 2))
     blind = tables(noise=True)[0].set_index("held_out").loc["all"]
     assert blind["auc"] == pytest.approx(0.5, abs=0.15)

@@ -88,8 +88,9 @@ def test_the_table_pairs_by_scene_and_by_seed():
     table = against_clean_table(runs, ["ate_rmse_m"]).set_index("unit")
     assert list(table.index) == ["scene", "scene and seed"]
     of_scenes, of_seeds = table.loc["scene"], table.loc["scene and seed"]
-    assert (of_scenes["n"], of_scenes["n_clean"], of_scenes["mean"]) == (2, 2, pytest.approx(0.6))
-    expected = stats.ttest_ind([0.3, 0.9], [0.1, 0.3], equal_var=False)
+    assert (of_scenes["n"], of_scenes["n_clean"], of_scenes["mean"]) == (2, 2, pytest.approx((0.2 * 0.4 * 0.8) ** 0.25))
+    fog = np.log([0.2 * 0.4, 0.8 * 1.0]) / 2.0  # of each scene's seeds; errors are tested by their logarithms
+    expected = stats.ttest_ind(fog, np.log([0.1, 0.3]), equal_var=False)
     assert (of_scenes["welch_t"], of_scenes["welch_p"]) == pytest.approx((expected.statistic, expected.pvalue))
     assert (of_seeds["n"], of_seeds["n_pairs"]) == (4, 4)  # seed 2 has no clean run, so that of its scene stands in
     assert of_seeds["wilcoxon_p"] == pytest.approx(stats.wilcoxon([0.1, 0.3, 0.5, 0.7]).pvalue)

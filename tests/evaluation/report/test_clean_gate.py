@@ -50,7 +50,7 @@ def results_of(folder, clean, expected):
         ([FAR, FAR, GOOD], "ATE 116 mm"),
         ([SHORT], "scale 0.985"),
         ([(0.02, 1.03)], "ATE 20 mm, scale 1.030"),
-        ([None, None, GOOD], "failed or lost track in 2 of 3 clean runs"),
+        ([None, None, GOOD], "failed or was incomplete in 2 of 3 clean runs"),
     ],
 )
 def test_a_scene_is_held_against_what_is_expected(tmp_path, runs, wrong):

@@ -17,6 +17,7 @@ pytest.importorskip("scipy", reason="the extra evaluate is not installed")
 from noisy_world.cli import command
 from noisy_world.core.errors import InputError, StorageError
 from noisy_world.evaluation.analysis import tables as analysis_tables
+from noisy_world.evaluation.analysis import analyse
 from noisy_world.evaluation.report import write_report
 from noisy_world.evaluation.report.per_setting import settings_table
 from noisy_world.evaluation.report.reading import read_results
@@ -265,6 +266,11 @@ def test_damaged_records_of_a_study_are_one_line(tmp_path, name, change, said):
     assert said in str(error.value)
 
 
+def settings_of(folder):
+    results = read_results(folder)
+    return settings_table(results, analyse(results.runs, results.sequences)["spread"])
+
+
 def test_numbers_of_protocol_paper_come_under_their_names(tmp_path):
     # A study of protocol paper names its columns the other way round.
     folder = make_results(tmp_path / "results", **{**SMALL, "scenes": ("room0",)})
@@ -273,9 +279,9 @@ def test_numbers_of_protocol_paper_come_under_their_names(tmp_path):
     names = head.strip().split(",")
     turned = [name.removeprefix("paper.") if name.startswith("paper.") else name for name in names]
     turned = [f"strict.{name}" if name in ("ate_rmse_m", "success_auc", "tracked_share") else name for name in turned]
-    expected = settings_table(read_results(folder)).frame
+    expected = settings_of(folder).frame
     path.write_text("".join([",".join(turned) + "\n", *rows]))
-    assert settings_table(read_results(folder)).frame.equals(expected)
+    assert settings_of(folder).frame.equals(expected)
 
 
 def test_maps_are_shown_by_their_names_where_they_were_scored(tmp_path):
@@ -284,6 +290,6 @@ def test_maps_are_shown_by_their_names_where_they_were_scored(tmp_path):
     head, *rows = path.read_text().splitlines()
     scored = [f"{row},0.02{number % 10}," for number, row in enumerate(rows)]
     path.write_text("\n".join([f"{head},map.accuracy_m,map.psnr_db", *scored, ""]))
-    headings = {column.name: column.heading for column in settings_table(read_results(folder)).columns}
+    headings = {column.name: column.heading for column in settings_of(folder).columns}
     assert headings["map.accuracy_m.mean"] == "map accuracy↓ [m]"
     assert "map.psnr_db.mean" not in headings  # which has no value in any run

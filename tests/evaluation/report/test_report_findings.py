@@ -98,7 +98,7 @@ def test_a_run_that_gives_up_early_is_no_small_error(tmp_path):
     settings = CLEAN | {"frost": (0.0001, 0.3), "desync": (0.002, 1.0)}
     said, _, _, _ = said_of(tmp_path, {"mine": settings})
     assert said[0].startswith(
-        "Worst for mine: frost, where it lost track in 2 of 2 runs; of the others, desync, \u00d7 4"
+        "Worst for mine: frost, where it was incomplete in 2 of 2 runs; of the others, desync, \u00d7 4"
     )
 
 
@@ -119,11 +119,11 @@ def test_fewer_failures_than_half_are_said_beside_the_ratio(tmp_path):
         ),
         (
             {"clean": FAILED, "fog": FAILED},
-            "mine failed on clean frames already, in 2 of 2 runs, and no other run has an error.",
+            "mine failed on clean frames already, in 2 of 2 runs, and no other run is complete.",
         ),
         (
             {"clean": (0.001, 0.4), "fog": (0.02, 1.0)},
-            f"mine lost track on clean frames already{NOTHING_TOLD} 20 mm, fog.",
+            f"mine was incomplete on clean frames already{NOTHING_TOLD} 20 mm, fog.",
         ),
         (
             CLEAN | {"fog": (0.0004, 1.0)},
@@ -180,6 +180,6 @@ def test_intervals_are_shown_from_five_on(tmp_path):
     for count, shown in ((4, False), (5, True)):
         few = {name: value for name, value in settings.items() if name[0] in scenes[:count]}
         _, _, analyses, _ = said_of(tmp_path / str(count), {"mine": few}, all_tables=True, scenes=tuple(scenes[:count]))
-        assert ("[0." in markdown_table(table_of("differences", analyses["differences"]), 40)) is shown
+        assert ("[-0." in markdown_table(table_of("differences", analyses["differences"]), 40)) is shown
         assert analyses["differences"]["low"].notna().any()  # the file has them
         assert any("Dotted lines" in picture.about for picture in curves_of(analyses)[0]) is shown

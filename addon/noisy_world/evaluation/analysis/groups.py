@@ -8,12 +8,12 @@ import numpy as np
 
 from .columns import Columns, table_of
 from .run_table import CLEAN
-from .spread import COUNTS, Cells, cells_of, means_with_intervals, spread_of
+from .spread import COUNTS, MEAN, Cells, cells_of, means_with_intervals, spread_of
 
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-SHOWN = ["mean", "low", "high", "here_low", "here_high", "median", "minimum", "maximum"]
+SHOWN = [*MEAN, "median", "minimum", "maximum"]
 GROUPED = ["n_settings", *COUNTS, *SHOWN]
 CURVE = ["system", "perturbation", "mode", "severity", "measure", *COUNTS, *SHOWN]
 

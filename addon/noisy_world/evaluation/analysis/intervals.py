@@ -22,6 +22,8 @@ Float64: TypeAlias = NDArray[np.float64]
 
 LEVEL = 0.95
 RESAMPLES = 2000
+LARGEST_LOG = 700.0
+"""Whose exponential float64 still holds."""
 
 
 class Interval(NamedTuple):
@@ -39,7 +41,7 @@ def mean_interval(of_scenes: ArrayLike) -> Interval:
 
     None with fewer than two scenes, and where they all have one value: then their spread says nothing.
     Covers as said where the scenes' values are normal, whatever S is; for values with a long tail to one side, such as
-    an ATE, take their logarithms (geometric_interval).
+    an ATE, take their logarithms and `exponential` of the interval.
     """
     values = np.asarray(of_scenes, dtype=np.float64)
     if len(values) < 2 or np.ptp(values) <= 1e-12 * np.max(np.abs(values)):
@@ -48,10 +50,9 @@ def mean_interval(of_scenes: ArrayLike) -> Interval:
     return _around(float(np.mean(values)), half)
 
 
-def geometric_interval(of_scenes: ArrayLike) -> Interval:
-    """(S,) the logarithm of each scene's geometric mean -> the interval of the geometric mean over scenes at large."""
-    low, high = mean_interval(of_scenes)
-    return Interval(float(np.exp(min(low, 700.0))), float(np.exp(min(high, 700.0))))
+def exponential(interval: Interval) -> Interval:
+    """Return the interval of a geometric mean, of a ratio: from that of its logarithm; no end is below 0."""
+    return Interval(*(float(np.exp(min(end, LARGEST_LOG))) for end in interval))
 
 
 def share_interval(shares: ArrayLike, runs: float = np.inf) -> Interval:

@@ -1,44 +1,42 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Errors over clean: of each run, and of each setting, where runs that failed are counted and in no ratio."""
+"""Errors over clean: of each run, and of each setting; runs that failed or are incomplete are counted, in no ratio."""
 
 from collections.abc import Mapping
-from math import exp, isfinite, log
+from math import exp, isfinite
 from statistics import fmean, median
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..metrics.over_clean import OVER_CLEAN, THRESHOLDS_OVER_CLEAN, is_success_over_clean, success_over_clean_name
-from ..metrics.success import LEAST_TRACKED
+from ..metrics.success import COMPLETE
 from .columns import Columns, table_of
+from .log_scale import log_errors
+from .run_results import RESULT
 
 if TYPE_CHECKING:
     from pandas import DataFrame
 
 ATE = "ate_rmse_m"
-TRACKED = "tracked_share"
 CLEAN_ATE = "clean_ate_rmse_m"
 CLEAN = "clean"
-SMALLEST_M = 1e-12  # of an error whose logarithm is taken
-COUNTS = ["n_runs", "n_failed", "n_lost", "n", "n_scenes"]
+COUNTS = ["n_runs", "n_failed", "n_incomplete", "n", "n_scenes"]
 OVER = [*COUNTS, "ate_m", "clean_ate_m", "over_clean", "least", "most"]
-
-Bools: TypeAlias = NDArray[np.bool_]
 
 
 def with_over_clean(runs: "DataFrame") -> "DataFrame":
     """Return a table of runs with the columns of OVER_CLEAN_METRICS, and CLEAN_ATE, what they stand on.
 
-    The clean error of a run is the median of its system's clean runs in its scene, of its own seed; a scene that has a
-    single clean seed stands for all, as no seed changes its clean frames. It has none where half of these runs or more
-    failed or tracked less than LEAST_TRACKED, or where it is 0. Without a column of ATE by protocol strict, the table
-    is as it was.
+    runs: with what `with_results` adds. The clean error of a run is the median of its system's clean runs in its scene,
+    of its own seed; a scene that has a single clean seed stands for all, as no seed changes its clean frames. It has
+    none where half of these runs or more failed or are incomplete, or where it is 0. Without a column of ATE by
+    protocol strict, the table is as it was.
     """
     if ATE not in runs or not len(runs):
         return runs
     ate_m = runs[ATE].to_numpy(dtype=np.float64)
-    holds = ~(failed_runs(runs) | lost_runs(runs)) & np.isfinite(ate_m)
+    holds = (runs[RESULT] == COMPLETE).to_numpy(dtype=bool) & np.isfinite(ate_m)
     clean_m = _clean_errors(runs, np.where(holds, ate_m, np.inf))
     over = np.where(holds & np.isfinite(clean_m), ate_m / clean_m, np.nan)
     successes = {
@@ -51,21 +49,8 @@ def with_over_clean(runs: "DataFrame") -> "DataFrame":
     return runs.assign(**{CLEAN_ATE: clean_m, OVER_CLEAN: over, **successes})
 
 
-def failed_runs(runs: "DataFrame") -> Bools:
-    """(N,) whether each run gave no estimate, or one that cannot be scored."""
-    failure = runs["failure"].fillna("").astype(str)
-    return ((runs["outcome"].fillna("").astype(str) != "finished") | (failure != "")).to_numpy(dtype=bool)
-
-
-def lost_runs(runs: "DataFrame") -> Bools:
-    """(N,) whether each run was scored but tracked less than LEAST_TRACKED of the frames."""
-    if TRACKED not in runs:
-        return np.zeros(len(runs), dtype=bool)
-    return ~failed_runs(runs) & (runs[TRACKED].to_numpy(dtype=np.float64) < LEAST_TRACKED)
-
-
 def over_clean_table(runs: Columns, by: list[str]) -> "DataFrame":
-    """Return a row for each group of perturbed runs: how many failed or lost track, and the error over clean.
+    """Return a row for each group of perturbed runs: how many failed or are incomplete, and the error over clean.
 
     over_clean: of the geometric means ate_m and clean_ate_m of the n runs that have a ratio, in which scenes weigh
     alike, and seeds in a scene; least, most: of these runs.
@@ -80,11 +65,9 @@ def over_clean_table(runs: Columns, by: list[str]) -> "DataFrame":
 def _of_group(runs: Columns) -> dict[str, Any]:
     known = np.isfinite(runs[OVER_CLEAN])
     compared = runs.where(known)
-    failed = runs["failed"] == 1.0
-    lost = ~failed & (runs[TRACKED] < LEAST_TRACKED) if TRACKED in runs else np.zeros(len(runs), dtype=bool)
     row: dict[str, Any] = dict.fromkeys(OVER, float("nan"))
-    row |= {"n_runs": len(runs), "n_failed": int(failed.sum()), "n_lost": int(lost.sum()), "n": len(compared)}
-    row["n_scenes"] = len(set(compared["scene"]))
+    row |= {"n_runs": len(runs), "n": len(compared), "n_scenes": len(set(compared["scene"]))}
+    row |= {f"n_{name}": int(runs[name].sum()) for name in ("failed", "incomplete")}
     if len(compared):
         row |= {"ate_m": _geometric_mean(compared, ATE), "clean_ate_m": _geometric_mean(compared, CLEAN_ATE)}
         row["over_clean"] = row["ate_m"] / row["clean_ate_m"]
@@ -94,8 +77,8 @@ def _of_group(runs: Columns) -> dict[str, Any]:
 
 def _geometric_mean(runs: Columns, column: str) -> float:
     logs: dict[str, dict[int, list[float]]] = {}
-    for scene, seed, value in runs.rows(["scene", "seed", column]):
-        logs.setdefault(scene, {}).setdefault(seed, []).append(log(max(value, SMALLEST_M)))
+    for (scene, seed), value in zip(runs.rows(["scene", "seed"]), log_errors(runs[column]).tolist(), strict=True):
+        logs.setdefault(scene, {}).setdefault(seed, []).append(value)
     return exp(fmean(fmean(map(fmean, seeds.values())) for seeds in logs.values()))
 
 

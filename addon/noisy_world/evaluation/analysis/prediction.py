@@ -34,9 +34,9 @@ PENALTY = 1.0
 
 BOTTOM = 1e-3
 
-FOLDS = ["system", "held_out", "n", "n_failed", "n_fitted", "base_rate", "auc", "brier", "brier_base", "skill"]
+FOLDS = ["system", "held_out", "n", "n_without_success", "n_fitted", "base_rate", "auc", "brier", "brier_base", "skill"]
 COEFFICIENTS = ["system", "feature", "coefficient", "mean", "standard_deviation", "n"]
-PREDICTED = ["system", *SEQUENCE, "failed", "predicted", "base_rate"]
+PREDICTED = ["system", *SEQUENCE, "without_success", "predicted", "base_rate"]
 ALL = "all"
 
 
@@ -94,10 +94,10 @@ def fit_failure_model(features: ArrayLike, failed: ArrayLike, penalty: float = P
 def prediction_tables(runs: Columns, sequences: Columns) -> tuple["DataFrame", "DataFrame", "DataFrame"]:
     """Return how well failure is predicted in scenes that the model has not seen, coefficients, and each prediction.
 
-    A run failed where success_10cm is not 1. The unit is a sequence: repeats of a system on it are averaged, and a half
-    or more of failures is one. Each scene in turn is left out of the fit and predicted; row "all" is over all of them.
-    base_rate is the share of failures in the fit, brier_base the Brier score of saying nothing else, skill 1 - brier /
-    brier_base. The coefficients are those of the fit to all scenes.
+    A failure is a run without success_10cm, an incomplete one too. The unit is a sequence: repeats of a system on it
+    are averaged, and a half or more of failures is one. Each scene in turn is left out of the fit and predicted; row
+    "all" is over all of them. base_rate is the share of failures in the fit, brier_base the Brier score of saying
+    nothing else, skill 1 - brier / brier_base. The coefficients are those of the fit to all scenes.
     """
     folds, coefficients, predicted = [], [], []
     names = [name for name in FEATURES if name in sequences]
@@ -116,7 +116,7 @@ def prediction_tables(runs: Columns, sequences: Columns) -> tuple["DataFrame", "
             row = dict(zip(("coefficient", "mean", "standard_deviation"), map(float, values), strict=True))
             coefficients.append({"system": system, "feature": name, **row, "n": len(failed)})
         for key, *values in zip(labelled.rows(SEQUENCE), failed, chance, base, strict=True):
-            row = dict(zip(("failed", "predicted", "base_rate"), map(float, values), strict=True))
+            row = dict(zip(("without_success", "predicted", "base_rate"), map(float, values), strict=True))
             predicted.append({"system": system, **dict(zip(SEQUENCE, key, strict=True)), **row})
     return table_of(folds, FOLDS), table_of(coefficients, COEFFICIENTS), table_of(predicted, PREDICTED)
 
@@ -139,7 +139,7 @@ def judged(failed: Float64, chance: Float64, base: Float64, chosen: NDArray[np.b
     """Return n, AUC and Brier scores of predictions, those chosen that there are."""
     kept = chosen & np.isfinite(chance)
     y, p, rate = failed[kept], chance[kept], base[kept]
-    row: dict[str, Any] = {"n": len(y), "n_failed": int(y.sum())}
+    row: dict[str, Any] = {"n": len(y), "n_without_success": int(y.sum())}
     row |= dict.fromkeys(("base_rate", "brier", "brier_base", "skill"), float("nan")) | {"auc": auc(y, p)}
     if len(y):
         row |= {"base_rate": float(rate.mean()), "brier": float(np.mean((p - y) ** 2))}

@@ -7,11 +7,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..measured import metric_of
-from ..metrics import PAPER_METRICS
+from ..metrics import PAPER_METRICS, PAPER_PREFIX
 from ..metrics.over_clean import OVER_CLEAN, OVER_CLEAN_METRICS, success_over_clean_name
+from ..metrics.success import FAILED, INCOMPLETE
 from .columns import Columns
 from .indicators import INDICATORS
 from .over_clean import CLEAN_ATE, with_over_clean
+from .run_results import RESULT, with_results
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -19,9 +21,8 @@ if TYPE_CHECKING:
 CLEAN = "clean"
 SETTING = ["setting", "perturbation", "mode", "severity"]
 SEQUENCE = ["scene", "setting", "seed"]
-TEXTS = ("scene", "setting", "perturbation", "mode", "system", "outcome", "failure")
-NOT_MEASURES = {*TEXTS, "severity", "seed", "repeat", "frames", "failed", CLEAN_ATE}
-FAILED = "failed"
+TEXTS = ("scene", "setting", "perturbation", "mode", "system", "outcome", "failure", RESULT)
+NOT_MEASURES = {*TEXTS, "severity", "seed", "repeat", "frames", FAILED, INCOMPLETE, CLEAN_ATE}
 ERRORS = ("ate_rmse_m", "ate_m", "paper.ate_m")
 """The error that ranks and correlations take, the first of these that a table has: a study may be by protocol paper."""
 SCORES = ("success_auc", "f1_auc")
@@ -31,6 +32,7 @@ SUCCESS_OVER_CLEAN = success_over_clean_name(10.0)
 """The same beside the clean error: an ATE below ten times that."""
 HEADLINE = (
     FAILED,
+    INCOMPLETE,
     SUCCESS,
     SUCCESS_OVER_CLEAN,
     "ate_rmse_m",
@@ -44,15 +46,16 @@ HEADLINE = (
 
 
 def tidy_runs(runs: "DataFrame") -> Columns:
-    """Return the table of runs, sorted, its texts and numbers as such, with a column `failed`, 0 or 1.
+    """Return the table of runs, sorted, its texts and numbers as such, with columns `failed` and `incomplete`, 0 or 1.
 
-    A run failed where its outcome is another than finished, or its score says a word. Where such a run has no value of
-    a score between 0 and 1 that counts what was lost (success, AUC, tracked share), it is 0.
+    Where a run that failed has no value of a score between 0 and 1 that counts what was lost (success, AUC, tracked
+    share), it is 0. An incomplete run has no error: it would be that of the frames that it did not give up.
     """
-    table = _tidy(with_over_clean(runs))
-    failed = (table["failure"] != "") | (table["outcome"] != "finished")
-    table = table.with_column(FAILED, failed.astype(np.float64))
+    table = _tidy(with_over_clean(with_results(runs)))
+    failed, incomplete = table[FAILED] == 1.0, table[INCOMPLETE] == 1.0
     for name in measures_of(table):
+        if is_averaged_in_logs(name):
+            table = table.with_column(name, np.where(incomplete, np.nan, table[name]))
         if name in OVER_CLEAN_METRICS:
             continue  # a run without a clean one beside it has none, failed or not
         if name.startswith("success_") or name in (*SCORES, "f1_auc_rotation", "tracked_share"):
@@ -85,8 +88,8 @@ def _tidy(given: "DataFrame") -> Columns:
 
 
 def measures_of(table: Columns) -> list[str]:
-    """Return the columns with measures of runs, in the table's order, `failed` first."""
-    return [FAILED, *(name for name in table.names if name not in NOT_MEASURES)]
+    """Return the columns with measures of runs, in the table's order, `failed` and `incomplete` first."""
+    return [FAILED, INCOMPLETE, *(name for name in table.names if name not in NOT_MEASURES)]
 
 
 def headline_of(table: Columns) -> list[str]:
@@ -101,7 +104,7 @@ def indicators_in(table: Columns) -> list[str]:
 
 def is_share(measure: str) -> bool:
     """Tell whether a measure of a run is 0 or 1, so that its mean is a share of runs."""
-    return measure == FAILED or (measure.startswith("success_") and measure != "success_auc")
+    return measure in (FAILED, INCOMPLETE) or (measure.startswith("success_") and measure != "success_auc")
 
 
 def is_score(measure: str) -> bool:
@@ -117,13 +120,24 @@ def is_error(measure: str) -> bool:
     return metric is not None and metric.better == "lower" and metric.unit in ("m", "deg", "rad")
 
 
+def is_averaged_in_logs(measure: str) -> bool:
+    """Tell whether a measure is an error whose mean is geometric, and that an incomplete run does not have.
+
+    Those of protocol paper are not: its means are arithmetic, with 1.0 for a failed run and whatever was tracked.
+    """
+    return is_error(measure) and measure not in PAPER_METRICS and not measure.startswith(PAPER_PREFIX)
+
+
 def errors_of(runs: Columns) -> NDArray[np.float64]:
-    """Return the ATE of runs, infinite where one failed; 0 for the others where no error is known."""
+    """Return the ATE of runs, infinite where one failed or is incomplete; 0 for the others without any column of it."""
     name = next((name for name in ERRORS if name in runs), None)
-    return np.where(runs[FAILED] == 1.0, np.inf, 0.0) if name is None else worst_if_failed(runs, name)
+    return np.where(runs[FAILED] + runs[INCOMPLETE] > 0.0, np.inf, 0.0) if name is None else worst_if_failed(runs, name)
 
 
 def worst_if_failed(table: Columns, measure: str) -> NDArray[np.float64]:
-    """Return a column of errors, infinite where a run failed or has none: for ranks, which need no number."""
+    """Return a column of errors, infinite where a run failed or has none: for ranks, which need no number.
+
+    An incomplete run has none, so it ranks with those that failed.
+    """
     known = np.isfinite(table[measure]) & (table[FAILED] == 0.0)
     return np.where(known, table[measure], np.inf)

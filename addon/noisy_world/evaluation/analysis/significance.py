@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .columns import Columns, table_of
-from .run_table import CLEAN, SETTING, is_error, worst_if_failed
+from .log_scale import log_errors
+from .run_table import CLEAN, SETTING, is_averaged_in_logs, is_error, worst_if_failed
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -29,7 +30,8 @@ def against_clean_table(runs: Columns, measures: Sequence[str]) -> "DataFrame":
     """Return Welch's test and Wilcoxon's signed-rank test of each setting against clean.
 
     Each is done twice: a value for each scene, which speaks for scenes at large, and a value for each scene and seed,
-    which speaks for these scenes only, as seeds of one scene are no independent scenes. Holm's correction is over the
+    which speaks for these scenes only, as seeds of one scene are no independent scenes. Welch's is of the logarithms of
+    errors, and their means are geometric. Holm's correction is over the
     settings of one system, measure and unit.
     """
     rows: list[Row] = []
@@ -50,7 +52,10 @@ def against_clean_table(runs: Columns, measures: Sequence[str]) -> "DataFrame":
 
 def _tested(runs: Columns, clean: Columns, measure: str, keys: list[str]) -> Row:
     sample, reference = _units(runs, measure, keys), _units(clean, measure, keys)
-    return welch(sample, reference) | wilcoxon(*_paired(runs, clean, measure, keys))
+    row = welch(sample, reference) | wilcoxon(*_paired(runs, clean, measure, keys))
+    if is_averaged_in_logs(measure):
+        row |= {name: float(np.exp(row[name])) for name in ("mean", "clean_mean")}
+    return row
 
 
 def welch(sample: ArrayLike, clean: ArrayLike) -> Row:
@@ -134,8 +139,9 @@ def _correct(family: list[Row]) -> None:
 
 
 def _units(runs: Columns, measure: str, keys: list[str]) -> Float64:
-    """Return a value for each unit: the mean of its runs that have one."""
-    return np.array([np.mean(values) for values in _by_unit(runs, runs[measure], keys).values()])
+    """Return a value for each unit: the mean of its runs that have one; of an error, of their logarithms."""
+    values = log_errors(runs[measure]) if is_averaged_in_logs(measure) else runs[measure]
+    return np.array([np.mean(found) for found in _by_unit(runs, values, keys).values()])
 
 
 def _paired(runs: Columns, clean: Columns, measure: str, keys: list[str]) -> tuple[Float64, Float64]:

@@ -1,5 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How results spread over scenes, seeds and repeats: means with intervals, and differences to clean, scene by scene."""
+"""How results spread over scenes, seeds and repeats: means with intervals, and differences to clean, scene by scene.
+
+Errors are averaged on the scale of logarithms: their means are geometric, and compared by ratios. All else is averaged
+as it is.
+"""
 
 from math import isfinite
 from typing import TYPE_CHECKING, Any, TypeAlias
@@ -12,29 +16,28 @@ from .intervals import (
     Interval,
     clipped,
     difference_here_interval,
-    geometric_interval,
+    exponential,
     here_interval,
     mean_interval,
     share_interval,
 )
-from .run_table import CLEAN, FAILED, SETTING, is_error, is_score, is_share
+from .log_scale import log_errors
+from .run_table import CLEAN, FAILED, INCOMPLETE, SETTING, is_averaged_in_logs, is_error, is_score, is_share
 
 if TYPE_CHECKING:
     from pandas import DataFrame
 
 Float64: TypeAlias = NDArray[np.float64]
 Row: TypeAlias = dict[str, Any]
-Cells: TypeAlias = dict[str, dict[int, list[float]]]  # values by scene and seed, one for each repeat
+Cells: TypeAlias = dict[str, dict[int, list[float]]]
+"""Values by scene and seed, one for each repeat; of errors their logarithms."""
 
-COUNTS = ["n_runs", "n_failed", "n", "n_scenes"]
-SPREAD = [
-    *COUNTS,
-    *("mean", "low", "high", "here_low", "here_high"),
-    *("median", "minimum", "maximum", "standard_deviation"),
-    *("geometric_mean", "geometric_low", "geometric_high"),
-]
+GEOMETRIC, ARITHMETIC = "geometric", "arithmetic"
+COUNTS = ["n_runs", "n_failed", "n_incomplete", "n", "n_scenes"]
+MEAN = ["average", "mean", "low", "high", "here_low", "here_high"]
+SPREAD = [*COUNTS, *MEAN, "median", "minimum", "maximum", "standard_deviation"]
 DIFFERENCE = [
-    *("n", "n_scenes", "mean", "clean_mean", "difference", "low", "high", "here_low", "here_high"),
+    *("n", "n_scenes", "average", "mean", "clean_mean", "difference", "low", "high", "here_low", "here_high"),
     *("ratio", "ratio_low", "ratio_high"),
 ]
 
@@ -42,65 +45,83 @@ DIFFERENCE = [
 def spread_of(runs: Columns, measure: str) -> Row:
     """Return how a measure spreads over runs, the columns SPREAD.
 
-    mean: of the scenes' means, so that scenes weigh alike; low, high: its interval over scenes at large; here_*: over
-    other seeds (or repeats, where there is one seed) in these scenes. The others are over all runs that have a value.
+    mean: of the scenes' means, so that scenes weigh alike; average: which kind; low, high: its interval over scenes at
+    large; here_*: over other seeds (or repeats, where there is one seed) in these scenes. The others are over all runs
+    that have a value; the standard deviation of an error is the factor by which it spreads.
     """
     values = runs[measure][np.isfinite(runs[measure])]
     row: Row = dict.fromkeys(SPREAD, float("nan"))
     cells = cells_of(runs, measure)
-    row |= {"n_runs": len(runs), "n_failed": int(runs[FAILED].sum()), "n": len(values), "n_scenes": len(cells)}
+    row |= {"n_runs": len(runs), "n": len(values), "n_scenes": len(cells), "average": average_of(measure)}
+    row |= {f"n_{name}": int(runs[name].sum()) for name in (FAILED, INCOMPLETE)}
     if not len(values):
         return row
     row |= means_with_intervals(cells, measure)
     row |= {"median": float(np.median(values)), "minimum": float(values.min()), "maximum": float(values.max())}
-    row["standard_deviation"] = float(np.std(values, ddof=1)) if len(values) > 1 else float("nan")
-    if is_error(measure) and bool((values > 0.0).all()):
-        logs = _means([np.log(group) for group in units_of(cells)])
-        row["geometric_mean"] = float(np.exp(np.mean(logs)))
-        row["geometric_low"], row["geometric_high"] = geometric_interval(logs)
+    if len(values) > 1:
+        in_logs = is_averaged_in_logs(measure)
+        deviation = float(np.std(log_errors(values) if in_logs else values, ddof=1))
+        row["standard_deviation"] = float(np.exp(deviation)) if in_logs else deviation
     return row
 
 
+def average_of(measure: str) -> str:
+    """Return which mean is taken of a measure."""
+    return GEOMETRIC if is_averaged_in_logs(measure) else ARITHMETIC
+
+
 def means_with_intervals(cells: Cells, measure: str) -> Row:
-    """Return the mean over scenes with both of its intervals: mean, low, high, here_low, here_high."""
+    """Return the mean over scenes with both of its intervals, the columns MEAN."""
     units = units_of(cells)
     of_scenes = _means(units)
-    runs = sum(len(values) for seeds in cells.values() for values in seeds.values())
-    low, high = _interval(of_scenes, runs, measure)
-    here_low, here_high = _possible(here_interval(units), measure)
-    mean = float(np.mean(of_scenes))
-    return {"mean": mean, "low": low, "high": high, "here_low": here_low, "here_high": here_high}
+    mean, here = float(np.mean(of_scenes)), here_interval(units)
+    if is_averaged_in_logs(measure):
+        (low, high), (here_low, here_high) = exponential(mean_interval(of_scenes)), exponential(here)
+        mean = float(np.exp(mean))
+    else:
+        runs = sum(len(values) for seeds in cells.values() for values in seeds.values())
+        (low, high), (here_low, here_high) = _interval(of_scenes, runs, measure), _possible(here, measure)
+    row = {"average": average_of(measure), "mean": mean, "low": low, "high": high}
+    return row | {"here_low": here_low, "here_high": here_high}
 
 
 def difference_of(runs: Columns, clean: Columns, measure: str) -> Row:
     """Return how a measure differs from clean in the same scenes, the columns DIFFERENCE.
 
-    ratio: of the geometric means, for errors that are positive in all of these runs. Scenes without a value on one side
-    are left out. n: values of these runs.
+    Of an error, the ratio of the geometric means, if no clean one is 0, which here_* then are of; of all else the
+    difference. Scenes without a
+    value on one side are left out. n: values of these runs.
     """
     row: Row = dict.fromkeys(DIFFERENCE, float("nan"))
     mine, theirs = cells_of(runs, measure), cells_of(clean, measure)
     scenes = [scene for scene in mine if scene in theirs]
     row |= {"n": sum(len(values) for scene in scenes for values in mine[scene].values()), "n_scenes": len(scenes)}
+    row["average"] = average_of(measure)
     if not scenes:
         return row
     ours, others = (units_of({scene: cells[scene] for scene in scenes}) for cells in (mine, theirs))
     means, clean_means = _means(ours), _means(others)
     row |= {"mean": float(np.mean(means)), "clean_mean": float(np.mean(clean_means))}
-    row["difference"] = row["mean"] - row["clean_mean"]
-    row["low"], row["high"] = mean_interval(means - clean_means)
-    row["here_low"], row["here_high"] = difference_here_interval(ours, others)
-    if is_error(measure) and all((group > 0.0).all() for group in (*ours, *others)):
-        logs = _means([np.log(group) for group in ours]) - _means([np.log(group) for group in others])
-        row["ratio"] = float(np.exp(np.mean(logs)))
-        row["ratio_low"], row["ratio_high"] = geometric_interval(logs)
+    difference = row["mean"] - row["clean_mean"]
+    ends, here = mean_interval(means - clean_means), difference_here_interval(ours, others)
+    if not is_averaged_in_logs(measure):
+        row |= {"difference": difference, "low": ends.low, "high": ends.high}
+        return row | dict(zip(("here_low", "here_high"), here, strict=True))
+    row |= {name: float(np.exp(row[name])) for name in ("mean", "clean_mean")}
+    if (clean[measure] == 0.0).any():
+        return row
+    row["ratio"] = float(np.exp(difference))
+    row["ratio_low"], row["ratio_high"] = exponential(ends)
+    row["here_low"], row["here_high"] = exponential(here)
     return row
 
 
 def cells_of(runs: Columns, measure: str) -> Cells:
     """Return the values of a measure by scene and seed, both in order; runs without one are left out."""
     found: Cells = {}
-    for scene, seed, value in sorted(runs.rows(("scene", "seed", measure)), key=lambda row: row[:2]):
+    values = log_errors(runs[measure]) if is_averaged_in_logs(measure) else runs[measure]
+    rows = zip(runs.rows(("scene", "seed")), values.tolist(), strict=True)
+    for (scene, seed), value in sorted(rows, key=lambda row: row[0]):
         if isfinite(value):
             found.setdefault(scene, {}).setdefault(seed, []).append(value)
     return found

@@ -19,7 +19,7 @@ def success_over_clean_name(times: float) -> str:
 
 
 def is_success_over_clean(over_clean: float | None, times: float) -> bool:
-    """Tell whether a run is a success. over_clean: None for one that failed or tracked less than LEAST_TRACKED."""
+    """Tell whether a run is a success. over_clean: None for one that failed or is incomplete."""
     return over_clean is not None and over_clean < times
 
 
@@ -32,7 +32,7 @@ OVER_CLEAN_METRICS: dict[str, Metric] = {
             "",
             "lower",
             "ate_rmse_m over that of the same system on the clean frames of the same scene and seed; none for a run "
-            f"that failed or tracked less than {LEAST_TRACKED:g} of the frames, or whose clean run did.",
+            f"that failed or is incomplete (tracked less than {LEAST_TRACKED:g} of the frames), or whose clean run is.",
         ),
         *(
             Metric(
@@ -40,8 +40,8 @@ OVER_CLEAN_METRICS: dict[str, Metric] = {
                 f"success at {times:g} \u00d7 clean",
                 "",
                 "higher",
-                f"1 where {OVER_CLEAN} is below {times:g}; 0 for a run that failed or tracked less than "
-                f"{LEAST_TRACKED:g} of the frames.",
+                f"1 where {OVER_CLEAN} is below {times:g}; 0 for a run that failed or is incomplete (tracked less than "
+                f"{LEAST_TRACKED:g} of the frames).",
             )
             for times in THRESHOLDS_OVER_CLEAN
         ),

@@ -13,6 +13,7 @@ from ...core.trajectories.files import STAMPED_FORMATS, read_trajectory_file
 from ...core.trajectories.pose_text import read_text
 from ...core.trajectories.trajectory import Axes, Direction, Trajectory
 from ..estimate import Estimate
+from ..whole_text import check_whole
 
 ESTIMATE, KEYFRAMES = "estimate.txt", "keyframes.txt"
 """The files of a run's folder that hold poses."""
@@ -79,8 +80,11 @@ def read_poses_to_compare(
 
 
 def _read(path: Path, direction: Direction, axes: Axes | None) -> _Read:
-    if not path.is_dir() and _is_empty(path):
-        return _Read(path, None)
+    if not path.is_dir():
+        text = read_text(path)
+        if _is_empty(text):
+            return _Read(path, None)
+        check_whole(path, text)
     read = read_trajectory_file(path, direction=direction, axes=axes or "auto", rate_hz=1.0)
     return _Read(path, read.trajectory, read.format not in STAMPED_FORMATS)
 
@@ -95,8 +99,8 @@ def _read_truth(path: Path) -> _Read:
     return found
 
 
-def _is_empty(path: Path) -> bool:
-    return not any(line.partition("#")[0].strip() for line in read_text(path).splitlines())
+def _is_empty(text: str) -> bool:
+    return not any(line.partition("#")[0].strip() for line in text.splitlines())
 
 
 def _stamped(estimate: _Read, truth: _Read, rate_hz: float | None) -> tuple[_Read, _Read, tuple[str, ...]]:

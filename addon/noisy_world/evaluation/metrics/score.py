@@ -22,6 +22,8 @@ from .compared import Compared
 from .frame_errors import FrameErrors
 from .names import metrics_of, value_of
 from .protocols import PROTOCOLS, Protocol
+from .rotation_order import rotation_notes
+from .success import RunResult, result_of
 
 Values: TypeAlias = dict[str, float | None]
 
@@ -48,7 +50,8 @@ class Score:
     protocol: its name. alignment: how the estimate was laid over the truth, by: with what; None where the run failed.
     failure: "" or one of FAILURES. poses: of the estimate that were scored; frames: of the truth; matched: how many of
     both belong together, their stamps max_difference_s apart at most. values: by the names of METRICS (or
-    PAPER_METRICS), each finite; None where a metric has none. frame_errors: of every true frame.
+    PAPER_METRICS), each finite; None where a metric has none. frame_errors: of every true frame. notes: what a user
+    should know, one sentence each.
     """
 
     protocol: str
@@ -61,6 +64,12 @@ class Score:
     max_difference_s: float
     values: Values
     frame_errors: FrameErrors = field(repr=False)
+    notes: tuple[str, ...] = ()
+
+    @property
+    def result(self) -> RunResult:
+        """What came of the run: complete, incomplete or failed."""
+        return result_of(bool(self.failure), self.matched / self.frames)
 
 
 def score_trajectory(
@@ -89,7 +98,8 @@ def score_trajectory(
     matched = compare_poses(scored, truth, protocol, how, within_s)
     values = {name: value_of(metric, matched) for name, metric in metrics_of(protocol).items()}
     errors, counts = _frame_errors(matched), (len(scored), len(truth), len(matched.frames))
-    return Score(protocol.name, how, matched.by, matched.failure, *counts, within_s, values, errors)
+    notes = rotation_notes(matched)
+    return Score(protocol.name, how, matched.by, matched.failure, *counts, within_s, values, errors, notes)
 
 
 def compare_poses(

@@ -2,18 +2,24 @@
 """Scores from 0 to 1 that count what a run lost as well as what it erred, so that a failed run is a 0, not a gap."""
 
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 Float64: TypeAlias = NDArray[np.float64]
+RunResult: TypeAlias = Literal["complete", "incomplete", "failed"]
 
 THRESHOLDS_M = (0.02, 0.05, 0.1, 0.2, 0.5, 1.0)
 """Of the ATE, below which a run counts as a success."""
 LEAST_TRACKED = 0.8
-"""The share of the frames that a run has to track to be a success. Chosen; the paper's code has a filter at 0.8 of the
-path's length, which it leaves out."""
+"""The share of the frames that a run has to track to be complete, and so a success. Chosen; the paper's code has a
+filter at 0.8 of the path's length, which it leaves out."""
+COMPLETE: Literal["complete"] = "complete"
+INCOMPLETE: Literal["incomplete"] = "incomplete"
+FAILED: Literal["failed"] = "failed"
+IS_INCOMPLETE = f"tracked less than {100 * LEAST_TRACKED:g} % of the frames"
+"""What `incomplete` means, in words."""
 LARGEST_ATE_M = 1.0
 """Where the area under the success curve ends: what the paper calls completely unacceptable."""
 LARGEST_RPE_M = 0.1
@@ -21,6 +27,14 @@ LARGEST_RPE_DEG = 5.0
 """Where the area under the F1 curve ends, for motions of a second. Chosen."""
 BAD_POSE_M = 0.1
 """The error from which on a pose counts as bad. Chosen."""
+
+
+def result_of(failed: bool, tracked_share: float) -> RunResult:
+    """Return what came of a run. failed: it gave no estimate, or one that cannot be scored.
+
+    An incomplete run has an estimate of less than LEAST_TRACKED of the frames; a NaN share is not known to be less.
+    """
+    return FAILED if failed else INCOMPLETE if tracked_share < LEAST_TRACKED else COMPLETE
 
 
 def is_success(ate_m: float | None, tracked_share: float, threshold_m: float) -> bool:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 from ..analysis.run_table import SUCCESS, SUCCESS_OVER_CLEAN
 from ..analysis.tables import CAPTIONS
+from ..metrics.success import IS_INCOMPLETE
 from .contents import Section
 from .figures.correlations import Correlation, correlation_matrices
 from .figures.curves import CurvePoint, curves
@@ -23,6 +24,7 @@ Analyses: TypeAlias = Mapping[str, "DataFrame"]
 TITLES = {
     "over_clean": "Error over clean",
     "spread": "Every measure of each system and setting",
+    "variance": "Scene, seed and chance",
     "differences": "Differences from clean",
     "tests": "Tests against clean",
     "curves": "Over severity",
@@ -47,12 +49,11 @@ SECTIONS = {
     "correlations": ("Correlations", ("perturbation_correlations", "system_correlations", "indicator_correlations")),
     "prediction": ("Can the data alone tell?", ("prediction", "prediction_coefficients", "predictions")),
     "data": ("What the sequences are like", ("images", "depth", "motion")),
-    "spread": ("All measures", ("spread",)),
+    "spread": ("All measures", ("variance", "spread")),
 }
 """Parts of the report with the tables that are in them; a table that is named nowhere comes last."""
 INTERVALS = (
     ("ratio", "ratio_low", "ratio_high"),
-    ("geometric_mean", "geometric_low", "geometric_high"),
     ("mrr", "mrr_low", "mrr_high"),
     ("mce", "mce_low", "mce_high"),
     ("pearson_log10", "low_log10", "high_log10"),
@@ -71,16 +72,17 @@ MOST_SHOWN = 600  # rows of a table in the page, which would be megabytes
 SHOWN = (SUCCESS, "ate_rmse_m", "success_auc")
 """The measures whose rows are shown where all would be too many."""
 LABELS = {
-    "n_runs": ("runs", "all of them, failed ones too"),
+    "n_runs": ("runs", "all of them, failed and incomplete ones too"),
     "n_failed": ("failed", ""),
     "n": ("n", "values that the number is made of"),
     "n_scenes": ("scenes", ""),
     "n_settings": ("settings", ""),
     "n_cells": ("scenes \u00d7 settings", ""),
     "n_perturbations": ("perturbations", ""),
-    "standard_deviation": ("standard deviation", ""),
-    "geometric_mean": ("geometric mean", ""),
-    "n_lost": ("lost track", "runs that tracked less than 80 % of the frames"),
+    "standard_deviation": ("standard deviation", "of an error the factor of one"),
+    "average": ("kind of mean", ""),
+    "n_incomplete": ("incomplete", f"runs that {IS_INCOMPLETE}"),
+    "n_without_success": ("without success", "failed and incomplete ones too"),
     "ate_m": ("ATE [m]", "the geometric mean"),
     "clean_ate_m": ("clean ATE [m]", "the geometric mean of the clean runs beside them"),
     "over_clean": ("over clean", "the one over the other"),
@@ -91,7 +93,7 @@ LABELS = {
     "a": ("one", ""),
     "b": ("other", ""),
     "held_out": ("scene left out", "the model was fitted on the others"),
-    "base_rate": ("base rate", "the share that failed in the scenes that were fitted"),
+    "base_rate": ("base rate", "the share without success in the scenes that were fitted"),
     "brier": ("Brier score", "the mean squared error of the probability; 0 is perfect"),
     "brier_base": ("Brier, base rate", "of always predicting the base rate"),
 }
@@ -132,7 +134,7 @@ def _over_clean_points(table: "DataFrame") -> list[CurvePoint]:
     graded = table[table["severity"].notna()]
     for (perturbation, system, mode), of_line in graded.groupby(["perturbation", "system", "mode"], sort=True):
         for severity, rows in of_line.groupby("severity", sort=True):
-            broke = 2 * int(rows[["n_failed", "n_lost"]].to_numpy().sum()) >= int(rows["n_runs"].sum())
+            broke = 2 * int(rows[["n_failed", "n_incomplete"]].to_numpy().sum()) >= int(rows["n_runs"].sum())
             value = np.inf if broke else float(np.exp(np.log(rows["over_clean"]).mean()))
             if not np.isnan(value):
                 n = int(rows["n"].sum())

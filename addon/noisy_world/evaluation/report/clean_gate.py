@@ -11,7 +11,7 @@ from statistics import median
 from typing import TYPE_CHECKING, Any
 
 from ...core.datasets.json_text import finite_number
-from ..analysis.over_clean import failed_runs, lost_runs
+from ..analysis.run_results import complete_runs
 from ..study.identity import EXPECTED
 from ..systems.definition import ExpectedClean
 from .findings import ERROR
@@ -32,7 +32,7 @@ MOST_SAID = 4  # scenes in a sentence
 
 @dataclass(frozen=True)
 class CleanScene:
-    """A system's clean runs in a scene. ate_m, scale: medians; None where no run has one. wrong: what is, in words."""
+    """A system's clean runs in a scene. ate_m, scale: medians of complete ones, or None. wrong: what is, in words."""
 
     system: str
     scene: str
@@ -103,7 +103,7 @@ class CleanGate:
         rows = [(at.system, at.scene, at.runs, at.ate_m, at.scale, at.expected, at.wrong) for at in self.scenes]
         columns = [column_of("system"), column_of("scene"), Column("runs", "clean runs"), column_of(ERROR)]
         columns += [column_of(SCALE), Column("expected", "expected"), Column("wrong", "what is not as expected")]
-        caption = "Medians of the clean runs in each scene, beside what the system's definition expects of them."
+        caption = "Medians of complete clean runs in each scene, beside what the system's definition expects of them."
         return Table("clean", "On clean frames", caption, DataFrame(rows, columns=names), tuple(columns))
 
 
@@ -127,9 +127,10 @@ def _expected(definition: Any) -> ExpectedClean | None:
 
 
 def _scene(system: str, scene: str, runs: "DataFrame", expected: ExpectedClean) -> CleanScene:
-    ended = int((failed_runs(runs) | lost_runs(runs)).sum())
-    ate_m, scale = _median(runs, ERROR), _median(runs, SCALE)
-    lost = [f"failed or lost track in {ended} of {len(runs)} clean runs"] if 2 * ended >= len(runs) else []
+    complete = complete_runs(runs)
+    ended = len(runs) - len(complete)
+    ate_m, scale = _median(complete, ERROR), _median(complete, SCALE)
+    lost = [f"failed or was incomplete in {ended} of {len(runs)} clean runs"] if 2 * ended >= len(runs) else []
     wrong = ", ".join([*lost, *expected.unmet(ate_m, scale)])
     return CleanScene(system, scene, len(runs), ate_m, scale, expected.text, wrong)
 

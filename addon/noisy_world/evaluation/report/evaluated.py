@@ -10,12 +10,14 @@ from typing import Any
 from ...core.errors import one_line
 from ..analysis.run_table import SUCCESS, SUCCESS_OVER_CLEAN
 from ..metrics import PROTOCOLS
-from ..metrics.success import LEAST_TRACKED
+from ..metrics.rotation_order import WRONG_DEG
+from ..metrics.success import IS_INCOMPLETE, LEAST_TRACKED
 from .labels import column_of
 from .paper_conditions import CLEAN
 from .reading import KEY, Results, read_object, records
 
 LONGEST_LIST = 12
+ROTATION = "ate_rotation_median_deg"
 
 
 def opening(results: Results) -> str:
@@ -25,12 +27,14 @@ def opening(results: Results) -> str:
     said = (
         f"{_count(len(runs), 'run')} of {_count(systems, 'system')} on {_count(len(sequences), 'sequence')} "
         f"({_count(runs['scene'].nunique(), 'scene')}, {_count(runs['setting'].nunique(), 'setting')}); "
-        f"{int(runs['failed'].sum())} of them failed: they gave no estimate, or one that cannot be scored. Such a "
-        "run is counted, and is in no mean of an error."
+        f"{int(runs['failed'].sum())} of them failed: they gave no estimate, or one that cannot be scored. "
+        f"{int(runs['incomplete'].sum())} are incomplete: they {IS_INCOMPLETE}. Both are counted, and are in no mean, "
+        "median or ratio of an error: that of an incomplete run is of the frames that it did not give up. It stands in "
+        "the table of single runs alone. Means of errors are geometric."
     )
     if SUCCESS in runs:
         successes = int((runs[SUCCESS] == 1.0).sum())
-        meaning = f"an ATE below that, with {LEAST_TRACKED:.0%} of the frames tracked"
+        meaning = f"an ATE below that, with {100 * LEAST_TRACKED:g} % of the frames tracked"
         said += f" {successes} had {column_of(SUCCESS).label}: {meaning}."
     if SUCCESS_OVER_CLEAN in runs:
         noisy = runs[(runs["perturbation"] != CLEAN) & runs[SUCCESS_OVER_CLEAN].notna()]
@@ -40,7 +44,21 @@ def opening(results: Results) -> str:
                 f" Of the {len(noisy)} perturbed runs that have a clean one beside them, {successes} had "
                 f"{column_of(SUCCESS_OVER_CLEAN).label}: an ATE below ten times the clean one."
             )
-    return said
+    return said + _turned(results)
+
+
+def _turned(results: Results) -> str:
+    """Return a sentence on each system whose positions are right where its rotations are not; "" for none."""
+    runs = results.complete
+    if SUCCESS not in runs or ROTATION not in runs:
+        return ""
+    turned = runs[(runs[SUCCESS] == 1.0) & (runs[ROTATION] > WRONG_DEG)]
+    return "".join(
+        f" In {_count(len(group), 'run')} of {system} the positions are right and the rotations off by more than "
+        f"{WRONG_DEG:g} degrees, as where quaternions are written w first and read as x y z w, or where the camera's "
+        "axes are others."
+        for system, group in turned.groupby("system", sort=True)
+    )
 
 
 def facts(results: Results) -> list[tuple[str, str]]:
@@ -97,6 +115,7 @@ def command(results: Results) -> str:
 def _system(results: Results, system: str) -> str:
     runs = results.runs[results.runs["system"] == system]
     said = [_count(len(runs), "run"), f"{int(runs['failed'].sum())} failed"]
+    said.append(f"{int(runs['incomplete'].sum())} incomplete")
     repeats = int(runs["repeat"].nunique())
     said.append(f"{repeats} repeats, as its results differ from run to run" if repeats > 1 else "one repeat")
     versions: dict[str, set[str]] = {}

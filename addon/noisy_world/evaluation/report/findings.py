@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What the study found, before anything else: what broke each system, and by how much.
 
-Settings are ranked by the error over clean. Where half of the runs or more failed or lost track, there is no path to
-speak of, so the setting ranks before all others, by that share, and no ratio is said of it.
+Settings are ranked by the error over clean. Where half of the runs or more failed or are incomplete, there is no path
+to speak of, so the setting ranks before all others, by that share, and no ratio is said of it.
 """
 
 from collections.abc import Mapping, Sequence
@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from math import isfinite
 from typing import TYPE_CHECKING, Any
 
+from ..analysis.run_results import complete_runs
 from ..metrics.over_clean import OVER_CLEAN
 from .figures.ranking import Bar, RankPanel, ranking
 from .paper_conditions import CLEAN
@@ -39,7 +40,7 @@ class Ranked:
     setting: str
     runs: int
     failed: int
-    lost: int
+    incomplete: int
     over_clean: float | None
     ate_m: float
     clean_ate_m: float
@@ -47,19 +48,21 @@ class Ranked:
 
     @property
     def broke(self) -> bool:
-        """Whether half of the runs or more failed or lost track."""
-        return 2 * (self.failed + self.lost) >= self.runs
+        """Whether half of the runs or more failed or are incomplete."""
+        return 2 * (self.failed + self.incomplete) >= self.runs
 
     @property
     def endings(self) -> str:
-        """How many runs failed or lost track; "" where none did."""
-        said = [f"{word} {count}" for word, count in (("failed", self.failed), ("lost track", self.lost)) if count]
+        """How many runs failed or are incomplete; "" where none is."""
+        said = [
+            f"{word} {count}" for word, count in (("failed", self.failed), ("incomplete", self.incomplete)) if count
+        ]
         return f"{', '.join(said)} of {self.runs}" if said else ""
 
     @property
     def rank(self) -> tuple[float, float, float]:
         """What settings are sorted by, the worst first."""
-        share = (self.failed + self.lost) / self.runs
+        share = (self.failed + self.incomplete) / self.runs
         return (-share if self.broke else 0.0, -(self.over_clean or 0.0), -share)
 
 
@@ -67,8 +70,8 @@ class Ranked:
 class SystemFound:
     """What was found of a system. settings: the worst first. clean_runs: how many, of which clean_failed failed.
 
-    compared: whether some clean run is one that others can be compared with. clean_m: the median ATE of the clean runs,
-    largest: setting and ATE of the largest error of the others; None where none has one.
+    compared: whether some clean run is one that others can be compared with. clean_m: the median ATE of the complete
+    clean runs, largest: setting and ATE of the largest error of the other complete ones; None where none has one.
     """
 
     system: str
@@ -121,12 +124,13 @@ def times(ratio: float) -> str:
 def _of_system(results: Results, system: str, table: "DataFrame") -> SystemFound:
     runs = results.runs[results.runs["system"] == system]
     clean, noisy = runs[runs["perturbation"] == CLEAN], runs[runs["perturbation"] != CLEAN]
+    clean_complete = complete_runs(clean)
     ratios: dict[str, list[float]] = {}
     if OVER_CLEAN in noisy:
         for setting, ratio in noisy[["setting", OVER_CLEAN]].itertuples(index=False, name=None):
             ratios.setdefault(setting, []).extend([ratio] if isfinite(ratio) else [])
     settings = [_ranked(row, ratios) for row in records(table[table["system"] == system])]
-    clean_m = clean[ERROR].median() if ERROR in clean else float("nan")
+    clean_m = clean_complete[ERROR].median() if ERROR in clean else float("nan")
     return SystemFound(
         system,
         tuple(sorted(settings, key=lambda ranked: (*ranked.rank, ranked.setting))),
@@ -134,7 +138,7 @@ def _of_system(results: Results, system: str, table: "DataFrame") -> SystemFound
         int(clean["failed"].sum()),
         OVER_CLEAN in clean and bool(clean[OVER_CLEAN].notna().any()),
         float(clean_m) if isfinite(clean_m) else None,
-        _largest(noisy),
+        _largest(complete_runs(noisy)),
     )
 
 
@@ -151,7 +155,7 @@ def _ranked(row: Mapping[str, Any], ratios: Mapping[str, Sequence[float]]) -> Ra
         setting,
         runs=int(row["n_runs"]),
         failed=int(row["n_failed"]),
-        lost=int(row["n_lost"]),
+        incomplete=int(row["n_incomplete"]),
         over_clean=over if isfinite(over) else None,
         ate_m=float(row["ate_m"]),
         clean_ate_m=float(row["clean_ate_m"]),
@@ -198,7 +202,8 @@ def _ratio(ranked: Ranked) -> str:
 
 
 def _broke(ranked: Ranked) -> str:
-    said = [f"{word} in {count}" for word, count in (("failed", ranked.failed), ("lost track", ranked.lost)) if count]
+    endings = (("failed", ranked.failed), ("was incomplete", ranked.incomplete))
+    said = [f"{word} in {count}" for word, count in endings if count]
     return f"{' and '.join(said)} of {ranked.runs} run{'s' if ranked.runs > 1 else ''}"
 
 
@@ -206,10 +211,10 @@ def _without_clean(item: SystemFound) -> str:
     if item.clean_failed and 2 * item.clean_failed >= item.clean_runs:
         beginning = f"{item.system} failed on clean frames already, in {item.clean_failed} of {item.clean_runs} runs"
     elif item.clean_runs:
-        beginning = f"{item.system} lost track on clean frames already"
+        beginning = f"{item.system} was incomplete on clean frames already"
     else:
         beginning = f"{item.system} was not run on clean frames"
     if item.largest is None:
-        return f"{beginning}, and no other run has an error."
+        return f"{beginning}, and no other run is complete."
     setting, error_m = item.largest
     return f"{beginning}, so nothing tells what noise did: its largest ATE is {length(error_m)}, {setting}."

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 SCORE = "success_auc"
 RUN_COLUMNS = (
-    *(*RUN_KEY, "perturbation", "mode", "severity", "outcome", "failure"),
+    *(*RUN_KEY, "perturbation", "mode", "severity", "outcome", "failure", "result"),
     *("frames", "seconds", "processor_s", "peak_memory_bytes"),
 )
 
@@ -48,7 +48,10 @@ def gather(results: Results, analyses: Analyses) -> Contents:
         Section("short", "In short", tables=short),
         Section("severity", "Over severity", said, pictures),
         Section(
-            "settings", "Settings", pictures=_some(_heat_map(results, found, gate)), tables=[settings_table(results)]
+            "settings",
+            "Settings",
+            pictures=_some(_heat_map(results, found, gate)),
+            tables=[settings_table(results, analyses["spread"])],
         ),
         Section("runs", "Single runs", _RUNS, _run_pictures(results, missing), tables=[_runs_table(results)]),
         Section("frames", "Where it went wrong", _FRAMES, frames=worst_frames(results, missing)),
@@ -75,8 +78,8 @@ def gather(results: Results, analyses: Analyses) -> Contents:
 
 
 _RUNS = (
-    "Of each system a clean run, the median and the worst of the others that were scored, and one that failed. All are "
-    "in the results folder, under runs/.",
+    "Of each system a clean run, the median and the worst of the others that are complete, one that is incomplete, and "
+    "one that failed. All are in the results folder, under runs/.",
 )
 _FRAMES = (
     "Frames nearest to where a system was first lost or erred most, in the sequences of the figure above; on the right "
@@ -105,8 +108,8 @@ def _heat_map(results: Results, found: Sequence[SystemFound], gate: CleanGate) -
     for (setting, system), group in runs.groupby(["setting", "system"], sort=False):
         row, column = settings.index(str(setting)), systems.index(str(system))
         values[row, column] = group[SCORE].mean()
-        failed = int(group["failed"].sum())
-        texts[row][column] = shown(group[SCORE].mean(), 2) + (f"  {failed}/{len(group)} failed" if failed else "")
+        said = ", ".join(f"{group[name].sum()} {name}" for name in ("failed", "incomplete") if group[name].any())
+        texts[row][column] = shown(group[SCORE].mean(), 2) + (f", {said} of {len(group)}" if said else "")
     return heat_map(settings, names, values, texts, Scale.SCORE)
 
 

@@ -5,11 +5,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
+from ..analysis.run_results import complete_runs
 from ..analysis.run_table import SUCCESS, SUCCESS_OVER_CLEAN
 from .analysed import FEWEST, LABELS, Analyses, with_interval
 from .findings import SystemFound, times
 from .labels import column_of
-from .per_setting import endings, records_of
+from .per_setting import COUNTED_RUNS, counts, endings, records_of
 from .reading import Results
 from .tables import NOTHING, Column, Table, shown
 
@@ -29,17 +30,18 @@ def headline_table(results: Results, analyses: Analyses, found: Sequence[SystemF
     worst = {item.system: _worst(item) for item in found}
     rows = []
     for system, group in results.runs.groupby("system", sort=True):
-        row: dict[str, Any] = {"system": system, "runs": len(group), "failed": int(group["failed"].sum())}
+        row: dict[str, Any] = {"system": system, **counts(group)}
         row |= {
             "endings": endings(records_of(group)),
             "worst": worst[str(system)],
             "n_scenes": group["scene"].nunique(),
         }
         if ERROR in group:
-            row |= {f"{ERROR}.median": group[ERROR].median(), f"{ERROR}.n": int(group[ERROR].notna().sum())}
+            errors = complete_runs(group)[ERROR]
+            row |= {f"{ERROR}.median": errors.median(), f"{ERROR}.n": int(errors.notna().sum())}
         rows.append(row | _scores(analyses["systems"], str(system)) | _rates(analyses["robustness"], str(system)))
     frame = pd.DataFrame(rows)
-    columns = [column_of("system"), column_of("runs"), column_of("failed"), Column("endings", "endings")]
+    columns = [column_of("system"), *map(column_of, COUNTED_RUNS), Column("endings", "endings")]
     columns.append(Column("worst", "worst setting", meaning="and its error over that on clean frames"))
     if ERROR in results.runs:
         columns.append(_median())
@@ -72,9 +74,10 @@ def _caption(analyses: Analyses) -> str:
     against = f" mCE is against {baselines[0]}." if baselines else ""
     return (
         "All scenes, settings, seeds and repeats. Success, success AUC and F1 AUC are means over the perturbed "
-        "settings, in which a failed run is 0; mRR and mCE are of success AUC, over perturbations. In brackets: 95 % "
-        f"intervals for scenes at large, of {FEWEST} scenes or more.{against} The median of ATE is over the n runs "
-        "that have one, clean ones too."
+        "settings, in which a failed run is 0, and in all but F1 AUC an incomplete one; mRR and mCE are of success "
+        "AUC, over perturbations. In brackets: 95 % "
+        f"intervals for scenes at large, of {FEWEST} scenes or more.{against} The median of ATE is over the n "
+        "complete runs, clean ones too."
     )
 
 

@@ -1,8 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What columns mean: headings, units and sentences for the metrics of runs and for what the tables share."""
 
+from ..analysis.run_results import RESULT
 from ..maps.names import MAP_PREFIX
 from ..measured import metric_of
+from ..metrics.success import IS_INCOMPLETE
 from .tables import Column
 
 SHARED = {
@@ -18,9 +20,11 @@ SHARED = {
         Column("repeat", "repeat"),
         Column("outcome", "outcome", meaning="how the system's process ended"),
         Column("failure", "failure", meaning="why the estimate has no score"),
-        Column("runs", "runs", meaning="all of them, failed ones too"),
+        Column(RESULT, "result", meaning=f"complete, incomplete ({IS_INCOMPLETE}) or failed"),
+        Column("runs", "runs", meaning="all of them, failed and incomplete ones too"),
         Column("n", "n"),
         Column("failed", "failed", better="lower", meaning="runs that gave no estimate, or one that cannot be scored"),
+        Column("incomplete", "incomplete", better="lower", meaning=f"runs that {IS_INCOMPLETE}"),
         Column("frames", "frames"),
         Column("seconds", "time", "s", meaning="on the wall"),
         Column("processor_s", "processor time", "s"),

@@ -4,7 +4,11 @@
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
+from ..analysis.log_scale import geometric_mean
+from ..analysis.run_results import complete_runs
+from .labels import column_of
 from .paper_conditions import PaperCondition, condition_of_steps
+from .per_setting import counts
 from .published import MARKS, UNITS, Printed, Published
 from .reading import Results
 from .tables import NOTHING, Column, Table, shown
@@ -37,17 +41,24 @@ def paper_comparison(results: Results, paper: Published) -> Table | None:
         return None
     frame = pd.DataFrame(rows)
     columns = [Column("treatment", "what was done"), Column("mode", "mode"), Column("system", "system")]
-    columns += [Column("severities", "severities"), Column("runs", "runs"), Column("failed", "failed", better="lower")]
-    columns.append(Column(f"{STRICT}.mean", "ours, strict: ATE RMSE", "m", "lower", "without runs that failed"))
+    columns += [
+        Column("severities", "severities"),
+        Column("runs", "runs"),
+        column_of("failed"),
+        column_of("incomplete"),
+    ]
+    meaning = "the geometric mean of complete runs"
+    columns.append(Column(f"{STRICT}.mean", "ours, strict: ATE RMSE", "m", "lower", meaning))
     for metric, unit in UNITS.items():
         if f"{metric}.printed" in frame.columns:
             columns += [_ours(metric, unit), _printed(metric, unit)]
     columns.append(Column("tables", "tables of the paper"))
     marks = "; ".join(f"{mark}: {meaning}" for mark, meaning in MARKS.items())
     caption = (
-        "Ours by protocol paper (mean ± standard deviation over runs, a failed run as 1, 1 and 0) beside what the "
-        f"paper prints; {marks}. Both are means over the severities of the row, where the paper has them. The data "
-        f"differ: the paper's are {paper.data}. Look for agreement in the order of the rows rather than in digits."
+        "Ours by protocol paper (mean ± standard deviation over runs, a failed run as 1, 1 and 0, an incomplete one as "
+        f"what it is) beside what the paper prints; {marks}. Both are means over the severities of the row, where the "
+        f"paper has them. The data differ: the paper's are {paper.data}. Look for agreement in the order of the rows "
+        "rather than in digits."
     )
     return Table("beside_the_paper", "Beside the paper's figures", caption, frame, tuple(columns))
 
@@ -81,9 +92,9 @@ def _row(where: PaperCondition, system: str, group: "DataFrame", printed: Mappin
         group = group[group["severity"].isin(wanted)]
     severities = sorted({int(value) if value == int(value) else value for value in group["severity"].dropna()})
     row: dict[str, Any] = {"treatment": label_of(where), "mode": where.mode, "system": system}
-    row |= {"severities": ", ".join(map(str, severities)), "runs": len(group), "failed": int(group["failed"].sum())}
+    row |= {"severities": ", ".join(map(str, severities)), **counts(group)}
     row["severities_of_paper"] = ", ".join(map(str, wanted))
-    row[f"{STRICT}.mean"] = group[STRICT].mean() if STRICT in group else float("nan")
+    row[f"{STRICT}.mean"] = geometric_mean(complete_runs(group)[STRICT].dropna()) if STRICT in group else float("nan")
     for metric, number in printed.items():
         name = OURS[metric]
         if name in group:

@@ -5,6 +5,9 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from ..analysis.log_scale import geometric_deviation, geometric_mean
+from ..analysis.run_results import complete_runs
+from ..metrics.success import IS_INCOMPLETE
 from .escaping import latex
 from .paper_comparison import LABELS, OURS, STRICT, paper_conditions, with_spread
 from .paper_conditions import CLEAN, PaperCondition
@@ -108,9 +111,12 @@ def _source(layout: _Layout, measure: str, runs: "DataFrame", paper: Published) 
     second += [_heading(where) for _, where in columns]
     body = list(_body(measure, every, runs, paper))
     key = f"paper_{name}_{mode}_{measure.replace('.', '_')}"
+    over = "mean ± standard deviation over the runs that have a number"
+    if measure == STRICT:
+        over = "geometric mean and, after \u00d7, the factor of one standard deviation, over complete runs"
     caption = (
-        f"{MEASURES[measure]}, {name.replace('_', ' ')}, {mode}: mean ± standard deviation over the runs that have a "
-        "number; in brackets, how many of how many failed, where some did."
+        f"{MEASURES[measure]}, {name.replace('_', ' ')}, {mode}: {over}; in brackets, how many of how many failed (F) "
+        f"or are incomplete (I: {IS_INCOMPLETE}), where some did."
     )
     if any(row[0].endswith("printed") for row in body):
         caption += " Rows marked printed are the paper's own figures, on Replica."
@@ -138,10 +144,18 @@ def _body(measure: str, every: Sequence[PaperCondition], runs: "DataFrame", pape
 def _ours(group: "DataFrame", measure: str) -> str:
     if group.empty:
         return ""
-    values = group[measure].dropna()
-    said = with_spread(values.mean(), values.std()) if len(values) else NOTHING
-    failed = int(group["failed"].sum())
-    return latex(f"{said} ({failed}/{len(group)})" if failed else said)
+    values = (complete_runs(group) if measure == STRICT else group)[measure].dropna()
+    if not len(values):
+        said = NOTHING
+    elif measure == STRICT:
+        factor = geometric_deviation(values)
+        said = shown(geometric_mean(values), 3) + (f" \u00d7 {shown(factor, 2)}" if len(values) > 1 else "")
+    else:
+        said = with_spread(values.mean(), values.std())
+    ended = [
+        f"{group[name].sum()} {letter}" for name, letter in (("failed", "F"), ("incomplete", "I")) if group[name].any()
+    ]
+    return latex(f"{said} ({', '.join(ended)} of {len(group)})" if ended else said)
 
 
 def _printed(number: Printed | None) -> str:

@@ -1,10 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Chooses the runs that are drawn: a system's clean, median, worst and failed ones."""
+"""Chooses the runs that are drawn: a system's clean, median, worst, incomplete and failed ones."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from ..analysis.run_results import complete_runs
+from ..metrics.success import FAILED, INCOMPLETE
 from .paper_conditions import CLEAN
 from .reading import KEY, Results, records
 
@@ -25,7 +27,7 @@ class Pick:
 
 
 def picked_runs(results: Results) -> list[Pick]:
-    """Return for each system a clean run, the median and the worst of the others that were scored, and one that failed.
+    """Return for each system a clean run, the median and the worst other complete one, an incomplete and a failed one.
 
     Where there are more systems than MOST_SYSTEMS, those that come first by name.
     """
@@ -61,16 +63,16 @@ def picked_sequences(results: Results) -> list[list[dict[str, Any]]]:
 
 
 def _of_system(runs: "DataFrame") -> list[Pick]:
-    scored = runs[~runs["failed"]]
+    scored = complete_runs(runs)
     if ERROR in scored:
         scored = scored[scored[ERROR].notna()].sort_values(ERROR, kind="stable")
     clean = list(records(scored[scored["perturbation"] == CLEAN]))
     noisy = list(records(scored[scored["perturbation"] != CLEAN]))
-    failed = list(records(runs[runs["failed"]]))
+    incomplete, failed = (list(records(runs[runs[name]])) for name in (INCOMPLETE, FAILED))
     picks = _first(clean[(len(clean) - 1) // 2 :], "clean")
     picks += _first(noisy[(len(noisy) - 1) // 2 :], "median") if len(noisy) > 1 else []
-    picks += _first(noisy[-1:], "worst scored")
-    return picks + _first(failed, "failed")
+    picks += _first(noisy[-1:], "worst complete")
+    return picks + _first(incomplete, INCOMPLETE) + _first(failed, FAILED)
 
 
 def _first(rows: Sequence[dict[str, Any]], why: str) -> list[Pick]:

@@ -15,6 +15,7 @@ from ...core.errors import InputError
 from ...core.regular_files import read_bytes, read_text
 from ...core.schema import shown
 from ..analysis.over_clean import with_over_clean
+from ..analysis.run_results import complete_runs, with_results
 from ..csv_cells import text_of
 from ..metrics import PAPER_METRICS, PAPER_PREFIX
 
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
 KEY = ("scene", "setting", "seed")
 """What names a sequence."""
 RUN_KEY = (*KEY, "system", "repeat")
-TEXTS = ("scene", "setting", "perturbation", "mode", "seed", "system", "outcome", "failure")
+TEXTS = ("scene", "setting", "perturbation", "mode", "seed", "system", "outcome", "failure", "result")
 FOLDERS = ("scene", "setting", "seed", "system")
 """Columns whose texts name folders."""
 LONGEST_NAME_BYTES = 250  # file systems take 255 bytes, and "seed-" stands before a seed
@@ -39,9 +40,9 @@ class Results:
     """A results folder.
 
     study: study.json, {} where there is none. runs: a row for each run, in the order of RUN_KEY; texts are never NaN,
-    numbers are float64 with NaN where there is none; `failed` says whether the run counts as a failure, and the columns
-    of OVER_CLEAN_METRICS compare it with clean. sequences: a row for each sequence. missing: a sentence for each thing
-    that the report has to do without.
+    numbers are float64 with NaN where there is none; `result`, `failed` and `incomplete` say what came of it, and the
+    columns of OVER_CLEAN_METRICS compare it with clean. sequences: a row for each sequence. missing: a sentence for
+    each thing that the report has to do without.
     """
 
     folder: Path
@@ -49,6 +50,11 @@ class Results:
     runs: "DataFrame"
     sequences: "DataFrame"
     missing: tuple[str, ...] = field(default=())
+
+    @property
+    def complete(self) -> "DataFrame":
+        """The runs that neither failed nor are incomplete: those whose errors are averaged."""
+        return complete_runs(self.runs)
 
     def run_folder(self, run: Mapping[str, Any]) -> Path:
         """Return the folder of a run, given as a row of `runs`."""
@@ -75,8 +81,7 @@ def read_results(folder: Path) -> Results:
             raise InputError(path, "is no whole number", where=f"line {line}, column 'repeat'", remedy=REMEDY)
     runs = runs.sort_values(list(RUN_KEY), kind="stable", ignore_index=True, key=_natural)
     runs = _strict_first(runs)
-    runs = with_over_clean(runs)
-    runs["failed"] = (runs["outcome"] != "finished") | (runs["failure"] != "")
+    runs = with_over_clean(with_results(runs))
     missing = []
     sequences_path = folder / "tables" / "sequences.csv"
     if sequences_path.is_file():

@@ -88,6 +88,8 @@ def _path(results: Results, pick: Pick, missing: list[str]) -> PathPanel | None:
         estimated, error_m = errors.position_m[known], errors.error_m[known]
     ending = run["failure"] or run["outcome"]
     said = ending if run["failed"] else f"ATE {shown(run.get(ERROR), 3)} m"
+    if run["incomplete"]:
+        said += f", {run['tracked_share']:.0%} tracked"
     lines = (f"{run['system']}: {pick.why}", f"{run['scene']}/{run['setting']}", said)
     return PathPanel(lines, truth, estimated, error_m)
 

@@ -27,13 +27,14 @@ class Scored:
     """A run that was scored.
 
     content: of scores.json. errors: of its frames, by the study's protocol. estimate: its poses. by: what lays them
-    over the truth by protocol strict; None where the run failed.
+    over the truth by protocol strict; None where the run failed. notes: on its poses, one sentence each.
     """
 
     content: dict[str, Any]
     errors: FrameErrors
     estimate: Estimate
     by: Similarity | None
+    notes: tuple[str, ...]
 
 
 def score_run(folder: Path, record: RunRecord, truth: Trajectory, *, protocol: str, monocular: bool) -> Scored:
@@ -53,4 +54,4 @@ def score_run(folder: Path, record: RunRecord, truth: Trajectory, *, protocol: s
     }
     content: dict[str, Any] = {name: score.values for name, score in scores.items()}
     content |= {"failure": scores[protocol].failure, MAP: {}}
-    return Scored(content, scores[protocol].frame_errors, estimate, scores[STRICT].by)
+    return Scored(content, scores[protocol].frame_errors, estimate, scores[STRICT].by, scores[STRICT].notes)

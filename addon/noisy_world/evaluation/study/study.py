@@ -100,6 +100,8 @@ class Study:
         scored = score_run(
             folder, record, sequence.truth, protocol=self.order.protocol, monocular=system.reads.monocular
         )
+        for note in scored.notes:
+            progress.note(f"{run.system} on {run.case.name}: {note}", f"{run.system} rotations")
         self.results.write(folder / ERRORS, frame_errors_text(scored.errors))
         show(self.results, run.case, sequence, worst_frames(scored.errors))
         of_map = {} if maps is None else maps.score(folder, scored, progress)

@@ -12,13 +12,15 @@ from ...core.extras import need
 from ...core.regular_files import read_text
 from ..csv_cells import text_of
 from ..metrics.names import METRICS, PAPER_METRICS
+from ..metrics.success import COMPLETE, FAILED, INCOMPLETE
 from .results import ResultsFolder
 from .tables import RUNS
 
 NEEDED = ("tabulate",)
 
 SHOWN = {"strict": ("ate_rmse_m", "tracked_share"), "paper": ("ate_m", "sr")}
-"""What is shown by each protocol: the first is the error, in metres."""
+"""What is shown by each protocol: the first is the error, in metres; by strict that of complete runs alone."""
+OF_COMPLETE = SHOWN["strict"][0]
 Row: TypeAlias = dict[str, str]
 
 
@@ -56,12 +58,15 @@ def rows_of(rows: Iterable[Row], system: str) -> list[Row]:
 
 
 def _median(rows: list[Row], name: str) -> str:
-    """Return the median of a metric: an error in millimetres; with how many of the runs have one, where not all do."""
-    values = [float(row[name]) for row in rows if row[name]]
+    """Return the median of a metric: an error in millimetres; and of the runs without one how many ended how."""
+    counted = [row for row in rows if row["result"] == COMPLETE] if name == OF_COMPLETE else rows
+    values = [float(row[name]) for row in counted if row[name]]
     if not rows:
         return ""
+    ended = [(sum(row["result"] == result for row in rows), result) for result in (FAILED, INCOMPLETE)]
+    said = ", ".join(f"{count} {result}" for count, result in ended if count)
     if not values:
-        return "failed"
+        return said
     middle = statistics.median(values)
     text = f"{middle * 1000:.1f} mm" if name.endswith("_m") else f"{middle:.2f}"
-    return text if len(values) == len(rows) else f"{text} ({len(values)} of {len(rows)})"
+    return text if len(values) == len(rows) else f"{text} ({said or f'{len(values)} of {len(rows)}'})"

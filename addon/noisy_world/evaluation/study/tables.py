@@ -9,6 +9,8 @@ from typing import Any, TypeAlias
 from ...perturbations import registry
 from ..csv_cells import cell_of
 from ..metrics.names import METRICS, PAPER_METRICS
+from ..metrics.success import result_of
+from ..outcome import Outcome
 from .cases import Case, Condition, SystemRun
 from .found_origin import CLEAN, RECORDED
 from .results import ResultsFolder
@@ -34,7 +36,7 @@ CASE_COLUMNS = ("scene", "setting", "perturbation", "mode", "severity", "seed")
 SEQUENCE_COLUMNS = (*CASE_COLUMNS, "frames")
 RUN_COLUMNS = (
     *CASE_COLUMNS,
-    *("system", "repeat", "outcome", "failure", "frames", "seconds", "processor_s", "peak_memory_bytes"),
+    *("system", "repeat", "outcome", "failure", "result", "frames", "seconds", "processor_s", "peak_memory_bytes"),
 )
 
 
@@ -64,6 +66,9 @@ def _run_row(results: ResultsFolder, run: SystemRun, conditions: _Conditions, pr
         row |= {"processor_s": record.processor_s, "peak_memory_bytes": record.peak_memory_bytes}
     for kind in (STRICT, PAPER, MAP):
         row |= {_column(kind, name, protocol): value for name, value in scores.get(kind, {}).items()}
+    failed = record is None or record.outcome is not Outcome.FINISHED or bool(scores["failure"])
+    tracked_share = scores.get(STRICT, {}).get("tracked_share")
+    row["result"] = result_of(failed, float("nan") if tracked_share is None else tracked_share)
     return row
 
 

@@ -29,9 +29,14 @@ def estimate_text(estimate: Estimate) -> str:
 def read_estimate_file(path: Path) -> Estimate:
     """Read what `estimate_text` wrote. Raises InputError for anything else."""
     try:
-        lines = read_text(path).splitlines()
+        text = read_text(path)
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(path, f"cannot be read: {error}") from error
+    lines = text.splitlines()
+    if text and not text.endswith("\n"):  # which `estimate_text` ends each line with
+        problem = "the file ends in the middle of a line, so it was cut"
+        remedy = "remove the run's folder and run the same command again"
+        raise InputError(path, problem, where=f"line {len(lines)}", remedy=remedy)
     rows = [_row(path, number, line) for number, line in enumerate(lines, 1)]
     table = np.array(rows, dtype=np.float64).reshape(-1, 8)
     try:

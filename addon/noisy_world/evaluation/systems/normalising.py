@@ -18,6 +18,7 @@ from ...core.trajectories.files import STAMPED_FORMATS, Auto, read_trajectory_fi
 from ...core.trajectories.pose_text import TrajectoryFormat
 from ..estimate import Estimate
 from ..outcome import Outcome
+from ..whole_text import check_whole
 from .definition import Writes
 from .leavings import LARGEST_READ_BYTES, OverLimitError, check_output, found_output
 from .readers import READERS, TEXT_FORMATS, read_estimate
@@ -71,6 +72,8 @@ def normalised(
             line = text.count("\n", 0, found.start()) + 1
             return Normalised(Outcome.NOT_FINITE, f"{path.name} holds {found[0]} in line {line}", NOTHING)
     try:
+        if text is not None:
+            check_whole(path, text)
         return _matched(path, writes, np.array(stamps_s, dtype=np.float64))
     except InputError as error:
         return _unread(error)

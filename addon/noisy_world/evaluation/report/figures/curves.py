@@ -23,9 +23,9 @@ Looks: TypeAlias = dict[str, tuple[str, str]]
 class CurvePoint:
     """A value at one severity, 0 being clean. n: runs.
 
-    value: between 0 and 1, or an error over clean, which is infinite where half of the runs or more failed. large,
-    here: the ends of its 95 % intervals for scenes at large, and for other seeds in these scenes; NaN for none.
-    """
+    value: between 0 and 1, or an error over clean, which is infinite where half of the runs or more failed or are
+    incomplete. large, here: the ends of its 95 % intervals for scenes at large, and for other seeds in these scenes;
+    NaN for none."""
 
     perturbation: str
     system: str
@@ -48,7 +48,7 @@ def curves(points: Sequence[CurvePoint], name: str, title: str, label: str, *, o
         "dynamic ones dashed."
     )
     if over_clean:
-        about += " A cross at the top: half of the runs or more failed or lost track."
+        about += " A cross at the top: half of the runs or more failed or are incomplete."
     if any(math.isfinite(end) for point in points for end in point.here):
         about += " The band is the 95 % interval for other seeds in these scenes."
     if any(math.isfinite(end) for point in points for end in point.large):

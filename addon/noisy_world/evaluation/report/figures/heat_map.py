@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Settings x systems: how well each system did in each setting, and how many of its runs failed."""
+"""Settings x systems: how well each system did in each setting, and what came of its runs."""
 
 from collections.abc import Sequence
 from enum import Enum
@@ -19,7 +19,7 @@ COLUMN_IN = 1.15
 
 
 class Scale(Enum):
-    """What colours stand for: a score from 0 (bad) to 1, or an error over clean, infinite for a failure."""
+    """What colours stand for: a score from 0 (bad) to 1, or an error over clean, infinite where it broke."""
 
     SCORE = "mean success AUC"
     OVER_CLEAN = "error over clean"
@@ -61,7 +61,11 @@ def heat_map(
             bar.ax.yaxis.set_minor_formatter("")
         svg = svg_bytes(figure)
     said = scale.value[0].upper() + scale.value[1:]
-    failed = "red is a failure" if scale is Scale.OVER_CLEAN else "beside it, how many of the runs failed"
+    failed = (
+        "red: half of the runs or more failed or are incomplete"
+        if scale is Scale.OVER_CLEAN
+        else "beside it, how many of the runs failed or are incomplete"
+    )
     about = f"{said} of each system in each setting, dark is bad; {failed}."
     return Picture("heat_map", "Settings and systems", about, svg)
 

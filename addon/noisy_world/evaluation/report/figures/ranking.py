@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from ...metrics.success import IS_INCOMPLETE
 from .drawing import COLOURS, GREY, NARROW_IN, Picture, drawing, shortened, svg_bytes, unused
 
 if TYPE_CHECKING:
@@ -48,7 +49,8 @@ def ranking(panels: Sequence[RankPanel]) -> Picture:
     about = (
         "The error (ATE) of each system in each setting over its error on clean frames of the same scenes and seeds, "
         "the worst on top: bars are geometric means, dots single runs. Hatched: half of the runs or more failed (no "
-        "path, or none that can be scored) or lost track (less than 80 % of the frames tracked), which is no ratio."
+        f"path, or none that can be scored) or are incomplete ({IS_INCOMPLETE}), "
+        "which is no ratio."
     )
     wide = _drawn(panels, WIDE_IN if across > 1 else 0.72 * WIDE_IN, across)
     return Picture("ranking", "What broke each system, and by how much", about, wide, _drawn(panels, NARROW_IN, 1))

@@ -9,9 +9,10 @@ from pathlib import Path
 import numpy as np
 
 from ....core.trajectories.files import read_trajectory
-from ....core.trajectories.pose_text import TrajectoryFormat
+from ....core.trajectories.pose_text import TrajectoryFormat, read_text
 from ....core.trajectories.trajectory import Axes, Direction
 from ...estimate import Estimate
+from ...whole_text import check_whole
 from .frames import Index, check_every_frame, estimate_of_frames
 from .stamped import NO_POSE, is_empty
 
@@ -32,8 +33,10 @@ def read(
     Matrices and .log leave out the frames that are not finite, which is how they say that tracking was lost. Raises
     NotFiniteError for the other formats, and InputError.
     """
-    if format != "transforms" and not path.is_dir() and is_empty(path):
-        return NO_POSE
+    if not path.is_dir():
+        if format != "transforms" and is_empty(path):
+            return NO_POSE
+        check_whole(path, read_text(path))
     found = read_trajectory(path, format=format, direction=direction, axes=axes or "auto", rate_hz=1.0)
     if format in _OF_ALL_FRAMES:
         check_every_frame(path, len(found), index)

@@ -16,6 +16,7 @@ from ....core.trajectories.pose_text import is_header, read_text
 from ....core.trajectories.stamped_poses import StampedFormat, StampUnit
 from ....core.trajectories.trajectory import Axes, Direction
 from ...estimate import Estimate
+from ...whole_text import check_whole
 from .frames import Index, stamps_of
 
 NO_POSE = Estimate(np.zeros(0), np.zeros((0, 4, 4)))
@@ -38,6 +39,7 @@ def read(
     """
     if is_empty(path):
         return NO_POSE
+    check_whole(path, read_text(path))
     frames_s = stamps_of(index)
     found, refusals = [], []
     for unit in ("auto", *_UNITS):

@@ -17,6 +17,7 @@ from ....core.geometry import pose, rotation_from_quat_wxyz
 from ....core.trajectories.pose_text import all_finite, read_text, text_rows
 from ....core.trajectories.stamps import NS_PER_S
 from ...estimate import Estimate
+from ...whole_text import check_whole
 from .frames import Index, stamps_of
 from .stamped import NO_POSE, elsewhere, is_empty
 
@@ -29,7 +30,9 @@ def read(path: Path, index: Index) -> Estimate:
     """Return the estimate of a file, in the order of time; of a line given twice, one. Raises InputError."""
     if is_empty(path):
         return NO_POSE
-    rows = text_rows(path, read_text(path))
+    text = read_text(path)
+    check_whole(path, text)
+    rows = text_rows(path, text)
     table = all_finite(rows.table((8,), f"a line is {COLUMNS}"))
     stamps_s = _seconds(path, rows.cells(0), " ".join(rows.headers), stamps_of(index))
     with np.errstate(over="ignore"):  # of a number that is refused, as its length is not 1
