@@ -267,6 +267,20 @@ def test_what_several_settings_do_alike_is_done_once():
             assert not np.array_equal(images["stream a"], images["gaussian_noise a"])
 
 
+def test_chains_of_one_stream_may_show_a_frame_at_different_times():
+    """Their random images come from one node, so they take turns."""
+    rgb = rgb_bytes(picture(16, 24))
+    step = replace(step_of("gaussian_noise", severity=3), stream="one")
+    frames = {name: (index, (7, "room", name)) for name, index in (("a", 4), ("b", 9), ("c", 4))}
+    with Compositor((24, 16), {name: [step] for name in frames}, 24) as compositor:
+        together = compositor.perturb(rgb, frames)
+    assert together["a"][0] is together["c"][0]
+    for name in ("a", "b"):
+        with Compositor((24, 16), {name: [step]}, 24) as compositor:
+            assert np.array_equal(compositor.perturb(rgb, {name: frames[name]})[name][0], together[name][0])
+    assert not np.array_equal(together["a"][0], together["b"][0])
+
+
 def test_two_processes_make_the_same_bytes():
     script = (
         "import sys, hashlib\n"
