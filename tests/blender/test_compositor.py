@@ -14,6 +14,7 @@ from group_tools import IDENTIFIERS, by_nodes, many_by_nodes, picture, step_of
 from shown import evaluate_scene, image_of
 from worlds import ROOT
 
+import srgb
 from noisy_world.blender.chain_scene import hide_chain, make_chain, show_chain
 from noisy_world.blender.compositor import Compositor
 from noisy_world.blender.scratch_images import read_rows
@@ -90,12 +91,10 @@ def test_a_render_and_its_image_are_perturbed_alike(tmp_path):
     before_image = evaluate_scene(scene, tmp_path)
     assert np.array_equal(behind_render, before_image)
     # Light in, light out: the same as encoded colour perturbed and decoded (IEC 61966-2-1).
-    encoded = 1.055 * np.array([0.2, 0.5, 0.05]) ** (1 / 2.4) - 0.055
-    rgb = np.broadcast_to(encoded.astype(np.float32), (32, 48, 3))
+    rgb = np.broadcast_to(srgb.encoded([0.2, 0.5, 0.05]).astype(np.float32), (32, 48, 3))
     with Compositor((48, 32), {"x": steps}, 48) as compositor:
         made = compositor.evaluate(rgb, {"x": (0, IDENTIFIERS)})[0]["x"]
-    decoded = np.where(made <= 0.04045, made / 12.92, ((made + 0.055) / 1.055) ** 2.4)
-    assert np.abs(decoded - behind_render).max() < 1e-4
+    assert np.abs(srgb.linear(made) - behind_render).max() < 1e-4
     assert behind_render.std() > 0.05
 
 
@@ -266,6 +265,20 @@ def test_what_several_settings_do_alike_is_done_once():
             assert not np.array_equal(images["gaussian_noise a"], images["gaussian_noise b"])
             assert images["stream a"] is images["stream b"]
             assert not np.array_equal(images["stream a"], images["gaussian_noise a"])
+
+
+def test_chains_of_one_stream_may_show_a_frame_at_different_times():
+    """Their random images come from one node, so they take turns."""
+    rgb = rgb_bytes(picture(16, 24))
+    step = replace(step_of("gaussian_noise", severity=3), stream="one")
+    frames = {name: (index, (7, "room", name)) for name, index in (("a", 4), ("b", 9), ("c", 4))}
+    with Compositor((24, 16), {name: [step] for name in frames}, 24) as compositor:
+        together = compositor.perturb(rgb, frames)
+    assert together["a"][0] is together["c"][0]
+    for name in ("a", "b"):
+        with Compositor((24, 16), {name: [step]}, 24) as compositor:
+            assert np.array_equal(compositor.perturb(rgb, {name: frames[name]})[name][0], together[name][0])
+    assert not np.array_equal(together["a"][0], together["b"][0])
 
 
 def test_two_processes_make_the_same_bytes():

@@ -9,6 +9,7 @@ import pytest
 from cases import cases
 from group_tools import by_groups, keep_group, picture, step_of
 
+from srgb import encoded, linear
 from noisy_world.blender.nodes import STAMP, ensure_group, ensure_picture, remove_group
 from noisy_world.core.labels import american
 from noisy_world.core.node_graphs.chain import build_chain
@@ -118,17 +119,6 @@ def depth():
     return depth_m
 
 
-def decoded(encoded):
-    """Linear light by IEC 61966-2-1, beyond [0, 1] by the same formulas."""
-    power = ((np.maximum(encoded, 0).astype(np.float64) + 0.055) / 1.055) ** 2.4
-    return np.where(encoded <= 0.04045, encoded / 12.92, power)
-
-
-def encoded(light):
-    power = 1.055 * np.maximum(light, 0).astype(np.float64) ** (1 / 2.4) - 0.055
-    return np.where(light <= 0.0031308, 12.92 * light, power)
-
-
 @pytest.fixture(scope="module")
 def made(tmp_path_factory, trees):
     """Every group on the lamps: switched off, at severities 1 and 3, and clipped at 3."""
@@ -171,13 +161,13 @@ def lamp_of(made, name, label="middle"):
 def test_a_lamp_of_100_is_as_bright_as_the_definitions_say(made):
     """By the formulas on encoded values, written again: exact ones at 1e-3, others within what they may change."""
     lamp = encoded(np.array(100.0))
-    brighter = decoded(lamp + COLOUR["brightness"].at_severity(3).offset)
+    brighter = linear(lamp + COLOUR["brightness"].at_severity(3).offset)
     assert np.abs(lamp_of(made, "brightness") / brighter - 1).max() < 1e-3
     seen = COLOUR["fog"].at_severity(3)
-    low, high = (decoded((lamp + share * seen.thickness) / (1 + seen.thickness)) for share in (0, 1))
+    low, high = (linear((lamp + share * seen.thickness) / (1 + seen.thickness)) for share in (0, 1))
     assert low * 0.99 < lamp_of(made, "fog").min() <= lamp_of(made, "fog").max() < high * 1.01
     ice = COLOUR["frost"].at_severity(3)
-    low, high = (decoded(lamp * ice.intensity + share * ice.influence) for share in (0, 1))
+    low, high = (linear(lamp * ice.intensity + share * ice.influence) for share in (0, 1))
     assert low * 0.99 < lamp_of(made, "frost").min() <= lamp_of(made, "frost").max() < high * 1.01
     # JPEG quantises it as it does what is darker: the error is of the size of the tables' steps.
     assert np.abs(encoded(lamp_of(made, "jpeg_compression")) - lamp).max() < 0.2

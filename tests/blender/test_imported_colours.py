@@ -13,6 +13,7 @@ from importing import import_here
 from ray_tools import cast
 from rooms_in_formats import glb, gltf, png
 
+from srgb import encoded, linear
 from noisy_world.core.geometry import Intrinsics
 from noisy_world.sources.mesh_reading import read_mesh
 
@@ -77,14 +78,6 @@ def textured(**keys):
     return {"pbrMetallicRoughness": {"baseColorTexture": {"index": 0, **keys}}}
 
 
-def encoded(light):
-    return np.where(light <= 0.0031308, 12.92 * light, 1.055 * np.maximum(light, 0.0031308) ** (1 / 2.4) - 0.055)
-
-
-def decoded(colour):
-    return np.where(colour <= 0.04045, colour / 12.92, ((colour + 0.055) / 1.055) ** 2.4)
-
-
 def rgb_of(mesh):
     return cast(mesh, EYE, CAMERA).rgb
 
@@ -126,7 +119,7 @@ def test_a_factor_acts_on_light_and_a_picture_stays_bytes(tmp_path):
     material["pbrMetallicRoughness"]["baseColorFactor"] = [0.5, 1.0, 0.1, 1.0]
     uv = CORNERS * (1, -1) + (0, 1)
     mesh = square(tmp_path, material, uv=uv, images=[png(np.full((2, 2, 3), (200, 90, 30), np.uint8))])
-    expected = encoded(decoded(np.array([200, 90, 30]) / 255) * (0.5, 1.0, 0.1))
+    expected = encoded(linear(np.array([200, 90, 30]) / 255) * (0.5, 1.0, 0.1))
     assert np.abs(rgb_of(mesh) - expected).max() <= 0.5 / 255 + 1e-6
 
 

@@ -10,6 +10,7 @@ import rooms_in_formats as rooms
 from analytic import look_at
 from importing import import_here
 
+import srgb
 from noisy_world.blender.own_scene import OwnSceneFile, OwnSceneSession
 from noisy_world.core.errors import InputError
 from noisy_world.core.geometry import Intrinsics
@@ -64,8 +65,7 @@ def seen(file, tmp_path, eye, up=None):
         frame = session.frame(paths.request(0))
     assert (frame.image("instance") == 1).all()
     assert np.abs(frame.image("normal") - [0, 0, -1]).max() < 1e-4
-    encoded = frame.rgb[..., 1].astype(float)
-    return np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4), frame.depth_m
+    return srgb.linear(frame.rgb[..., 1]), frame.depth_m
 
 
 def test_a_floor_below_a_lamp_follows_lamberts_law(tmp_path):

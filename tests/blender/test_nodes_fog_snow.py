@@ -10,6 +10,7 @@ pytest.importorskip("bpy", reason="bpy is not installed")
 
 from cases import cases
 from group_tools import by_nodes, by_reference, ks_distance, levels_apart, picture, spectrum_ratios
+from srgb import encoded, linear
 
 
 def flat(height, width, value):
@@ -19,17 +20,9 @@ def flat(height, width, value):
 # --- fog by depth ---
 
 
-def decoded(value):
-    return value / 12.92 if value <= 0.04045 else ((value + 0.055) / 1.055) ** 2.4
-
-
-def encoded(light):
-    return light * 12.92 if light <= 0.0031308 else 1.055 * light ** (1 / 2.4) - 0.055
-
-
 def koschmieder(value, depth_m, visibility_m, airlight):
     seen = math.exp(math.log(0.05) * depth_m / visibility_m) if depth_m > 0 else 0.0
-    return encoded(decoded(value) * seen + decoded(airlight) * (1 - seen))
+    return encoded(linear(value) * seen + linear(airlight) * (1 - seen))
 
 
 DEPTHS_M = np.array([0, 1e-6, 0.5, 1, 2, 3, 4.5, 6, 15, 50, 1e4, 1e10, np.inf, np.nan], np.float32)
@@ -53,8 +46,8 @@ def test_at_the_visibility_five_percent_of_the_contrast_are_left(make):
     rgb[:2] = 1
     depth_m = np.full((4, 4), 12.0, np.float32)
     (found,) = make("fog_depth", rgb, depth_m=depth_m, visibility_m=12.0, airlight=0.6)
-    assert decoded(found[0, 0, 0]) - decoded(found[3, 0, 0]) == pytest.approx(0.05, abs=1e-4)
-    assert decoded(found[3, 0, 0]) == pytest.approx(0.95 * decoded(0.6), abs=1e-4)
+    assert linear(found[0, 0, 0]) - linear(found[3, 0, 0]) == pytest.approx(0.05, abs=1e-4)
+    assert linear(found[3, 0, 0]) == pytest.approx(0.95 * linear(0.6), abs=1e-4)
 
 
 def test_fog_by_depth_keeps_to_the_reference_everywhere():

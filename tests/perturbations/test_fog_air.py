@@ -9,6 +9,7 @@ import pytest
 from cases import cases
 from scipy.integrate import quad
 
+from srgb import encoded, linear
 from noisy_world.core.geometry import Intrinsics, rotation_from_euler_deg
 from noisy_world.core.perturbing.kinds import FrameContext
 from noisy_world.core.perturbing.reading import parse_steps
@@ -41,16 +42,6 @@ def context_of(depth_m, *, index=0, temporal="drift", motion=None, camera=CAMERA
 def fogged(rgb, depth_m, *, index=0, temporal="drift", motion=None, camera=None, **values):
     context = context_of(depth_m, index=index, temporal=temporal, motion=motion, camera=camera)
     return PERTURBATION.apply(rgb, PERTURBATION.at_severity(3, **values), context)
-
-
-def linear(encoded):
-    encoded = np.asarray(encoded, np.float64)
-    return np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
-
-
-def encoded(light):
-    light = np.asarray(light, np.float64)
-    return np.where(light <= 0.0031308, light * 12.92, 1.055 * light ** (1 / 2.4) - 0.055).astype(np.float32)
 
 
 # --- thinner with height ---
@@ -162,7 +153,14 @@ def lamp(depth, glow, brightness=100.0, size=(120, 160)):
     light[58:62, 78:82] = brightness
     depth_m = np.full(size, 10.0, np.float32)
     visibility_m = 10 * np.log(20) / depth
-    found = fogged(encoded(light), depth_m, visibility_m=visibility_m, airlight=0.0, glow=glow, glow_width_deg=0.7)
+    found = fogged(
+        encoded(light).astype(np.float32),
+        depth_m,
+        visibility_m=visibility_m,
+        airlight=0.0,
+        glow=glow,
+        glow_width_deg=0.7,
+    )
     return linear(found)[..., 0]
 
 

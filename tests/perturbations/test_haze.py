@@ -4,15 +4,11 @@
 import numpy as np
 import pytest
 
+from srgb import linear
 from noisy_world.core.perturbing.kinds import FrameContext
 from noisy_world.perturbations.haze import PERTURBATION, Haze
 
 DEPTHS_M = np.array([0, np.nan, 1e-6, 0.5, 3, 40, 250, 1e4, 1e10, np.inf], np.float32)
-
-
-def linear(encoded):
-    encoded = np.asarray(encoded, np.float64)
-    return np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
 
 
 def hazed(rgb, depth_m, **values):

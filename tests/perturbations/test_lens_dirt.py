@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from cases import cases
 
+from srgb import linear
 from noisy_world.core.errors import NoisyWorldError
 from noisy_world.core.perturbing.kinds import FrameContext
 from noisy_world.core.perturbing.reading import parse_steps
@@ -14,11 +15,6 @@ from noisy_world.perturbations._dirt_tile import tile
 from noisy_world.perturbations._glare import PARTS, Spread, glare_of
 
 ITEM = lens_dirt.PERTURBATION
-
-
-def linear(encoded):
-    encoded = np.asarray(encoded, np.float64)
-    return np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
 
 
 def where(index=0, temporal="fixed", seed=1):

@@ -6,6 +6,7 @@ import pytest
 from cases import cases
 from scipy import ndimage
 
+from srgb import encoded, linear
 from noisy_world.core.perturbing.kinds import FrameContext
 from noisy_world.perturbations import _crystals, lens_frost
 
@@ -24,16 +25,6 @@ def frosted(rgb, severity=3, where=None, **values):
 def picture(size, seed=0):
     rough = np.random.default_rng(seed).random((*size, 3))
     return (0.7 * ndimage.uniform_filter(rough, (5, 5, 1)) + 0.3 * rough).astype(np.float32)
-
-
-def linear(encoded):
-    encoded = np.asarray(encoded, np.float64)
-    return np.where(encoded <= 0.04045, encoded / 12.92, ((np.maximum(encoded, 0) + 0.055) / 1.055) ** 2.4)
-
-
-def encoded(light):
-    light = np.asarray(light, np.float64)
-    return np.where(light <= 0.0031308, light * 12.92, 1.055 * np.maximum(light, 0) ** (1 / 2.4) - 0.055)
 
 
 def expected(rgb, values, pane):

@@ -9,6 +9,7 @@ from cases import cases
 from scipy import stats
 from scipy.spatial.transform import Rotation
 
+from srgb import linear
 from noisy_world.core.geometry import Intrinsics, rotation_from_euler_deg, rotvec_from_rotation
 from noisy_world.core.perturbing.kinds import FrameContext
 from noisy_world.core.trajectories.motion import motion_between
@@ -29,11 +30,6 @@ def published(name, rate_mm_h, diameter_mm):
         return 8000 * np.exp(-4.1 * rate_mm_h**-0.21 * diameter_mm)
     swollen = 10 ** (1 / 3)
     return 3800 * rate_mm_h**-0.87 * np.exp(-25.5 * rate_mm_h**-0.48 * diameter_mm / swollen / 10) / swollen
-
-
-def linear(encoded):
-    encoded = np.asarray(encoded, np.float64)
-    return np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
 
 
 def perturbed(name, rgb, depth_m, index=0, temporal="fresh", **values):

@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Evaluating node groups on arrays: one upload of a frame, one evaluation, an image for each setting."""
 
+from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeAlias, TypeVar
 
@@ -12,7 +14,9 @@ from numpy.typing import NDArray
 from ..core.batches import batched
 from ..core.errors import StorageError
 from ..core.geometry import Intrinsics
-from ..core.node_graphs.chain import build_written, is_active, socket_of, socket_values, step_node
+from ..core.node_graphs.chain import is_active, socket_of, socket_values, step_node
+from ..core.node_graphs.draws import Divided, pooled
+from ..core.node_graphs.graph import Graph
 from ..core.perturbing.kinds import ColourPerturbation, Identifiers
 from ..core.perturbing.steps import Step
 from ..core.scratch import ScratchFolder
@@ -33,8 +37,20 @@ FLOATS = 4  # bytes of a float32
 Motions: TypeAlias = Mapping[str, CameraMotion | None]
 """How the camera moves at a frame, by chain; of those that are missing nothing is known."""
 
-SocketValues: TypeAlias = dict[str, dict[str, Any]]
-"""The values of sockets by name, by the step's node."""
+SocketValues: TypeAlias = dict[str, Any]
+"""The values of a chain's sockets, by name."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Pool:
+    """Equal nodes, any of which can do the work of any chain of these perturbations.
+
+    names: of the nodes, as many as chains. draws: the node that makes the random images of them all, which are then
+    those of one stream.
+    """
+
+    names: tuple[str, ...]
+    draws: bpy.types.CompositorNodeGroup | None
 
 
 class Compositor:
@@ -70,6 +86,8 @@ class Compositor:
         self._depth_image = _float_image("Noisy World depth", size_px) if self._needs_depth else None
         self._configure()
         self._nodes: dict[str, bpy.types.CompositorNodeGroup] = {}
+        self._pool_of: dict[str, _Pool] = {}
+        self._known: dict[bpy.types.CompositorNodeGroup, SocketValues] = defaultdict(dict)
         self._wire(reference_width_px)
         self._bytes = _Layers(self._tree, self._scratch.path, self._nodes, "Bytes")
         self._floats: _Layers | None = None
@@ -86,18 +104,37 @@ class Compositor:
         render.compositor_precision = "FULL"
 
     def _wire(self, reference_width_px: int) -> None:
-        """Link the frame to every chain; chains of the same perturbations share a group."""
+        """Make nodes for every chain and link the frame to them.
+
+        A file is one evaluation, so a pool's nodes stand together. Each frame's work takes a pool's first nodes; those
+        beyond what every frame needs come last, so that most files are full.
+        """
         tree = self._tree
         frame = _image_node(tree, self._image)
         depth = _image_node(tree, self._depth_image) if self._depth_image is not None else None
-        for name, steps in self._chains.items():
+
+        def node_of(graph: Graph) -> bpy.types.CompositorNodeGroup:
             node = new_node(tree, bpy.types.CompositorNodeGroup)
-            node.node_tree = ensure_group(build_written(steps))
-            set_value(node.inputs["Reference Width"], reference_width_px)
-            tree.links.new(frame.outputs["Image"], node.inputs["Image"])
-            if depth is not None and "Depth" in node.inputs:
-                tree.links.new(depth.outputs["Image"], node.inputs["Depth"])
-            self._nodes[name] = node
+            node.node_tree = ensure_group(graph)
+            for name, given in (("Image", frame.outputs["Image"]), ("Depth", depth and depth.outputs["Image"])):
+                if given is not None and name in node.inputs:
+                    tree.links.new(given, node.inputs[name])
+            if "Reference Width" in node.inputs:
+                set_value(node.inputs["Reference Width"], reference_width_px)
+            return node
+
+        ordered: list[tuple[tuple[int, bool, int, int], str, bpy.types.CompositorNodeGroup]] = []
+        for number, (names, graph) in enumerate(pooled(self._chains)):
+            draws = node_of(graph.draws) if isinstance(graph, Divided) else None
+            pool = _Pool(tuple(f"{number}: {rank}" for rank in range(len(names))), draws)
+            always = sum(all(step.levels is None for step in self._chains[name]) for name in names)
+            for rank, name in enumerate(pool.names):
+                node = node_of(graph.rest if isinstance(graph, Divided) else graph)
+                for output in () if draws is None else draws.outputs:
+                    tree.links.new(output, node.inputs[output.name])
+                ordered.append(((max(rank - always + 1, 0), draws is None, number, rank), name, node))
+            self._pool_of |= dict.fromkeys(names, pool)
+        self._nodes = {name: node for _, name, node in sorted(ordered, key=lambda item: item[0])}
 
     def perturb(
         self,
@@ -114,10 +151,11 @@ class Compositor:
         Returns by chain (H, W, 3) uint8, or None where every severity is 0; and what was done. Chains that do the same
         to the frame give one array.
         """
-        active, notes = self._prepare(rgb, frames, depth_m, motions)
+        notes: dict[str, list[dict[str, Any]]] = {}
         images: dict[str, NDArray[np.uint8] | None] = dict.fromkeys(frames)
-        for name, layer in self._run(self._bytes, active):
-            images |= dict.fromkeys(active[name], self._own(_bytes_of(layer[:, 0])))
+        for active in self._turns(rgb, frames, depth_m, motions, notes):
+            for name, layer in self._run(self._bytes, active):
+                images |= dict.fromkeys(active[name], self._own(_bytes_of(layer[:, 0])))
         return {name: (image, notes[name]) for name, image in images.items()}
 
     def evaluate(
@@ -128,51 +166,78 @@ class Compositor:
         motions: Motions | None = None,
     ) -> tuple[dict[str, NDArray[np.float32] | None], dict[str, list[dict[str, Any]]]]:
         """Do what `perturb` does, without rounding."""
-        active, notes = self._prepare(rgb, frames, depth_m, motions)
         if self._floats is None:
             self._floats = _Layers(self._tree, self._scratch.path, self._nodes, "Image")
+        notes: dict[str, list[dict[str, Any]]] = {}
         images: dict[str, NDArray[np.float32] | None] = dict.fromkeys(frames)
-        for name, layer in self._run(self._floats, active):
-            images |= dict.fromkeys(active[name], self._own(np.ascontiguousarray(np.moveaxis(layer, 1, 2))))
+        for active in self._turns(rgb, frames, depth_m, motions, notes):
+            for name, layer in self._run(self._floats, active):
+                images |= dict.fromkeys(active[name], self._own(np.ascontiguousarray(np.moveaxis(layer, 1, 2))))
         return images, notes
 
     def _own(self, image: NDArray[T]) -> NDArray[T]:
         return image[:, :1] if self._one_pixel else image
 
-    def _prepare(
+    def _turns(
         self,
         rgb: NDArray[Any],
         frames: Mapping[str, tuple[int, Identifiers]],
         depth_m: NDArray[np.float32] | None,
         motions: Motions | None,
-    ) -> tuple[dict[str, list[str]], dict[str, list[dict[str, Any]]]]:
-        """Set all sockets and hand the frame over; return the chains to evaluate, and what each chain does.
+        notes: dict[str, list[dict[str, Any]]],
+    ) -> Iterator[dict[str, list[str]]]:
+        """Hand the frame over and set the sockets; yield the nodes to evaluate, each with the chains that it serves.
 
-        A chain to evaluate stands for all that do the same: a severity that is drawn is often that of another setting,
-        which then gives the same image if it draws nothing, or draws from the same stream.
+        One node serves all chains that do the same: a severity that is drawn is often that of another setting, which
+        then gives the same image if it draws nothing, or draws from the same stream. Chains whose random images come
+        from one node, and which draw others all the same, as they show the frame at other times, take another turn.
+
+        notes: gets what each chain does.
         """
-        notes: dict[str, list[dict[str, Any]]] = {}
-        active: dict[str, list[str]] = {}
-        first: dict[str, str] = {}
+        works: dict[tuple[_Pool, str], tuple[str, SocketValues, list[str]]] = {}
         for name, (index, identifiers) in frames.items():
             motion = None if motions is None else motions.get(name)
-            values, notes[name] = self._values(name, index, identifiers, motion)
-            if not is_active(values):
-                continue
-            done = f"{group_of(self._nodes[name]).name}: {values!r}"
-            if done not in first:
-                self._set_sockets(name, values)
-            active.setdefault(first.setdefault(done, name), []).append(name)
-        if depth_m is None and any(step.perturbation.needs_depth for name in active for step in self._chains[name]):
-            raise ValueError(f"{', '.join(active)}: a chain asks for depth, and there is none")
-        if active:
+            values, notes[name], is_active = self._values(name, index, identifiers, motion)
+            if is_active:
+                work = works.setdefault((self._pool_of[name], repr(values)), (name, values, []))
+                work[2].append(name)
+        served = [name for _, _, names in works.values() for name in names]
+        if depth_m is None and any(step.perturbation.needs_depth for name in served for step in self._chains[name]):
+            raise ValueError(f"{', '.join(served)}: a chain asks for depth, and there is none")
+        if works:
             self._upload(rgb, depth_m)
-        return active, notes
+        left = [(pool, values, names) for (pool, _), (_, values, names) in works.items()]
+        while left:
+            active, left = self._turn(left)
+            yield active
+
+    def _turn(
+        self, works: Iterable[tuple[_Pool, SocketValues, list[str]]]
+    ) -> tuple[dict[str, list[str]], list[tuple[_Pool, SocketValues, list[str]]]]:
+        """Set the sockets of nodes for the works of one turn; return these with their chains, and what is left."""
+        active: dict[str, list[str]] = {}
+        drawn: dict[_Pool, SocketValues] = {}
+        left: list[tuple[_Pool, SocketValues, list[str]]] = []
+        taken: dict[_Pool, int] = defaultdict(int)
+        for pool, values, names in works:
+            if pool.draws is not None:
+                draws = {name: value for name, value in values.items() if name in pool.draws.inputs}
+                if drawn.setdefault(pool, draws) != draws:
+                    left.append((pool, values, names))
+                    continue
+                self._set_sockets(pool.draws, draws)
+            slot = pool.names[taken[pool]]
+            taken[pool] += 1
+            self._set_sockets(self._nodes[slot], values)
+            active[slot] = names
+        return active, left
 
     def _values(
         self, name: str, index: int, identifiers: Identifiers, motion: CameraMotion | None
-    ) -> tuple[SocketValues, list[dict[str, Any]]]:
-        values, notes = {}, []
+    ) -> tuple[SocketValues, list[dict[str, Any]], bool]:
+        """Return the values of a chain's sockets, a note of each step, and whether it is to be evaluated."""
+        values: dict[str, dict[str, Any]] = {}
+        notes: list[dict[str, Any]] = []
         now = self._scene.frame_current
         for step in self._chains[name]:
             values[step_node(step)], note = socket_values(
@@ -184,13 +249,20 @@ class Compositor:
                 camera_state=camera_state_of(motion),
             )
             notes.append(note)
-        return values, notes
+        flat = {
+            socket_of(step, socket): value
+            for step in self._chains[name]
+            for socket, value in values[step_node(step)].items()
+        }
+        return flat, notes, is_active(values)
 
-    def _set_sockets(self, name: str, values: SocketValues) -> None:
-        sockets_of = self._nodes[name].inputs
-        for step in self._chains[name]:
-            for socket_name, value in values[step_node(step)].items():
-                set_value(sockets_of[socket_of(step, socket_name)], value)
+    def _set_sockets(self, node: bpy.types.CompositorNodeGroup, values: SocketValues) -> None:
+        """Set the sockets that are there and change: for each that is set, Blender looks through all nodes."""
+        known = self._known[node]
+        for name, value in values.items():
+            if (name not in known or known[name] != value) and name in node.inputs:
+                set_value(node.inputs[name], value)
+            known[name] = value
 
     def _upload(self, rgb: NDArray[Any], depth_m: NDArray[np.float32] | None) -> None:
         values = rgb[::-1]
@@ -221,10 +293,13 @@ class Compositor:
 
     def close(self) -> None:
         """Remove everything that was added to the file."""
-        trees = {group_of(node).name: group_of(node) for node in self._nodes.values()}
+        draws = [pool.draws for pool in self._pool_of.values() if pool.draws is not None]
+        trees = {group_of(node).name: group_of(node) for node in [*self._nodes.values(), *draws]}
         bpy.data.scenes.remove(self._scene)
         bpy.data.node_groups.remove(self._tree)
         self._nodes.clear()
+        self._pool_of.clear()
+        self._known.clear()
         for tree in trees.values():
             if tree.users == 0:
                 remove_group(tree)
@@ -241,7 +316,7 @@ class Compositor:
 
 
 class _Layers:
-    """The files that one output of the chains is written to, each with a layer for several chains."""
+    """The files that one output of the chains is written to, each with a layer for several nodes."""
 
     def __init__(
         self, tree: bpy.types.NodeTree, folder: Path, nodes: Mapping[str, bpy.types.CompositorNodeGroup], output: str

@@ -15,20 +15,23 @@ if TYPE_CHECKING:
     from ..recipes.recipe import Recipe
 
 
-def add_part_options(parser: argparse.ArgumentParser) -> None:
-    """Add --data, --scenes and --settings."""
+EXAMPLES = {"scenes": "'room*,office0'", "settings": "'clean,fog*'"}
+
+
+def add_part_options(parser: argparse.ArgumentParser, parts: "Sequence[str]" = tuple(EXAMPLES)) -> None:
+    """Add --data, --scenes and --settings. parts: which of the latter two a subcommand knows."""
     parser.add_argument(
         "--data",
         metavar="DIR",
         help="folder that the scenes' paths are relative to, and where Replica is looked for (default: the preset's)",
     )
-    for what, example in (("scenes", "'room*,office0'"), ("settings", "'clean,fog*'")):
+    for what in parts:
         parser.add_argument(
             f"--{what}",
             metavar="NAMES",
             action="append",
             default=[],
-            help=f"only these {what}, {example} for instance; may be repeated; the dataset can grow by the others",
+            help=f"only these {what}, {EXAMPLES[what]} for instance; may be repeated; a dataset can grow by others",
         )
 
 

@@ -88,7 +88,7 @@ def _parse(arguments: list[str], entry: Entry) -> argparse.Namespace:
         help="the folder of thresholds, in which each search has one of its own (default: out/NAME-thresholds)",
     )
     add_set_option(parser)
-    add_part_options(parser)
+    add_part_options(parser, ("scenes",))  # the preset's settings are not used
     parser.add_argument(
         "--isolate",
         choices=["none", "bubblewrap"],

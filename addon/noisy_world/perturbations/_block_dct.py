@@ -2,14 +2,18 @@
 """The discrete cosine transform of 8 x 8 blocks as node groups, three channels at once.
 
 The eight pixels of a run (part of a row or a column) are gathered into eight images that are an eighth as long. So each
-coefficient is an image in which a block is one pixel, and calculating with it is cheap. The inverse transform enlarges
-the coefficients to whole blocks and sums them, weighted by cosines. The transform is orthonormal, as JPEG's (ITU-T
-T.81, A.3.3), and separable: first rows, then columns. The forward transform uses libjpeg's integer constants, so that
-coefficients close to a tie between two quantisation steps are rounded as libjpeg rounds them.
+coefficient is an image in which a block is one pixel, and calculating with it is cheap. The inverse transform gives
+eight images again, which are joined at the end: looking pixels up is what takes time. The transform is orthonormal, as
+JPEG's (ITU-T T.81, A.3.3), and separable: first rows, then columns. The forward transform uses libjpeg's integer
+constants, so that coefficients close to a tie between two quantisation steps are rounded as libjpeg rounds them.
 """
 
 import math
 from collections.abc import Sequence
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
 
 from ..core.node_graphs.graph import Graph, GroupInput, Socket, Value
 
@@ -43,7 +47,7 @@ def sample(graph: Graph, image: Socket, position: Value, interpolation: str = "N
 
 def frequencies() -> Graph:
     """Describe the group that turns runs of eight pixels into eight images of coefficients."""
-    graph = Graph("DCT Frequencies", "The eight DCT coefficients of each run of eight pixels")
+    graph = Graph("DCT Frequencies", "The eight DCT coefficients of each run of eight pixels", alone=True)
     image = graph.input(GroupInput("Image", "color", _BLACK, "The pixels"))
     first = graph.input(GroupInput("First", "vector", _NOTHING, "Where each run's first pixel is, from 0 to 1"))
     step = graph.input(GroupInput("Step", "vector", _NOTHING, "From one pixel of a run to the next"))
@@ -59,10 +63,6 @@ def frequencies() -> Graph:
     return graph
 
 
-def _weight(u: int) -> float:
-    return math.sqrt(1 / 8) if u == 0 else 0.5
-
-
 def _weighted(graph: Graph, values: Sequence[Socket], weights: Sequence[Value]) -> Socket:
     total = values[0] * weights[0]
     for value, weight in zip(values[1:], weights[1:], strict=True):
@@ -70,39 +70,49 @@ def _weighted(graph: Graph, values: Sequence[Socket], weights: Sequence[Value]) 
     return total
 
 
-def cosines() -> Graph:
-    """Describe the group that gives the cosines by which coefficients 1 to 7 are weighted at each pixel of a run."""
-    graph = Graph("DCT Cosines", "What each coefficient adds to the pixels of a run")
-    position = graph.input(GroupInput("Place", "float", 0.0, "The pixel's number, from 0"))
-    with graph.section("Angle"):
-        within = graph.math("FLOORED_MODULO", position, 8.0)
-        double = graph.math("COSINE", graph.math("MULTIPLY_ADD", within, math.pi / 8, math.pi / 16)) * 2.0
-    with graph.section("Multiples of the angle"):
-        found: list[Value] = [0.5, double * 0.25]
-        for u in range(2, SIZE):
-            found.append(double * found[u - 1] - found[u - 2])
-    with graph.section("Three at once"):
-        for name, positions in BUNDLES.items():
-            three = [*(found[u] for u in positions), 0.0, 0.0][:3]
-            graph.output(name, graph.vector(*three), "vector")
-    return graph
-
-
-# A socket carries three numbers, so seven cosines take three sockets; the name of each, and its coefficients.
-BUNDLES = {"Cosines 1-3": (1, 2, 3), "Cosines 4-6": (4, 5, 6), "Cosine 7": (7,)}
+@cache
+def inverse() -> NDArray[np.float32]:
+    """Return (8, 8): what coefficient u (column) adds to pixel k (row), each computed in single precision."""
+    angle = np.arange(SIZE, dtype=np.float32) * np.float32(math.pi / 8) + np.float32(math.pi / 16)
+    double = np.array([math.cos(value) for value in angle], np.float32) * np.float32(2)
+    found = [np.full(SIZE, 0.5, np.float32), double * np.float32(0.25)]
+    for u in range(2, SIZE):
+        found.append(double * found[u - 1] - found[u - 2])  # cosines of multiples of the angle
+    return np.stack([np.full(SIZE, math.sqrt(1 / 8), np.float32), *found[1:]], axis=1)
 
 
 def pixels() -> Graph:
-    """Describe the group that turns eight images of coefficients into runs of eight pixels."""
-    graph = Graph("DCT Pixels", "Runs of eight pixels from their DCT coefficients")
-    position = graph.input(GroupInput("Place", "vector", _NOTHING, "Where each pixel is in its image, from 0 to 1"))
-    bundles = [graph.input(GroupInput(name, "vector", _NOTHING, "What the coefficients add")) for name in BUNDLES]
+    """Describe the group that turns eight images of coefficients into eight images, one for each pixel of a run."""
+    graph = Graph("DCT Pixels", "The eight pixels of each run from its DCT coefficients", alone=True)
     given = [graph.input(GroupInput(f"{u}", "color", _BLACK, "A coefficient of each run")) for u in RUN]
-    with graph.section("Whole blocks"):
-        wide = [sample(graph, item, position) for item in given]
-    with graph.section("Weigh"):
-        weights: list[Value] = [_weight(0)]
-        for bundle, positions in zip(bundles, BUNDLES.values(), strict=True):
-            weights += [getattr(bundle, axis) for axis, _ in zip("xyz", positions, strict=False)]
-        graph.output("Image", _weighted(graph, wide, weights))
+    with graph.section("Cosines"):
+        for k in RUN:
+            weights = [float(weight) for weight in inverse()[k]]
+            graph.output(f"{k}", _weighted(graph, given, weights), "vector", "A pixel of each run")
     return graph
+
+
+def joined(images: Sequence[Socket], places: Sequence[Socket]) -> Socket:
+    """Return the one image whose pixels are taken from several: of each at its places, whose weight is 0 elsewhere."""
+    graph = images[0].graph
+    total: Socket | None = None
+    for image, place in zip(images, places, strict=True):
+        part = sample(graph, image, place)
+        total = part if total is None else total + part
+    assert total is not None
+    return total
+
+
+def places(position: Socket, along: Socket, per_part: int) -> list[Socket]:
+    """Return for `joined` where an image's parts lie: each run of eight pixels is cut into parts of so many.
+
+    position: each pixel's own column and row in the joined image. along: that of the two along which runs lie.
+    """
+    graph = position.graph
+    normalised = graph.node("CompositorNodeImageCoordinates", {"Image": position}).out("Normalized", "vector")
+    within = graph.math("FLOORED_MODULO", along, float(SIZE))
+    found = []
+    for first in range(0, SIZE, per_part):
+        here = (within > first - 0.5) * (within < first + per_part - 0.5)
+        found.append(graph.vector(normalised.x, normalised.y, here))
+    return found

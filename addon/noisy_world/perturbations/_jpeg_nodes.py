@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 from ..core.node_graphs.graph import Graph, GroupInput, Socket, Value
 from ..core.node_graphs.groups import Canvas
-from ._block_dct import BUNDLES, RUN, cosines, frequencies, pixels, sample
+from ._block_dct import RUN, SIZE, frequencies, joined, pixels, places, sample
 
 # ITU-T T.81, tables K.1 and K.2, which libjpeg uses unscaled at quality 50: a row for each vertical frequency.
 LUMA = (
@@ -43,6 +43,7 @@ AWAY_FROM_ZERO = 1 + 2e-5
 BETWEEN_PASSES = 1 / (4 * math.sqrt(8))
 PIXEL_CENTRE = (0.5, 0.5, 1.0)  # added to (column, row, 0): the position of the pixel's centre
 TOP = (0.0, 1.0, 0.0)  # the unit vector from row to row
+PACKED = 3  # bytes that float32 holds exactly as one number, so that one look-up fetches so many pixels
 
 
 def compressed(canvas: Canvas, quality: Socket) -> Socket:
@@ -112,7 +113,9 @@ def _planes(frame: _JpegFrame, ycc: Socket, position: Socket) -> Socket:
     lower = upper - frame.planes * TOP / frame.frame
     upper_luma, lower_luma = (sample(graph, ycc, where).r for where in (upper, lower))
 
-    pair = graph.math("MODULO", position, frame.planes * (0.5, 1.0, 1.0), label="Cb, and right of it Cr")
+    half = frame.planes * (0.5, 0.0, 0.0)
+    is_red = position.x > half.x - 0.5
+    pair = position - half * graph.vector(is_red, is_red, is_red)
     last = graph.math("MULTIPLY_ADD", frame.chroma, TOP, (1e6, -1.0, 0.0), label="Last row")
     corner = graph.math("MULTIPLY_ADD", graph.math("MINIMUM", pair, last), 2.0, 1.0, label="Between four pixels")
     mean = sample(graph, ycc, graph.math("MULTIPLY_ADD", corner, per_pixel, TOP), "Bilinear")
@@ -120,7 +123,7 @@ def _planes(frame: _JpegFrame, ycc: Socket, position: Socket) -> Socket:
     # 1/4; the further 1/8 keeps them clear of whole numbers, where float32 might fall to either side.
     is_odd = graph.math("FLOORED_MODULO", pair.x, 2.0)
     rounding = graph.math("MULTIPLY_ADD", is_odd, 0.25, 0.25 + 0.125)
-    chroma = graph.mix(mean.g, mean.b, position.x > pair.x) + rounding
+    chroma = graph.mix(mean.g, mean.b, is_red) + rounding
     return graph.math("FLOOR", graph.vector(upper_luma, lower_luma, chroma)) - CENTRE
 
 
@@ -143,25 +146,57 @@ def _decoded(frame: _JpegFrame, planes: Socket, position: Socket, quality: Socke
             "Step": graph.math("DIVIDE", TOP, runs),
             "Percent": _percent(quality),
         }
-        tall = _positions(runs, "Runs of a row")
-        shared |= _weights(tall, tall.y)
-        column, columns = _column(), {}
+        column, columns = _column(), []
         for u in RUN:
             entries = {f"Entry {v}": (LUMA[v][u], LUMA[v][u], CHROMA[v][u]) for v in RUN}
             inputs = {"Image": rows.out(f"{u}", "vector")} | entries | shared
-            columns[f"{u}"] = graph.group(column, inputs, name=f"Horizontal frequency {u}").out("Image", "color")
+            columns.append(graph.group(column, inputs, name=f"Horizontal frequency {u}"))
+    packed = 1 if isinstance(white, Socket) else PACKED
     with graph.section("Frequencies to rows"):
-        values = graph.group(pixels(), columns | _weights(position, position.x), name="Frequencies to rows")
-        rounded = graph.math("FLOOR", values.out("Image", "color") + (CENTRE + 0.5))
-        return graph.clamp(rounded, (1.0 - white) * 255.0, white * 255.0)
+        limits = {"Lowest": (1.0 - white) * 255.0, "Highest": white * 255.0}
+        row, made = _row(packed), []
+        for y in RUN:
+            inputs = {f"{u}": columns[u].out(f"{y}", "vector") for u in RUN}
+            made.append(graph.group(row, inputs | limits, name=f"Row {y} of the blocks"))
+    with graph.section("Rows of the blocks"):
+        tall = _positions(runs, "Runs of a row")
+        ups = places(tall, tall.y, 1)
+        parts = [joined([item.out(f"{part}", "vector") for item in made], ups) for part in range(-(-SIZE // packed))]
+    with graph.section("Pixels of the rows"):
+        whole = joined(parts, places(position, position.x, packed))
+        return whole if packed == 1 else _unpacked(whole, position.x)
 
 
-def _weights(position: Socket, along: Socket) -> dict[str, Socket]:
-    """Return the inputs of the group `pixels`: the pixels' positions, and their cosines along an axis."""
-    graph = position.graph
-    made = graph.group(cosines(), {"Place": along}, name="Cosines")
-    normalised = graph.node("CompositorNodeImageCoordinates", {"Image": position}).out("Normalized", "vector")
-    return {name: made.out(name, "vector") for name in BUNDLES} | {"Place": normalised + (0.0, 0.0, 1.0)}
+def _row(packed: int) -> Graph:
+    """Describe the group that makes one row of every block: so many pixels side by side to a number."""
+    graph = Graph("JPEG Row", "One row of every block from its horizontal frequencies, rounded to whole numbers")
+    nothing = (0.0, 0.0, 0.0, 1.0)
+    given = {f"{u}": graph.input(GroupInput(f"{u}", "color", nothing, "A horizontal frequency")) for u in RUN}
+    lowest = graph.input(GroupInput("Lowest", "float", 0.0, "The least value"))
+    highest = graph.input(GroupInput("Highest", "float", 255.0, "The greatest value"))
+    with graph.section("Frequencies to pixels"):
+        values = graph.group(pixels(), given)
+    with graph.section("Round"):
+        thrice = [graph.vector(bound, bound, bound) for bound in (lowest, highest)]
+        rounded = [
+            graph.clamp(graph.math("FLOOR", values.out(f"{k}", "vector") + (CENTRE + 0.5)), *thrice) for k in RUN
+        ]
+    with graph.section("Pack"):
+        for part, first in enumerate(range(0, SIZE, packed)):
+            total = rounded[first]
+            for place, value in enumerate(rounded[first + 1 : first + packed], start=1):
+                total = graph.math("MULTIPLY_ADD", value, 256.0**place, total)
+            graph.output(f"{part}", total, "vector", "Pixels side by side, the first in the lowest byte")
+    return graph
+
+
+def _unpacked(packed: Socket, column: Socket) -> Socket:
+    """Return the byte of each pixel out of the number of those side by side. column: the pixel's."""
+    graph = packed.graph
+    within = graph.math("FLOORED_MODULO", graph.math("FLOORED_MODULO", column, float(SIZE)), float(PACKED))
+    share = 1.0 - (within > 0.5) * (1 - 2.0**-8) - (within > 1.5) * (2.0**-8 - 2.0**-16)
+    lowest = graph.math("FLOOR", packed * graph.vector(share, share, share))
+    return lowest - graph.math("FLOOR", lowest * 2.0**-8) * 256.0
 
 
 def _percent(quality: Socket) -> Socket:
@@ -178,9 +213,6 @@ def _column() -> Graph:
     image = graph.input(GroupInput("Image", "color", (*nothing, 1.0), "Its coefficient of each row of eight pixels"))
     first = graph.input(GroupInput("First", "vector", nothing, "Where each block's first row is, from 0 to 1"))
     step = graph.input(GroupInput("Step", "vector", nothing, "From one row of a block to the next"))
-    weights = {
-        name: graph.input(GroupInput(name, "vector", nothing, "For the way back")) for name in ("Place", *BUNDLES)
-    }
     percent = graph.input(GroupInput("Percent", "float", 100.0, "How coarse: 100 is quality 50"))
     meaning = "The tables' entry at quality 50: luma, luma, chroma"
     entries = [graph.input(GroupInput(f"Entry {v}", "vector", (16.0, 16.0, 17.0), meaning)) for v in RUN]
@@ -192,8 +224,9 @@ def _column() -> Graph:
             inputs = {"Coefficient": split.out(f"{v}", "vector"), "Entry": entries[v], "Percent": percent}
             rounded[f"{v}"] = graph.group(quantise, inputs).out("Coefficient", "vector")
     with graph.section("Frequencies to columns"):
-        joined = graph.group(pixels(), weights | rounded).out("Image", "color")
-        graph.output("Image", _between_passes(joined))
+        made = graph.group(pixels(), rounded)
+        for y in RUN:
+            graph.output(f"{y}", _between_passes(made.out(f"{y}", "vector")), "vector", "A row of every block")
     return graph
 
 
@@ -225,9 +258,9 @@ def _rgb(canvas: Canvas, frame: _JpegFrame, decoded: Socket) -> Socket:
     corner = graph.vector(0.5, canvas.height_px - 0.5, frame.scale)
     centre = graph.math("MULTIPLY_ADD", pixel, (1.0, -1.0, 0.0), corner) / frame.scale
     where = centre / frame.planes
-    within = graph.math("MODULO", where, (2.0, 1.0, 2.0), label="Lower half under upper half")
-    halves = sample(graph, decoded, within, "Bilinear")
-    luma = graph.mix(halves.r, halves.g, where.y > within.y)
+    is_lower = graph.math("FLOOR", where.y)
+    halves = sample(graph, decoded, where - graph.vector(0.0, is_lower), "Bilinear")
+    luma = graph.mix(halves.r, halves.g, is_lower)
 
     blue = (_positions(frame.chroma, "Chroma") + PIXEL_CENTRE) / frame.planes
     red = blue + (0.5, 0.0, 0.0)

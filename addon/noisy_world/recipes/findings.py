@@ -20,7 +20,7 @@ MEANINGS = {
 
 
 @dataclass
-class Found:
+class FolderFindings:
     """What was found in one folder.
 
     problems: the names of files, or series with their frames, by kind. checked: how many images are as the recipe says.
@@ -59,14 +59,14 @@ class Findings:
     """
 
     made_otherwise: str = ""
-    sequences: list[Found] = field(default_factory=list)
+    sequences: list[FolderFindings] = field(default_factory=list)
     not_there: list[str] = field(default_factory=list)
     missing: list[str] = field(default_factory=list)
     unknown: list[str] = field(default_factory=list)
-    rest: Found = field(default_factory=lambda: Found("."))
+    rest: FolderFindings = field(default_factory=lambda: FolderFindings("."))
 
     @property
-    def all_found(self) -> list[Found]:
+    def all_found(self) -> list[FolderFindings]:
         """The sequences and the rest."""
         return [*self.sequences, self.rest]
 

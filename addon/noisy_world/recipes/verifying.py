@@ -15,7 +15,7 @@ from ..core.datasets.records import FRAMES, FrameRecord
 from ..core.progress import Progress
 from ..storage.dataset_files import DatasetFiles, SequenceFiles, files_of
 from .digests import block_digests, block_slice, blocks_of, series_of, short_of_hex
-from .findings import DAMAGED, EXTRA, MISSING, NOT_COMPARABLE, OTHER, Findings, Found
+from .findings import DAMAGED, EXTRA, MISSING, NOT_COMPARABLE, OTHER, Findings, FolderFindings
 from .frame_numbers import FrameNumbers
 from .made_with import made_otherwise
 from .recipe import Digests, Recipe, SequenceDigests
@@ -58,9 +58,9 @@ class _Sequence:
     state: DatasetState
     made_otherwise: bool
 
-    def compared(self) -> Found:
+    def compared(self) -> FolderFindings:
         """Hash its files, and return what was found."""
-        found = Found(self.name)
+        found = FolderFindings(self.name)
         written: Mapping[str, str] = self.state.files.get(self.name, {})
         records = self.files.records()
         (recorded,) = self.files.digests([FRAMES])
@@ -84,7 +84,7 @@ class _Sequence:
             found.add(EXTRA, name)
         return found
 
-    def _compare_images(self, found: Found, frames: FrameNumbers, records: Mapping[int, FrameRecord]) -> None:
+    def _compare_images(self, found: FolderFindings, frames: FrameNumbers, records: Mapping[int, FrameRecord]) -> None:
         wrong: dict[str, set[int]] = {series: set() for series in self.wanted.images}
         named = [(frame, name) for frame in frames for name in records[frame].files]
         digests = self.files.digests([name for _, name in named])
@@ -103,7 +103,7 @@ class _Sequence:
             self._compare_blocks(found, series, wanted, files, wrong[series])
 
     def _compare_blocks(
-        self, found: Found, series: str, wanted: Digests, files: Mapping[int, tuple[str, str]], wrong: set[int]
+        self, found: FolderFindings, series: str, wanted: Digests, files: Mapping[int, tuple[str, str]], wrong: set[int]
     ) -> None:
         """Compare a series block by block; what is missing or damaged has been told."""
         there = FrameNumbers.of(sorted(files))
