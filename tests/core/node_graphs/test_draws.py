@@ -1,11 +1,18 @@
 """Written groups in two: what chains of one stream draw alike, and the rest."""
 
 import pytest
-from group_tools import step_of
 from noisy_world.core.node_graphs.chain import build_written
 from noisy_world.core.node_graphs.draws import divided
+from noisy_world.core.perturbing.reading import parse_steps
+from noisy_world.core.schema import ConfigPath
+from noisy_world.perturbations import registry
 
 NOISE = "ShaderNodeTexWhiteNoise"
+
+
+def step_of(name, **values):
+    (step,) = parse_steps([{name: values}], ConfigPath("test"), registry())
+    return step
 
 
 def kinds(graph):
