@@ -32,10 +32,10 @@ def check_whole(path: Path, text: str) -> None:
         number, words = before[-1]
         problem = f"the file ends in the middle of a line: {len(last)} numbers, but line {number} has {len(words)}"
         raise InputError(path, problem, where=where, remedy=REMEDY)
-    if len(last) in _HOMOGENEOUS and _is_number(last[-1:]) and float(last[-1]) == 1.0:
-        return
-    if _is_number(last[-1:]) and not math.isfinite(float(last[-1])):
+    if not _is_number(last[-1:]) or not math.isfinite(float(last[-1])):
         return  # which the reader refuses in words of its own
+    if len(last) in _HOMOGENEOUS and float(last[-1]) == 1.0:
+        return
     others = [words[-1] for _, words in before]
     if len(others) >= FEWEST and _decimals(last[-1]) and {_decimals(last[-1])} == set(map(_decimals, others)):
         return
