@@ -314,7 +314,7 @@ writes: {{file: poses.txt, format: tum}}
 """
 WRITES = "open('poses.txt', 'w').writelines('%d.5 %d 0 0 0 0 0 1' % (k, k) + chr(10) for k in range(9))"
 
-ONE = "open('poses.txt', 'w').write('10.0 0 0 0 0 0 0 1')"
+ONE = "open('poses.txt', 'w').write('10.0 0 0 0 0 0 0 1' + chr(10))"
 
 
 @pytest.mark.parametrize(

@@ -18,10 +18,11 @@ from noisy_world.sources import read_scenes
 
 pytestmark = pytest.mark.usefixtures("add_on")
 
+SEVERAL = ("benchmark", "paper_code", "six_rooms", "study", "thresholds")  # scenes
 PRESETS = [  # those that the panel can show: one scene each
     path
     for path in sorted((Path(__file__).resolve().parents[2] / "presets").rglob("*.yaml"))
-    if not path.name.startswith("noisy_") and path.stem not in ("benchmark", "study")  # those have several scenes
+    if not path.name.startswith("noisy_") and path.stem not in SEVERAL
 ]
 
 

@@ -94,7 +94,7 @@ def _digest(folders: list[Path]) -> str:
     total = hashlib.sha256()
     for folder in folders:
         for path in sorted(path for path in folder.rglob("*") if path.suffix in _SUFFIXES and path.is_file()):
-            total.update(f"{path.relative_to(folder)}\0".encode() + hashlib.sha256(path.read_bytes()).digest())
+            total.update(f"{path.relative_to(folder)}\0".encode() + hashlib.sha256(read_bytes(path)).digest())
     return total.hexdigest()
 
 
