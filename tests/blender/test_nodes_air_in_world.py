@@ -1,13 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Rain and snow that drift stay in the world: a camera that moves and turns sees each particle where geometry says."""
 
+from dataclasses import replace
 from functools import partial
 
 import cv2
 import numpy as np
 import pytest
 from cases import cases
-from group_tools import keep_written, step_of
+from group_tools import step_of
 from scipy.spatial.transform import Rotation
 
 from srgb import linear
@@ -21,14 +22,13 @@ LEVEL, RATE_HZ = 0.15, 24.0
 FOCAL_PX = SIZE[1] / 2  # of a horizontal field of 90 degrees
 MIDDLE_PX = np.array([(SIZE[1] - 1) / 2, (SIZE[0] - 1) / 2])
 STILL_AIR = {"fall": 0.0, "wind_m_s": 0.0, "gusts_m_s": 0.0, "shutter_ms": 0.1, "aperture_mm": 0.0, "least_mrad": 6.0}
-SIZES = {"snow_depth": 2.0, "rain_depth": 7.0}  # so that a small image shows many
 
 
 class Seen:
     """What passes the particles nearer than a wall, by either execution, for a camera at a pose."""
 
-    def __init__(self, execution, name, compositor, step):
-        self.execution, self.name, self.compositor, self.step = execution, name, compositor, step
+    def __init__(self, execution, compositor, step):
+        self.execution, self.compositor, self.step = execution, compositor, step
 
     def __call__(self, index, first, before, now, wall_m):
         motion, image = motion_between(first, before, now, 1 / RATE_HZ), np.full((*SIZE, 3), LEVEL, np.float32)
@@ -45,16 +45,10 @@ class Seen:
 
 @pytest.fixture(scope="module")
 def air():
-    """Give what is seen by an execution, of rain or snow."""
-    compositors, made = [], {}
-    for name in ("snow_depth", "rain_depth"):
-        step = step_of(name, severity=5, temporal="drift", size=SIZES[name], frame_rate_hz=RATE_HZ, **STILL_AIR)
-        keep_written({"x": [step]})
-        compositors.append(Compositor((SIZE[1], SIZE[0]), {"x": [step]}, SIZE[1]).__enter__())
-        made |= {(execution, name): Seen(execution, name, compositors[-1], step) for execution in ("nodes", "arrays")}
-    yield made
-    for compositor in compositors:
-        compositor.__exit__(None, None, None)
+    """Give what is seen by each execution of snow."""
+    step = step_of("snow_depth", severity=5, temporal="drift", size=2.0, frame_rate_hz=RATE_HZ, **STILL_AIR)
+    with Compositor((SIZE[1], SIZE[0]), {"x": [step]}, SIZE[1]) as compositor:
+        yield {execution: Seen(execution, compositor, step) for execution in ("nodes", "arrays")}
 
 
 def places(seen, pose_args, near_m, far_m):
@@ -115,10 +109,10 @@ def level(index, *, forward_m=0.0, axis="y", degrees=0.0):
     return pose
 
 
-@cases("who", [("nodes", "snow_depth"), ("nodes", "rain_depth"), ("arrays", "snow_depth")])
-def test_a_camera_that_drives_flies_through_the_particles(air, who):
+@cases("execution", ["nodes", "arrays"])
+def test_a_camera_that_drives_flies_through_the_particles(air, execution):
     """At 3 m/s through still air: they flow out of the middle as their distances say."""
-    angles, ratios = flow_errors(air[who], partial(level, forward_m=3.0 / RATE_HZ), SPANS_M, 3.0 / RATE_HZ)
+    angles, ratios = flow_errors(air[execution], partial(level, forward_m=3.0 / RATE_HZ), SPANS_M, 3.0 / RATE_HZ)
     assert len(angles) > 20
     assert np.median(angles) < 2
     assert np.median(ratios) == pytest.approx(1, abs=0.1)
@@ -126,27 +120,30 @@ def test_a_camera_that_drives_flies_through_the_particles(air, who):
 
 @cases("axis", ["x", "y", "z"])
 def test_a_camera_that_turns_leaves_them_where_they_are(air, axis):
-    seen = air["nodes", "snow_depth"]
+    seen = air["nodes"]
     angles, ratios = flow_errors(seen, partial(level, axis=axis, degrees=2.5), SPANS_M[:1], 0.0)
     assert len(angles) > 10
     assert np.median(angles) < 2
     assert np.median(ratios) == pytest.approx(1, abs=0.1)
 
 
-@cases("degrees", [0.0, 30.0, 45.0, 90.0])
-def test_no_part_of_an_image_repeats_another(air, degrees):
+@cases("degrees", [0.0, 45.0, 90.0])
+def test_no_part_of_an_image_repeats_another(degrees):
     """Whichever of the world's axes the camera looks along, or between which: the image's correlation with itself."""
+    height, width = 360, 640
+    step = step_of("snow_depth", severity=5, temporal="drift")
     pose = level(1, degrees=degrees)
-    image = air["nodes", "snow_depth"](3, pose, pose, pose, 12.0)
-    image = cv2.GaussianBlur(image, (0, 0), 1.0)
-    image = image - cv2.blur(image, (21, 21))
-    padded = np.zeros((2 * SIZE[0], 2 * SIZE[1]))
-    padded[: SIZE[0], : SIZE[1]] = image
-    shown = np.zeros_like(padded)
-    shown[: SIZE[0], : SIZE[1]] = 1
+    motion, depth_m = motion_between(pose, pose, pose, 1.0), np.full((height, width), 12.0, np.float32)
+    motion = replace(motion, first_c2w=level(0))
+    with Compositor((width, height), {"x": [step]}, width) as compositor:
+        image = np.full((height, width, 3), LEVEL, np.float32)
+        made = compositor.evaluate(image, {"x": (3, IDENTIFIERS)}, depth_m, {"x": motion})[0]["x"].mean(axis=-1)
+    image = np.minimum(made - made.mean(), 8 * made.std())  # so that the few nearest flakes do not decide
+    padded, shown = np.zeros((2, 2 * height, 2 * width))
+    padded[:height, :width], shown[:height, :width] = image, 1
     sums, common = (np.fft.irfft2(np.abs(np.fft.rfft2(part)) ** 2, part.shape) for part in (padded, shown))
     found = sums / np.maximum(common, 1) / (image**2).mean()
     # Further than flakes are wide, where enough of the image remains to be compared.
     rows, columns = (np.minimum(np.arange(n), n - np.arange(n)) for n in found.shape)
-    counts = (common > 0.3 * image.size) & (np.hypot(rows[:, None], columns) > 12)
-    assert np.abs(found[counts]).max() < 5 / np.sqrt((np.abs(image) > image.std()).sum())
+    counts = (common > 0.4 * image.size) & (np.hypot(rows[:, None], columns) > 15)
+    assert np.abs(found[counts]).max() < 0.05
