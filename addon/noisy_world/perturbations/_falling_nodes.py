@@ -10,10 +10,10 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import TypeAlias
 
+from ..core.linear_light import LUMINANCE
 from ..core.node_graphs.graph import Graph, GroupInput, Socket, Value
 from ..core.node_graphs.groups import Canvas
 from ._falling_tile import DENSITY, EXCESS, LEVELS, TILE, UNITS, shells
-from ._linear_light import LUMINANCE
 from ._particles import NEAR_M
 from ._precipitation import EXTINCTION_EFFICIENCY
 from ._streaks import LEAST_WIDTH_PX, MOST_OPAQUE, SOFTNESS

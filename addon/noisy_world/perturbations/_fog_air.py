@@ -11,6 +11,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.linear_light import decoded, encoded
 from ..core.node_graphs.group_inputs import seed_of
 from ..core.perturbing.kinds import FrameContext
 from ..core.trajectories.camera_state import CameraState, camera_state_of
@@ -18,7 +19,6 @@ from ._bands import by_bands
 from ._fog_glow import glow_of
 from ._fog_parameters import EXTINCTION, FogDepth
 from ._fog_waves import GRID_PX, Bank, key_of, mean_before, slab_means
-from ._linear_light import decoded, encoded
 from ._view import camera_of
 
 Float32: TypeAlias = NDArray[np.float32]

@@ -12,11 +12,11 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.linear_light import LUMINANCE, decoded, encoded
 from ..core.perturbing.kinds import FrameContext
 from ..core.schema import key
 from ..core.trajectories.camera_state import camera_state_of
 from ._bands import by_bands
-from ._linear_light import LUMINANCE, decoded, encoded
 from ._particles import Air, AirCamera, in_sight
 from ._patterns import three_channels
 from ._precipitation import Precipitation, veil_depth

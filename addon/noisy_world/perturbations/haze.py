@@ -7,13 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.linear_light import LUMINANCE, decoded, encoded
 from ..core.node_graphs.graph import Socket
 from ..core.node_graphs.groups import Canvas, convert
 from ..core.perturbing.kinds import ColourPerturbation, FrameContext
 from ..core.schema import key
 from ._bands import by_bands
 from ._fog_parameters import EXTINCTION
-from ._linear_light import LUMINANCE, decoded, encoded
 
 VISUAL_NM = 550.0  # where visibility is meant: the eye is most sensitive
 # Dominant wavelengths of Rec. 709's primaries against its white.

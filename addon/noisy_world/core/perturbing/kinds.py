@@ -30,6 +30,8 @@ Stage: TypeAlias = Literal["motion", "exposure", ColourStage, "depth", "pairing"
 
 STAGES: tuple[Stage, ...] = ("motion", "exposure", "environment", "lens", "sensor", "post", "depth", "pairing")
 COLOUR_STAGES: tuple[ColourStage, ...] = ("environment", "lens", "sensor", "post")
+LIGHT_STAGES: tuple[ColourStage, ...] = ("environment", "lens")
+"""Those before a sensor: on lit frames they act on scene-linear light, before the view transform."""
 
 Temporal: TypeAlias = Literal["fresh", "fixed", "drift"]
 """How a random pattern changes from frame to frame: drawn anew, kept, or moved smoothly."""
@@ -144,7 +146,8 @@ It is recorded in frames.jsonl.
 ColourApply: TypeAlias = Callable[[NDArray[np.float32], Any, FrameContext], NDArray[np.float32]]
 """(H, W, 3) float32 RGB, sRGB-encoded, in [0, 1]; parameters; context -> a new array of the same shape and type.
 
-The input is not changed. The result may lie outside [0, 1]: the caller clips it.
+The input is not changed. The result may lie outside [0, 1]: the caller clips it. On lit frames environment and lens are
+given light of any brightness, encoded by the same curve, which goes on above 1; what `averages` gets light itself.
 """
 
 BytesApply: TypeAlias = Callable[[NDArray[np.uint8], Any, FrameContext], NDArray[np.uint8]]
@@ -287,17 +290,18 @@ class ExposurePerturbation(Perturbation):
 class ColourPerturbation(Perturbation):
     """Acts on a colour image; several of the same name may act after one another.
 
-    stage: environment, lens, sensor or post. apply: the reference execution. apply_bytes: the same on bytes, used where
-    it is the only step on a frame. build: the same definition as a compositor node group, or None. capacity: for each
-    parameter that the number of its nodes depends on, the largest value that the group serves by default. needs_depth:
-    the context holds the frame's depth, and the group has an input for it. repeatable: the result depends on image,
-    parameters, intrinsics and depth alone, so that sequences which do the same to a frame share a file; it draws
-    nothing and does not look at the frame's number or stamp. linear: `build` is given and gives linear light, of any
-    brightness, so that what is brighter than 1 stays so. uses_motion: `apply` looks at the camera's motion, where the
-    context has it, and the group has inputs for it. goes_with_camera: a fixed pattern does. by_camera: of the group's
-    parameters, what a known camera decides. repeats: tells of which parameters it is repeatable, and looks at no
-    motion, though it has temporals. grain: each pixel has noise of its own, which files of images hardly compress;
-    estimates of sizes ask for it.
+    stage: environment, lens, sensor or post. apply: the reference execution. apply_bytes: the same on bytes, used
+    where it is the only step on a frame. build: the same definition as a compositor node group, or None. capacity:
+    for each parameter that the number of its nodes depends on, the largest value that the group serves by default.
+    needs_depth: the context holds the frame's depth, and the group has an input for it. repeatable: the result
+    depends on image, parameters, intrinsics and depth alone, so that sequences which do the same to a frame share a
+    file; it draws nothing and does not look at the frame's number or stamp. linear: `build` is given and gives
+    linear light, of any brightness, so that what is brighter than 1 stays so. averages: it only moves and averages
+    values, so where light is not clipped it works on light itself, as a lens does. uses_motion: `apply` looks at
+    the camera's motion, where the context has it, and the group has inputs for it. goes_with_camera: a fixed
+    pattern does. by_camera: of the group's parameters, what a known camera decides. repeats: tells of which
+    parameters it is repeatable, and looks at no motion, though it has temporals. grain: each pixel has noise of its
+    own, which files of images hardly compress; estimates of sizes ask for it.
 
     Raises ValueError for another stage, and for temporals of what is repeatable.
     """
@@ -309,6 +313,7 @@ class ColourPerturbation(Perturbation):
     needs_depth: bool = False
     repeatable: bool = False
     linear: bool = False
+    averages: bool = False
     uses_motion: bool = False
     goes_with_camera: bool = False
     by_camera: Callable[[Intrinsics], Mapping[str, Any]] | None = None
