@@ -48,7 +48,8 @@ class Canvas:
     width_px, height_px: of the input image, one number each. scale: pixels of the input image per pixel at the
     reference width. position_px: each pixel's column and row (x, y, 0) at the reference width, whole numbers, from the
     upper left. drift_frames: how many frames a kept pattern has moved on. depth_m: planar depth, 0 = void, in a group
-    that asks for it. white: the brightest encoded value that there is; 1, or far beyond where nothing is clipped.
+    that asks for it. white: the brightest encoded value that there is; 1, or far beyond where nothing is clipped. lit:
+    1 where nothing is clipped, as the image is light of any brightness, else 0.
     camera: how it stands and moves, in a group that asks for motion.
     """
 
@@ -63,6 +64,7 @@ class Canvas:
     drift_frames: Value = 0.0
     depth_m: Socket | None = None
     white: Socket | float = 1.0
+    lit: Socket | float = 0.0
     camera: CameraSockets | None = None
 
     def random(self, purpose: int, position: Value = (0.0, 0.0, 0.0)) -> Socket:
@@ -193,9 +195,11 @@ def _canvas(image: Socket, reference: Socket, depth_m: Socket | None, clip: Sock
     flipped = graph.vector(0.5, height - 0.5)
     centre = graph.math("MULTIPLY_ADD", pixel, (1.0, -1.0, 0.0), flipped)
     position = graph.math("FLOOR", graph.math("DIVIDE", centre, graph.vector(scale, scale, 1.0)), label="Position")
-    bounds = {True: 1.0, False: BRIGHTEST}
-    white = bounds[clip] if isinstance(clip, bool) else graph.choose(clip, bounds[True], bounds[False], "float")
-    return Canvas(graph, image, width, height, scale, position, depth_m=depth_m, white=white)
+    if isinstance(clip, bool):
+        white, lit = (1.0, 0.0) if clip else (BRIGHTEST, 1.0)
+    else:
+        white, lit = (graph.choose(clip, *ends, "float") for ends in ((1.0, BRIGHTEST), (0.0, 1.0)))
+    return Canvas(graph, image, width, height, scale, position, depth_m=depth_m, white=white, lit=lit)
 
 
 def _timed(canvas: Canvas, perturbation: ColourPerturbation, timing: Mapping[str, Socket]) -> Canvas:

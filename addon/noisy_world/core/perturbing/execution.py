@@ -321,6 +321,7 @@ def perturb_light(
     What only averages works on light itself; the others as ever, on encoded values, by sRGB's curve, which goes on
     above 1.
     """
+    context = replace(context, lit=True)
     if step.perturbation.averages:
         made = perturb_colour(step, light, severity, context)
     else:
