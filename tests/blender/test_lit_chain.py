@@ -137,3 +137,30 @@ def test_a_group_outdoors_takes_the_other_table(tmp_path):
     for severity, step in table.items():
         wanted = ColourWork.of([step], FrameContext(0, IDENTIFIERS, read_depth_m=lambda: depth_m)).on_light(light)
         assert np.abs(found[f"s{severity}"] / wanted - 1).max() < 1e-3
+
+
+@pytest.mark.parametrize("shader", ["glass", "principled"])
+def test_weather_sees_through_glass_and_the_sensor_does_not(tmp_path, shader):
+    scene = new_scene(samples=1)
+    scene.frame_end = 1
+    bpy.ops.mesh.primitive_plane_add(size=1, location=(0.2, 1.5, 0), rotation=(np.pi / 2, 0, 0))
+    material = bpy.data.materials.new("Pane")
+    bpy.context.object.data.materials.append(material)
+    nodes, links = material.node_tree.nodes, material.node_tree.links
+    if shader == "glass":
+        links.new(nodes.new("ShaderNodeBsdfGlass").outputs[0], nodes["Material Output"].inputs["Surface"])
+    else:
+        nodes["Principled BSDF"].inputs["Transmission Weight"].default_value = 1
+    path = save(tmp_path, "pane")
+    with opened(path, through_glass=True) as (session, paths, _):
+        frame = session.frame(paths.request(0))
+        again = session.frame(paths.request(0))
+    bpy.data.objects.remove(bpy.data.objects["Plane"])
+    with opened(save(tmp_path, "open")) as (session, paths, _):
+        free_m = session.frame(paths.request(0)).depth_m
+    pane = frame.depth_m < free_m - 0.1
+    assert 0.05 < pane.mean() < 0.9
+    assert np.abs(frame.behind_glass_m / free_m - 1).max() < 1e-5
+    assert np.array_equal(frame.behind_glass_m, again.behind_glass_m)
+    assert np.array_equal(frame.rgb, again.rgb)
+    assert np.array_equal(frame.depth_m, again.depth_m)

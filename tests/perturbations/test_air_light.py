@@ -63,7 +63,8 @@ def test_a_colour_that_is_given_is_the_airs_and_the_sky_can_be_left(name):
     assert (red[:, 70:, 0] > light[:, 70:, 0]).mean() > 0.9
     assert red[22:, 70:, 0].mean() > 1.2 * red[22:, 70:, 1].mean()
     left = made(light, depth_m, name, severity=5, air_red=0.9, air_green=0.1, air_blue=0.1, leave_sky=True)
-    assert np.median(np.abs(left[:20] - light[:20])) < 1e-6
+    veiled, kept = (np.abs(item[:20] - light[:20]).mean() for item in (red, left))
+    assert kept < 0.3 * veiled if "snow" in name or "rain" in name else kept < 1e-6  # flakes stand before it
     assert np.array_equal(left[20:], red[20:])
 
 

@@ -20,6 +20,7 @@ from ..core.trajectories.sensor_paths import SensorPaths
 from .depth_scene import DepthScene, may_be_seen_through, set_frame, without_void
 from .engines import FILTER_MIDDLE
 from .own_settings import make_repeatable, rendered_layer
+from .panes import Panes
 from .render import RenderFile
 from .render_camera import RenderCamera
 from .scene_camera import show_frame
@@ -107,6 +108,10 @@ class OwnSceneSession:
         self._depth = None
         if self._apart or facts:
             self._depth = DepthScene(scene, intrinsics, options, alpha=file.depth_alpha, masked=masked, facts=facts)
+        panes = Panes(blocks)
+        self._seen = None
+        if options.through_glass and panes.any:
+            self._seen = DepthScene(scene, intrinsics, options, alpha=file.depth_alpha, masked=masked, panes=panes)
         self._colour = _Colour(scene, file, intrinsics, options, depth=together) if options.rgb else None
 
     def serves(self, paths: SensorPaths, options: RenderOptions) -> bool:
@@ -126,7 +131,8 @@ class OwnSceneSession:
         if self._depth is not None and self._apart:
             same = seen_m is not None and np.array_equal(request.rgb_c2w, request.depth_c2w)
             depth_m = seen_m if same else self._depth.render(request.depth_c2w, at)[0]
-        return RenderedFrame(rgb, depth_m, others, light=light)
+        behind_m = None if self._seen is None else self._seen.render(request.rgb_c2w, at)[0]
+        return RenderedFrame(rgb, depth_m, others, light=light, behind_glass_m=behind_m)
 
     def motion(self, here: FrameRequest, there: FrameRequest) -> Motion | None:
         """Return how what the colour camera sees moves between two frames; None where they show the same moment."""
@@ -140,7 +146,7 @@ class OwnSceneSession:
 
     def close(self) -> None:
         """Remove the scratch files."""
-        for part in (self._colour, self._depth, self._motion):
+        for part in (self._colour, self._depth, self._motion, self._seen):
             if part is not None:
                 part.close()
 

@@ -70,7 +70,7 @@ def _rendered(scene: bpy.types.Scene, still: OwnStill) -> RenderedFrame:
     engine = still.engine or ENGINES[scene.render.engine]
     near_m, far_m = still.clip_m or (parameters.near_m, parameters.far_m)
     options = RenderOptions(
-        near_m=near_m, far_m=far_m, engine=engine, seed=still.seed,
+        near_m=near_m, far_m=far_m, engine=engine, seed=still.seed, through_glass=True,
         samples=still.samples or samples_of(scene)[engine],
     )  # fmt: skip
     file = OwnSceneFile(

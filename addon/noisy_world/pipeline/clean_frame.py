@@ -17,7 +17,7 @@ from ..core.geometry import Intrinsics
 from ..core.perturbing.execution import ColourWork
 from ..core.perturbing.kinds import FrameContext
 from ..core.planning.sequence import Sequence, ShownSources
-from ..core.planning.source import SceneLight, SourceFrame, light_of
+from ..core.planning.source import SceneLight, SourceFrame, depth_behind_glass, light_of
 from ..core.trajectories.motion import CameraMotion, motion_between
 from ..core.trajectories.trajectory import Trajectory
 from .stage_timer import DECODING, StageTimer
@@ -101,6 +101,11 @@ class CleanFrame:
         """Return the depth as the colour camera sees it; a function that contexts can hand on."""
         return self._depth_in_colour_m
 
+    def read_seen_depth_m(self) -> NDArray[np.float32]:
+        """Return the depth of what colour shows, through panes of glass, for what acts on colour; as `read_depth_m`."""
+        behind_m = depth_behind_glass(self._image)
+        return self.read_depth_m() if behind_m is None else behind_m
+
     def read_rgb(self) -> NDArray[np.float32]:
         """Return colour (H, W, 3), float32 in [0, 1], as the depth camera sees it, for contexts likewise."""
         rgb = self.float_rgb()
@@ -137,7 +142,7 @@ class Camera:
             intrinsics=self.intrinsics,
             motion=self.motion(sequence, frame) if setting.uses_motion else None,
             read_rgb=clean.read_rgb if setting.needs_rgb else None,
-            read_depth_m=clean.read_depth_m if setting.needs_depth else None,
+            read_depth_m=clean.read_seen_depth_m if setting.needs_depth else None,
         )
 
     def motion(self, sequence: Sequence, frame: int) -> CameraMotion | None:

@@ -111,7 +111,7 @@ class CompositorColour:
             waiting = [item for item in waiting if item not in turn.values()]
             frames = {folder: (frame, sequence.identifiers) for folder, (sequence, frame) in turn.items()}
             needs_depth = any(sequence.setting.needs_depth for sequence, _ in turn.values())
-            depth_m = clean.read_depth_m() if needs_depth else None
+            depth_m = clean.read_seen_depth_m() if needs_depth else None
             motions = {
                 folder: self._camera.context(sequence, frame, clean).motion
                 for folder, (sequence, frame) in turn.items()

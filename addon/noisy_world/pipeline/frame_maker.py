@@ -268,4 +268,5 @@ def render_options(plan: Plan, render: Render, *, judging: bool = False, threads
         channels=channels.difference(item.name for item in led_on),
         threads=threads,
         first_frames=needed_frames,
+        through_glass=any(sequence.setting.needs_depth for sequence in render.sequences),
     )

@@ -81,6 +81,11 @@ def light_of(frame: SourceFrame) -> SceneLight | None:
     return getattr(frame, "light", None)
 
 
+def depth_behind_glass(frame: SourceFrame) -> NDArray[np.float32] | None:
+    """Return the depth (H, W) of what a clean frame shows through panes, metres; None of a frame without any."""
+    return getattr(frame, "behind_glass_m", None)
+
+
 class ColourAndDepth:
     """The images of a frame that has no other channels than colour and depth."""
 
@@ -106,7 +111,8 @@ class RenderedFrame(ColourAndDepth):
     depth_m: (H, W) float32, planar depth at the pixel's centre in metres, 0 = void; None if not asked for.
     others: those of other channels that were asked for, by name, as the channels describe them. colour_rays: how many
     rays the pixels of colour took together; None where that does not follow from what is seen. light: colour before a
-    view transform, of a lit scene.
+    view transform, of a lit scene. behind_glass_m: depth as `depth_m`, but of what is seen through panes; None where
+    there are none, or it was not asked for.
     """
 
     rgb: NDArray[np.float32] | None
@@ -114,6 +120,7 @@ class RenderedFrame(ColourAndDepth):
     others: Mapping[Modality, NDArray[Any]] = field(default_factory=dict)
     colour_rays: int | None = None
     light: SceneLight | None = None
+    behind_glass_m: NDArray[np.float32] | None = None
 
     def image(self, modality: Modality) -> NDArray[Any] | None:
         """Return the image of a channel; None if it was not asked for."""
@@ -166,7 +173,8 @@ class RenderOptions:
     """How sources that render make their frames.
 
     channels: what they give, by name. threads: 0 for as many as the machine has. first_frames: the first frames of the
-    path; a source refuses a path where all of them see nothing, unless there are none here.
+    path; a source refuses a path where all of them see nothing, unless there are none here. through_glass: whether
+    depth is needed of what is seen through panes, too.
     """
 
     near_m: float
@@ -178,6 +186,7 @@ class RenderOptions:
     channels: frozenset[Modality] = COLOUR_AND_DEPTH
     threads: int = 0
     first_frames: tuple[int, ...] = ()
+    through_glass: bool = False
 
     @property
     def rgb(self) -> bool:
