@@ -50,7 +50,7 @@ def air_nodes(canvas: Canvas, given: Mapping[str, Socket]) -> AirSockets:
     """Return the light of the air, by the parameters `air`, `air_red`, `air_green` and `air_blue`."""
     graph, depth_m = canvas.graph, canvas.depth_m
     assert depth_m is not None
-    with graph.section("The air's light"):
+    with graph.section("The air: what is sky"):
         auto, scene, plain, colour = graph.chosen(given["air"])
         lit = canvas.lit
         estimated = scene + auto * lit
@@ -62,7 +62,7 @@ def air_nodes(canvas: Canvas, given: Mapping[str, Socket]) -> AirSockets:
         luminance = graph.math("MAXIMUM", graph.math("DOT_PRODUCT", image, LUMINANCE), 0.0)
     surfaces, _ = _robust_mean(canvas, image, luminance, graph.math("SUBTRACT", 1.0, sky))
     own, part = _robust_mean(canvas, image, luminance, sky)
-    with graph.section("The air's light"):
+    with graph.section("The air: its light"):
         bright = graph.math("DOT_PRODUCT", own, LUMINANCE)
         seen = graph.math("MINIMUM", part / WHOLE_SKY, 1.0)
         share = seen * bright / (bright + NIGHT)
@@ -87,7 +87,7 @@ def _sky(graph: Graph, depth_m: Socket) -> Socket:
 def _robust_mean(canvas: Canvas, image: Socket, luminance: Socket, mask: Socket) -> tuple[Socket, Socket]:
     """Return the mean of the image where the mask is 1, as `robust_mean`, and the mask's share of the frame."""
     graph = canvas.graph
-    with graph.section("A mean that lamps hardly move"):
+    with graph.section("The air: a mean that lamps hardly move"):
         part = _mean(mask, "Red")
         root = graph.math("SQRT", graph.math("SQRT", luminance))
         first = graph.math("POWER", _mean(root * mask, "Red") / graph.math("MAXIMUM", part, LEAST), 4.0)

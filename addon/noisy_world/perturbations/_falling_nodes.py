@@ -102,8 +102,9 @@ def build_falling(canvas: Canvas, given: Mapping[str, Socket], laws: Laws) -> So
             inputs = shared | {"Start": start, "Share": shell.share, "Middle": shell.middle}
             inputs |= {f"Depth {power}": value for power, value in enumerate(shell.places)}
             seen = seen * graph.group(part, inputs, name=f"Shell {number + 1}").out("Seen", "float")
+    light = _light(canvas, given, laws)
     with graph.section("Over the image"):
-        return graph.mix(_light(canvas, given, laws), canvas.image, graph.vector(seen, seen, seen))
+        return graph.mix(light, canvas.image, graph.vector(seen, seen, seen))
 
 
 def _light(canvas: Canvas, given: Mapping[str, Socket], laws: Laws) -> Socket:

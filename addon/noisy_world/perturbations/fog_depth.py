@@ -62,10 +62,10 @@ def build(canvas: Canvas, given: Mapping[str, Socket], _served: Mapping[str, flo
     with graph.section("What is seen"):
         depth = distance_m * rate * (thinned * clumps)
         seen = graph.math("EXPONENT", depth)
+    own = air_nodes(canvas, given)
     with graph.section("Airlight"):
         grey = given["airlight"]
         plain = convert(graph, graph.vector(grey, grey, grey), "sRGB", "Linear Rec.709")
-        own = air_nodes(canvas, given)
         air = own.chosen(plain, own.surfaces)
     glow = glow_nodes(canvas, given, air, depth)
     with graph.section("Over the image"):

@@ -114,13 +114,13 @@ def build(canvas: Canvas, given: Mapping[str, Socket], _served: Mapping[str, flo
         ratios = [VISUAL_NM / wave for wave in CHANNELS_NM]
         rates = [rate * graph.math("POWER", ratio, given["angstrom"]) for ratio in ratios]
         seen = graph.vector(*(graph.math("EXPONENT", distance_m * each) for each in rates))
+    own = air_nodes(canvas, given)
     with graph.section("Airlight"):
         power = given["angstrom"] * given["blueness"]
         colour = graph.vector(*(graph.math("POWER", ratio, power) for ratio in ratios))
         bright = graph.math("DOT_PRODUCT", colour, LUMINANCE)
         grey = convert(graph, graph.vector(*[given["airlight"]] * 3), "sRGB", "Linear Rec.709")
         hue = colour / graph.vector(bright, bright, bright)
-        own = air_nodes(canvas, given)
         mean = graph.math("DOT_PRODUCT", own.surfaces, LUMINANCE)
         air = own.chosen(grey * hue, graph.vector(mean, mean, mean) * hue)
     with graph.section("Over the image"):

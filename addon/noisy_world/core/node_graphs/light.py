@@ -43,8 +43,9 @@ class Light:
             return self.image
         if self.clip is True:
             return self.to_encoded()
-        graph = self.image.graph
-        return graph.choose(self.clip, self.to_encoded(), self.image)
+        graph, coded = self.image.graph, self.to_encoded()
+        with graph.section("To light or encoded colour"):
+            return graph.choose(self.clip, coded, self.image)
 
     def from_average(self, result: Socket, share: Socket | None = None) -> Socket:
         """Return averages of what `to_average` gives as the image was given. share: as in `from_encoded`."""
@@ -55,7 +56,9 @@ class Light:
             light = self._with_alpha(graph, self._mixed(graph.math("MAXIMUM", result, DARK), share))
         if self.clip is False:
             return light
-        return graph.choose(self.clip, self.from_encoded(result, share), light)
+        coded = self.from_encoded(result, share)
+        with graph.section(BACK):
+            return graph.choose(self.clip, coded, light)
 
     def from_encoded(self, result: Socket, share: Socket | None = None) -> Socket:
         """Return encoded colour as the image was given: linear light with its alpha, or encoded.
