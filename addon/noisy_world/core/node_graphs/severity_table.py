@@ -26,13 +26,13 @@ def by_severity(
     found: dict[str, Socket] = {}
     for names in batched(perturbation.severities, 3):
         tables = {None: perturbation.severities, **perturbation.other_severities}
-        at = {
-            switch: graph.blend(*(_looked_up(perturbation, table, names, end) for end in ends), between)
-            for switch, table in tables.items()
-        }
-        value = at.pop(None)
-        for switch, other in at.items():
-            value = graph.choose(own[switch], other, value, value.kind)
+        at: dict[str | None, Socket] = {}
+        for switch, table in tables.items():
+            lower, upper = (_looked_up(perturbation, table, names, end) for end in ends)
+            at[switch] = graph.blend(lower, upper, between)
+        value = at[None]
+        for switch in perturbation.other_severities:
+            value = graph.choose(own[switch], at[switch], value, value.kind)
         for name, at_level in zip(names, (value,) if len(names) == 1 else (value.x, value.y, value.z), strict=False):
             whole = graph.math("FLOOR", at_level + 0.5) if name in perturbation.counts else at_level
             found[name] = graph.choose(override, own[name], whole, own[name].kind)
