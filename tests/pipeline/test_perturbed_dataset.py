@@ -14,6 +14,7 @@ from many_settings import COUNT, image, numbers, records, run
 from shard_workers import workers_here
 from worlds import content, write_world
 
+from noisy_world.core.datasets import images
 from noisy_world.core.datasets.images import encode_colour
 from noisy_world.core.perturbing.reading import parse_steps
 from noisy_world.core.perturbing.kinds import FrameContext
@@ -225,3 +226,14 @@ def test_what_is_made_once_for_a_scene_counts_as_loading(tmp_path, monkeypatch):
     preset = write_world(tmp_path / "world", frames=1, size=(8, 6), settings=[{"name": "clean"}])
     report = run(preset, tmp_path / "out")
     assert report.processor_s["loading"] >= 0.4 > report.processor_s["rendering"]
+
+
+def test_a_clean_image_has_the_usual_huffman_tables_however_noisy_it_is(tmp_path, monkeypatch):
+    monkeypatch.setattr(images, "NOISY", -1)
+    settings = [{"name": "clean"}, {"name": "noise", "perturb": [{"gaussian_noise": None}]}]
+    preset = write_world(tmp_path / "world", frames=1, size=(40, 32), settings=settings, output={"image": "jpg"})
+    run(preset, tmp_path / "out")
+    # Annex K.3 of ITU-T T.81: how many codes of the luminance's DC coefficients have 1, 2 and more bits.
+    usual = bytes([0, 1, 5, 1, 1, 1, 1, 1, 1, 0, 0, 0, 0, 0, 0, 0])
+    found = [usual in image(tmp_path / "out", name, "frame", 0, "jpg").read_bytes() for name in ("clean", "noise")]
+    assert found == [True, False]

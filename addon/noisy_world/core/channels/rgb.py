@@ -46,6 +46,10 @@ class Rgb(Channel):
         """Encode (H, W, 3), uint8 or float32 in [0, 1]."""
         return written.encode_rgb(pixels)
 
+    def encode_clean(self, pixels: NDArray[Any], written: ImageFormat) -> bytes:
+        """Encode (H, W, 3) without Huffman tables of its own: links spare more."""
+        return written.encode_rgb(pixels, fit_tables=False)
+
     def pixel_bytes(self, written: ImageFormat) -> PixelBytes:
         """Return how large JPEG or PNG is."""
         return _BYTES[written.image]

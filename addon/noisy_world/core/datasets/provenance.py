@@ -129,7 +129,7 @@ def _output(format_: OutputFormat) -> dict[str, Any]:
         "depth_beyond": format_.depth_beyond,
         "modalities": sorted(format_.modalities),
         **({"formats": formats} if formats else {}),
-        **({HUFFMAN: "noise"} if coloured and format_.image == "jpg" else {}),
+        **({HUFFMAN: "perturbed noise"} if coloured and format_.image == "jpg" else {}),
     }
 
 
