@@ -107,4 +107,4 @@ def test_the_time_of_a_line_is_in_proportion_to_its_length(tmp_path, text):
     (tmp_path / "a.obj").write_text("f 1 2 3\n")
     (tmp_path / "a.mtl").write_text("map_Kd " + "-s " * 60_000 + " " * 60_000 + "\n")
     check_mesh(tmp_path / "a.obj")
-    assert time.process_time() - began < 10  # 60,000 squared would be minutes; a busy machine takes 2 s
+    assert time.process_time() - began < 1
