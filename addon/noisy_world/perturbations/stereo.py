@@ -44,7 +44,7 @@ class Stereo:
 
 
 # focal_px: 424 at 848 x 480 and 90 degrees, sigma_px: Intel's figure for D4xx, librealsense thread 3904; the best of it
-# is 0.032. Degrees: Intel, Subpixel linearity improvement (D415: 65, at 1280). step_px: 1/32, the same. speckle: simsense.
+# is 0.032. Degrees: Intel, Subpixel linearity improvement (D415: 65, at 1280). step_px: the same. speckle: simsense.
 # The baselines, the D455's 87 degrees, search_px, least_contrast, pattern and max_m were not looked up: guesses.
 _D4XX = {"sigma_px": 0.08, "step_px": 1 / 32, "search_px": 126.0, "max_m": 10.0}
 _D4XX |= {"least_contrast": 0.01, "pattern": 0.16, "speckle": 0.25}

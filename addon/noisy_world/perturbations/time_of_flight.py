@@ -37,7 +37,7 @@ class TimeOfFlight:
     )
     noise: float = noise_of_device()
     frequency_mhz: float = of_device("frequency that the phase is measured at", 10_000, "MHz")
-    unambiguous_m: float = of_device("range that further frequencies tell apart; 0: c / (2 frequency)", 10_000, "m")
+    unambiguous_m: float = of_device("range that further frequencies tell apart, rounded to turns; 0: one", 10_000, "m")
     electrons: float = of_device("of a sample, from a white surface at 1 m, head on", 1e9)
     ambient_electrons: float = of_device("of a sample, from other light", 1e9)
     read_electrons: float = of_device("standard deviation of reading a sample", 1e6)
@@ -46,7 +46,7 @@ class TimeOfFlight:
     most_electrons: float = of_device("what a sample holds; above it nothing is given", 1e9)
     spread: float = of_device("share of a pixel's light that goes to each neighbour beside, above and below it", 0.25)
     jump_m: float = of_device(
-        "jump of depth to one of eight neighbours beside which nothing is given; 0: any is", 1000, "m"
+        "jump of depth to one of eight neighbours beside which nothing is given; 0: never", 1000, "m"
     )
     min_m: float = of_device("nearest depth that is given", 1000, "m")
     max_m: float = of_device("farthest depth that is given", 1000, "m")
@@ -85,8 +85,11 @@ def apply(depth_m: NDArray[np.float32], parameters: TimeOfFlight, context: Frame
         noise *= deviation
         np.add(part, noise, out=part)
     found_m = _turned(real, imaginary, fine_m)
-    if own.unambiguous_m > fine_m:
-        found_m = _unwrapped(found_m, fine_m, electrons, range_m, own)
+    turns = round(own.unambiguous_m / fine_m)
+    if turns > 1:
+        coarse_m = _coarse(electrons, range_m, own.spread, fine_m, turns * fine_m)
+        found_m += np.rint((coarse_m - found_m) * np.float32(1 / fine_m)) * np.float32(fine_m)
+        found_m = _begun_again(found_m, turns * fine_m)
     amplitude = real * real + imaginary * imaginary
     valid &= amplitude >= np.float32(own.least_electrons**2)
     valid &= mixed <= np.float32(own.most_electrons - own.ambient_electrons)
@@ -149,36 +152,31 @@ def _turned(real: NDArray[np.float32], imaginary: NDArray[np.float32], turn_m: f
     return turns
 
 
-def _unwrapped(
-    found_m: NDArray[np.float32],
-    fine_m: float,
-    electrons: NDArray[np.float32],
-    range_m: NDArray[np.float32],
-    own: TimeOfFlight,
+def _coarse(
+    electrons: NDArray[np.float32], range_m: NDArray[np.float32], spread: float, fine_m: float, whole_m: float
 ) -> NDArray[np.float32]:
-    """Return found_m (H, W) with the whole turns that a phasor of `unambiguous_m` tells, without noise.
+    """Return (H, W): the range that a phasor whose turn is whole_m tells, without noise.
 
-    Away from edges that is the pixel's own range.
+    Where ranges are alike, within a part of fine_m, that is the pixel's own.
     """
-    whole_m = own.unambiguous_m
-    coarse_m = range_m - np.floor(range_m * np.float32(1 / whole_m)) * np.float32(whole_m)
+    coarse_m = _begun_again(range_m, whole_m)
     row, column = np.nonzero(_beside_jump(range_m, fine_m / 8))
-    if own.spread > 0 and row.size:
+    if spread > 0 and row.size:
         real, imaginary = np.zeros(row.size, np.float32), np.zeros(row.size, np.float32)
         for down, right in product((-1, 0, 1), repeat=2):
             at = (row + down).clip(0, range_m.shape[0] - 1), (column + right).clip(0, range_m.shape[1] - 1)
-            share = own.spread ** (abs(down) + abs(right)) * (1 - 2 * own.spread) ** (2 - abs(down) - abs(right))
+            steps = abs(down) + abs(right)
+            share = spread**steps * (1 - 2 * spread) ** (2 - steps)
             x, y = _phasor(electrons[at] * np.float32(share), range_m[at], whole_m)
             real += x
             imaginary += y
         coarse_m[row, column] = _turned(real, imaginary, whole_m)
-    turns = coarse_m - found_m
-    turns *= np.float32(1 / fine_m)
-    np.rint(turns, out=turns)
-    turns *= np.float32(fine_m)
-    turns += found_m
-    turns -= np.floor(turns * np.float32(1 / whole_m)) * np.float32(whole_m)
-    return turns
+    return coarse_m
+
+
+def _begun_again(range_m: NDArray[np.float32], turn_m: float) -> NDArray[np.float32]:
+    """Return (H, W): ranges in [0, turn_m)."""
+    return range_m - np.floor(range_m * np.float32(1 / turn_m)) * np.float32(turn_m)
 
 
 def _beside_jump(depth_m: NDArray[np.float32], jump_m: float) -> NDArray[np.bool_]:
