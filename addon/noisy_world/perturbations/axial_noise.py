@@ -78,8 +78,8 @@ def apply(depth_m: NDArray[np.float32], parameters: AxialNoise, context: FrameCo
 
 
 def _sigma_m(depth_m: NDArray[np.float32], own: AxialNoise, angles: NDArray[np.uint16] | None) -> NDArray[np.float32]:
-    beyond = depth_m - np.float32(own.from_m)
-    sigma = beyond * beyond
+    beyond: NDArray[np.float32] = depth_m - np.float32(own.from_m)
+    sigma: NDArray[np.float32] = np.square(beyond)
     sigma *= np.float32(own.quadratic_per_m)
     if own.linear > 0:
         sigma += np.maximum(beyond, 0) * np.float32(own.linear)

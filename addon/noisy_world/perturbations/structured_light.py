@@ -102,7 +102,7 @@ def _matched(disparity_px: NDArray[np.float32], own: StructuredLight, scale: flo
         own_px: NDArray[np.float32], mean: NDArray[np.float32], squares: NDArray[np.float32], count: NDArray[np.float32]
     ) -> NDArray[np.float32]:
         weight = 1 / np.maximum(count, np.float32(1e-6))  # means are over what is known
-        mean = mean * weight
+        mean = np.multiply(mean, weight, dtype=np.float32)
         variance = squares * weight
         variance -= mean * mean
         np.maximum(variance, 0, out=variance)
