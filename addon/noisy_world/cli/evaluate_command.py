@@ -77,6 +77,12 @@ def parse_arguments(arguments: list[str], entry: Entry) -> argparse.Namespace:
     )
     add_set_option(parser)
     add_part_options(parser)
+    parser.add_argument(
+        "--rest-of",
+        metavar="DIR",
+        type=folder,
+        help="do what the record of this study in DIR lacks; 'report' puts both together",
+    )
     parser.add_argument("--keep", action="store_true", help="keep the sequences, in DIR/kept")
     parser.add_argument("--maps", action="store_true", help="score maps too; where a system makes none, one is fused")
     add_isolate_option(parser)

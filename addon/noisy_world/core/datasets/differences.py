@@ -18,11 +18,12 @@ from ..planning.numbers import array_of
 from ..planning.plan import Plan
 from ..planning.scene import Scene
 from ..planning.sequence import Sequence, lay_out
+from ..planning.source import PERTURBED
 from ..planning.source_paths import source_paths
 from ..presets.names import format_same_folder
 from ..scenes.recentring import recentring_m
 from ..trajectories.sensor_paths import SensorPaths
-from .provenance import BETWEEN, CHANNELS, KEYS, path_sha256
+from .provenance import BETWEEN, CHANNELS, HUFFMAN, KEYS, path_sha256
 
 ELSEWHERE = (Action.OTHER_FOLDER, Action.OVERWRITE)
 ANOTHER_FOLDER = either(*ELSEWHERE)
@@ -109,6 +110,9 @@ def _common(key: str, there: Any, here: Any) -> str:
     name = IN_PRESET.get(key, key)
     if key == "rig":
         return f"{name}: the sensors have other poses on the robot than in the dataset"
+    if key == "output":
+        tables = "made before noisy JPEG images had Huffman tables of their own, so bytes of equal images would differ"
+        return first_difference({**there, HUFFMAN: None}, {**here, HUFFMAN: None}, name) or tables
     return first_difference(there, here, name) or name
 
 
@@ -174,6 +178,9 @@ def _scene(scene: Scene, there: dict[str, Any], here: dict[str, Any]) -> str | N
         hashed = f"{name}_sha256"
         if before.get(name) == now.get(name) or (before.get(hashed) and now.get(hashed)):
             continue  # a file may be called otherwise
+        if name == PERTURBED:
+            how = "environment and lens act on its light before the view transform, but after it in the dataset"
+            return Message(PresetKey(place), f": {how}, which an earlier version made", ANOTHER_NAME)
         if name.endswith("_sha256") and before.get(name) and now.get(name):
             key = name.removesuffix("_sha256")
             own = Message(PresetKey(f"{place}.{key}"), f": {_short(now[key])} is") if key in now else ""
