@@ -16,8 +16,8 @@ from ..geometry import Intrinsics
 from ..messages import Message, PresetKey
 from ..optics import PINHOLE, Optics
 from ..perturbing.execution import chosen_poses, exposure_key, split_motion
-from ..perturbing.kinds import LIGHT_STAGES, ExposurePerturbation, Identifiers, MotionPerturbation
-from ..perturbing.reading import Registry, parse_settings
+from ..perturbing.kinds import LIGHT_STAGES, DepthPerturbation, ExposurePerturbation, Identifiers, MotionPerturbation
+from ..perturbing.reading import Registry, parse_sensor, parse_settings
 from ..perturbing.steps import Setting, Step
 from ..presets.names import format_same_folder
 from ..presets.preset import EngineName, Preset, SensorSpec
@@ -183,7 +183,8 @@ def read_settings(preset: Preset, registry: Registry) -> tuple[Setting, ...]:
     settings = parse_settings(spec.settings, preset.setting_places, registry, spec.render.backend)
     names = [setting.name for setting in settings]
     wanted = set(selected(names, spec.only.settings, preset.place("only.settings")))
-    settings = tuple(setting for setting in settings if setting.name in wanted)
+    sensor = _depth_sensor(preset, registry)
+    settings = tuple(replace(setting, sensor=sensor) for setting in settings if setting.name in wanted)
     _check_sensors(settings, preset)
     _check_executions(settings, preset)
     return settings
@@ -335,12 +336,31 @@ def _check_poses(scene: Scene, preset: Preset) -> None:
         raise scene.error(message, OTHER_LAYOUT, lacks="poses")
 
 
+def _depth_sensor(preset: Preset, registry: Registry) -> tuple[Step[DepthPerturbation], ...]:
+    """Return the step by which a rig's depth sensor measures; none where depth is exact."""
+    rig = preset.spec.rig
+    if rig is None or rig.depth is None or rig.depth.sensor is None:
+        return ()
+    return (parse_sensor(rig.depth.sensor, preset.place("rig").at("depth").at("sensor"), registry),)
+
+
 def _check_sensors(settings: tuple[Setting, ...], preset: Preset) -> None:
     """Refuse perturbations that need colour and depth from one pose, where the sensors have two."""
     rig = preset.spec.rig
-    if rig is None or rig.depth is None:
+    if rig is None or rig.depth is None or rig.depth.shares_place(rig.rgb):
         return
     for setting in settings:
+        for step in setting.sensor:
+            if step.perturbation.needs_rgb:
+                raise (
+                    preset.place("rig")
+                    .at("depth")
+                    .at("sensor")
+                    .error(
+                        f"{step.perturbation.name} needs the colour that it sees, but rig.depth has another pose",
+                        "give rig.depth the pose of rig.rgb",
+                    )
+                )
         if setting.needs_depth or setting.needs_rgb:
             seen = "depth that the colour camera" if setting.needs_depth else "colour that the depth sensor"
             raise preset.place("settings").error(
@@ -377,7 +397,8 @@ def _rig(preset: Preset, axes: set[Axes]) -> Rig | None:
     if len(axes) > 1:
         raise place.error(f"the scenes' trajectories declare different axes ({', '.join(sorted(axes))})", "use one")
     (robot_axes,) = axes
-    depth = None if spec.depth is None else _sensor(spec.depth, robot_axes, place.at("depth"))
+    apart = spec.depth is not None and not spec.depth.shares_place(spec.rgb)
+    depth = _sensor(spec.depth, robot_axes, place.at("depth")) if spec.depth is not None and apart else None
     return Rig(_sensor(spec.rgb, robot_axes, place.at("rgb")), depth)
 
 
