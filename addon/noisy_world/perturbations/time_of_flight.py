@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.geometry import Intrinsics
+from ..core.linear_light import decoded
 from ..core.perturbing.kinds import DepthPerturbation, FrameContext
 from ..core.schema import key
 from ._depth_device import NOISE_SEVERITIES, Devices, camera_of, filled, noise_of_device, of_device
 from ._incidence import cosine_of_incidence
-from ._linear_light import decoded
 from ._quantiles import look_up, scaled_normal, uniform_codes
 from ._void import quotient, without_void
 
