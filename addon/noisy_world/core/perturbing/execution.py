@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Carrying out each kind of perturbation. Only this module calls `apply` and `choose`."""
 
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any, Generic, Self, TypeAlias, TypeVar
 
@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from ..datasets.images import as_bytes, as_float, rgb_bytes
 from ..errors import NoisyWorldError
+from ..trajectories.frame_request import AT_ONCE, Rays
 from ..trajectories.trajectory import Trajectory
-from .exposing import TakenImages
+from .exposing import Channels, Moments, TakenImages
 from .kinds import (
     ColourPerturbation,
     DepthPerturbation,
@@ -187,22 +188,37 @@ def exposure_notes(steps: Sequence[Step[ExposurePerturbation]]) -> Notes:
     return found
 
 
-def expose(
-    steps: Sequence[Step[ExposurePerturbation]], take: Callable[[float], TakenImages]
-) -> tuple[NDArray[np.float32] | None, NDArray[np.float32] | None]:
-    """Return the colour and the depth of a frame after steps of exposure, at least one.
+def rays_of(steps: Sequence[Step[ExposurePerturbation]]) -> Rays:
+    """Return which rays make a frame, as steps of exposure say."""
+    rays = AT_ONCE
+    for step in steps:
+        if step.perturbation.rays is not None:
+            rays = step.perturbation.rays(rays, step.parameters(step.severity))
+    return rays
 
-    take: returns the clean images some seconds after the frame's time stamp. The steps act one inside the other: what a
-    later one takes is what those before it make around that moment.
+
+def expose(
+    steps: Sequence[Step[ExposurePerturbation]], moments: Moments
+) -> tuple[NDArray[np.float32] | None, NDArray[np.float32] | None]:
+    """Return the colour and the depth of a frame after those steps of exposure that have `apply`, at least one.
+
+    moments: the clean images around the frame's time stamp, of the rays that the other steps say. The steps act one
+    inside the other: what a later one takes is what those before it make around that moment.
 
     Raises NoisyWorldError naming a perturbation that breaks its contract.
     """
-    *before, last = steps
+    *before, last = (step for step in steps if step.perturbation.apply is not None)
+    assert last.perturbation.apply is not None
 
-    def taken(seconds: float) -> TakenImages:
-        return _Exposed(*expose(before, lambda more: take(seconds + more))) if before else take(seconds)
+    def taken(seconds: float, channels: Channels) -> TakenImages:
+        if not before:
+            return moments(seconds, channels)
+        later = Moments(
+            lambda more_s, also: moments(seconds + more_s, also), lambda times_s: moments.travel_px(seconds + times_s)
+        )
+        return _Exposed(*expose(before, later))
 
-    made = last.perturbation.apply(taken, last.parameters(last.severity))
+    made = last.perturbation.apply(Moments(taken, moments.travel_px), last.parameters(last.severity))
     if not isinstance(made, tuple) or len(made) != 2 or any(not _is_float_image(item) for item in made):
         lines = [_format_value(item) for item in made] if isinstance(made, tuple) else _format_value(made)
         raise NoisyWorldError(

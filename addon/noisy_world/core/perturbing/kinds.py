@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from ..geometry import Intrinsics
 from ..installed import Distribution
 from ..streams import integers_of_frames, stream
-from ..trajectories.frame_request import Shutter
+from ..trajectories.frame_request import Rays, Shutter
 from ..trajectories.motion import CameraMotion
 from ..trajectories.trajectory import Trajectory
 from .exposing import ExposureApply
@@ -267,19 +267,25 @@ class MotionPerturbation(Perturbation):
 class ExposurePerturbation(Perturbation):
     """Acts, in every frame of a sequence, on when its images see the scene: row by row, for a while, again and again.
 
-    apply: takes the scene at other moments, so frames are rendered for it. shutter: parameters -> when the lines of a
-    frame are exposed; it is recorded in frames.jsonl, as the ground truth is the pose at the frame's time stamp. It
-    draws nothing: settings that expose alike share their renders.
+    One of two is given. apply: takes the scene at other moments, so frames are rendered for it. rays: says which rays
+    make a frame, of a source that casts rays as it is asked; what `apply` of others takes is made of these rays.
+    shutter: parameters -> when the lines of a frame are exposed; it is recorded in frames.jsonl, as the ground truth is
+    the pose at the frame's time stamp. tells_lines: the poses of the first, the middle and the last line are recorded
+    too. It draws nothing: settings that expose alike share their renders.
 
-    Raises ValueError where temporals are given.
+    Raises ValueError where both or neither of apply and rays are given, or temporals.
     """
 
     stage: Stage = field(default="exposure", init=False)
-    apply: ExposureApply
+    apply: ExposureApply | None = None
+    rays: Callable[[Rays, Any], Rays] | None = None
     shutter: Callable[[Any], Shutter]
+    tells_lines: bool = False
 
     def __post_init__(self) -> None:
         super().__post_init__()
+        if (self.apply is None) == (self.rays is None):
+            raise ValueError(f"{self.name}: a perturbation of exposure has either apply or rays")
         _check_no_temporals(self)
 
 

@@ -1,14 +1,30 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A render's source, opened: where the render has an exposure, each frame is taken at several moments."""
+"""A render's source, opened: where the render has an exposure, each frame is taken line by line or again and again."""
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
 
-from ..perturbing.execution import expose
-from ..trajectories.frame_request import FrameRequest
+import numpy as np
+
+from ..perturbing.execution import Notes, expose, exposure_notes, rays_of
+from ..perturbing.exposing import Channels, Moments
+from ..trajectories.frame_request import FrameRequest, Shutter
 from ..trajectories.sensor_paths import SensorPaths
 from .plan import Render
 from .source import OpenSource, PreparedSource, RenderedFrame, RenderOptions, SourceFrame
+
+
+@dataclass(frozen=True)
+class ExposedFrame(RenderedFrame):
+    """A frame that was exposed. exposure: what was done, for its record."""
+
+    exposure: Notes = field(default_factory=Notes)
+
+
+def exposure_of(frame: SourceFrame) -> Notes:
+    """Return what the exposure of a frame did, for its record; empty without one."""
+    return getattr(frame, "exposure", [])  # frames of other sources have none
 
 
 @dataclass(frozen=True)
@@ -20,7 +36,40 @@ class ExposedSource:
 
     def frame(self, request: FrameRequest) -> SourceFrame:
         """Return the frame of a request, of what the source shows around its moment."""
-        return RenderedFrame(*expose(self.render.exposure, lambda after_s: self.opened.frame(request.after(after_s))))
+        steps = self.render.exposure
+        rays, taken = rays_of(steps), list[float]()
+
+        def take(seconds: float, channels: Channels) -> SourceFrame:
+            taken.append(seconds)
+            return self.opened.frame(replace(request.after(seconds), rays=rays, channels=channels))
+
+        if any(step.perturbation.apply is not None for step in steps):
+            rgb, depth_m = expose(steps, Moments(take))
+        else:
+            once = take(0.0, None)
+            rgb, depth_m = once.rgb, once.depth_m
+        return ExposedFrame(rgb, depth_m, exposure=self._notes(request))
+
+    def _notes(self, request: FrameRequest) -> Notes:
+        """Return what was done to a frame, with the poses of its lines where a step tells them."""
+        steps = self.render.exposure
+        notes = exposure_notes(steps)
+        for step, note in zip(steps, notes, strict=True):
+            if step.perturbation.tells_lines:
+                note["lines"] = self._lines(step.perturbation.shutter(step.parameters(step.severity)), request)
+        return notes
+
+    def _lines(self, shutter: Shutter, request: FrameRequest) -> Mapping[str, Any]:
+        """Return when the first, the middle and the last line that are read see the scene, and from where."""
+        camera = self.render.camera
+        count = camera.height_px if shutter.direction in ("down", "up") else camera.width_px
+        times_s = np.sort(shutter.line_times_s(count))
+        chosen_s = np.array([times_s[0], (times_s[0] + times_s[-1]) / 2, times_s[-1]])
+        c2w, _ = request.poses_after(chosen_s)
+        return {
+            name: {"after_s": float(after_s), "c2w": pose.tolist()}
+            for name, after_s, pose in zip(("first", "middle", "last"), chosen_s, c2w, strict=True)
+        }
 
 
 def open_render(

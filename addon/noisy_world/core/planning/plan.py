@@ -275,6 +275,10 @@ def _check_exposure(
     if why := scene.source.capabilities.instants_only:
         problem = f"{setting.name}: {exposing} looks between the frames, but {why}"
         raise scene.error(problem, "take that setting out", "render a mesh")
+    bent = [step.perturbation.name for step in setting.exposure if step.perturbation.rays is not None]
+    if bent and not scene.source.capabilities.casts_rays:
+        problem = Message(f"{setting.name}: {bent[0]} casts rays of its own, which this scene does not do")
+        raise scene.error(problem, "take that setting out", Message("use ", PresetKey("render.engine", "embree")))
     apart = [step.perturbation for step in moving if step.perturbation.apply is not None]
     if lone := next((item.name for item in apart if not item.continuous), ""):
         problem = f"{setting.name}: {exposing} looks between the poses, but {lone} moves each pose by itself"

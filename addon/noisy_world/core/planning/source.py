@@ -116,7 +116,7 @@ class SourceCapabilities:
     importers read it, whatever renders it. depth: whether it has any. surface: what is known of the surface that each
     pixel sees, for normals and the like. objects: returns the objects that it shows; None where they are a mesh's
     own. moving: whether anything but the camera may move. instants_only: why it has nothing between its frames; ""
-    where it answers requests for any time.
+    where it answers requests for any time. casts_rays: whether it gives the rays that a request asks for.
     """
 
     rendered: bool
@@ -128,6 +128,7 @@ class SourceCapabilities:
     objects: Callable[[], Sequence[SceneObject]] | None = None
     moving: bool = False
     instants_only: str = ""
+    casts_rays: bool = False
 
 
 @dataclass(frozen=True)
