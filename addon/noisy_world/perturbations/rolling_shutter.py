@@ -17,7 +17,7 @@ class RollingShutter:
 
     readout_ms: float = key(
         "how long reading all lines takes; each sees the scene in the middle of its own part of it",
-        default=20.0,
+        default=16.0,
         unit="ms",
         minimum=0,
         maximum=1000,

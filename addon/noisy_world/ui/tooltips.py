@@ -66,6 +66,12 @@ SEEN: dict[str, dict[str, str]] = {
         "view_deg": "Higher: as through a wider lens; a known camera decides it",
         "frame_rate_hz": "Lower: with the pattern Drift, more time passes from frame to frame",
     },
+    "rolling_shutter": {
+        "readout_ms": "Higher: a moving camera skews and bends the picture more",
+        "direction": "Where reading goes; what moves across that direction leans",
+        "stamp": "Which moment of the readout has the time stamp and the pose of the frame",
+        "depth": "Whether lines of depth are read one after another too, or all at once",
+    },
     "haze": {
         "visibility_m": "Lower: the haze gets denser, and hides what is nearer",
         "angstrom": "Higher: the distance gets bluer, and lamps in it redder; 0 is gray, as fog",

@@ -37,18 +37,20 @@ class ExposedSource:
     def frame(self, request: FrameRequest) -> SourceFrame:
         """Return the frame of a request, of what the source shows around its moment."""
         steps = self.render.exposure
-        rays, taken = rays_of(steps), list[float]()
+        rays, cast = rays_of(steps), list[int | None]()
 
         def take(seconds: float, channels: Channels) -> SourceFrame:
-            taken.append(seconds)
-            return self.opened.frame(replace(request.after(seconds), rays=rays, channels=channels))
+            frame = self.opened.frame(replace(request.after(seconds), rays=rays, channels=channels))
+            cast.append(frame.colour_rays if isinstance(frame, RenderedFrame) else None)
+            return frame
 
         if any(step.perturbation.apply is not None for step in steps):
             rgb, depth_m = expose(steps, Moments(take))
         else:
             once = take(0.0, None)
             rgb, depth_m = once.rgb, once.depth_m
-        return ExposedFrame(rgb, depth_m, exposure=self._notes(request))
+        rays_cast = [count for count in cast if count is not None]
+        return ExposedFrame(rgb, depth_m, colour_rays=sum(rays_cast) or None, exposure=self._notes(request))
 
     def _notes(self, request: FrameRequest) -> Notes:
         """Return what was done to a frame, with the poses of its lines where a step tells them."""
@@ -64,7 +66,7 @@ class ExposedSource:
         camera = self.render.camera
         count = camera.height_px if shutter.direction in ("down", "up") else camera.width_px
         times_s = np.sort(shutter.line_times_s(count))
-        chosen_s = np.array([times_s[0], (times_s[0] + times_s[-1]) / 2, times_s[-1]])
+        chosen_s = np.array([times_s[0], (times_s[0] + times_s[-1]) / 2, times_s[-1]]).round(12)
         c2w, _ = request.poses_after(chosen_s)
         return {
             name: {"after_s": float(after_s), "c2w": pose.tolist()}
