@@ -45,12 +45,14 @@ OFFSETS = (5, 10, 20)
 # The demo's walk in ten seconds at 20 Hz, the rate of the paper's sequences; its frame that is the demo's FRAME.
 WALK = "scenes.0.trajectory.handheld={frames: 200, rate_hz: 20}"
 WALK_FRAME = 5 * FRAME
+GRAINY = ("gaussian_noise", "impulse_noise", "shot_noise", "speckle_noise")
 ON_THE_LENS = ("lens_drops", "lens_dirt")
 TILE_PX = (280, 158)  # like the rest below, chosen for a picture 852 pixels wide
 DETAIL_PX = (200, 330)  # column and row of the part's upper left corner
 SAMPLE_PX = (560, 317)  # the clean frame, to try things on
 GAP_PX = 6
-JPEG = (cv2.IMWRITE_JPEG_QUALITY, 74, cv2.IMWRITE_JPEG_OPTIMIZE, 1, cv2.IMWRITE_JPEG_PROGRESSIVE, 1)  # 1 MB in all
+QUALITY, GRAIN_QUALITY = 74, 50  # 1 MB in all: noise of every pixel takes most of it
+JPEG = (cv2.IMWRITE_JPEG_OPTIMIZE, 1, cv2.IMWRITE_JPEG_PROGRESSIVE, 1, cv2.IMWRITE_JPEG_QUALITY)
 EDGE = 0.05  # of depth: a jump by this share
 EDGE_RGB, GROUND = (255, 140, 0), 255
 
@@ -66,7 +68,7 @@ def main(arguments: list[str]) -> int:
     shown = rgb_bytes(rgb)
     tiles["clean"] = [whole(shown), detail(shown), whole_depth(depth_m, far_m=float(depth_m.max()))]
     for name, row in tiles.items():
-        save(folder / f"{name}.jpg", strip(row))
+        save(folder / f"{name}.jpg", strip(row), GRAIN_QUALITY if name in GRAINY else QUALITY)
     save(folder / "room.jpg", np.asarray(cv2.resize(shown, SAMPLE_PX, interpolation=cv2.INTER_AREA), np.uint8))
     print(f"wrote {len(tiles) + 1} pictures into {folder}")
     return 0
@@ -199,9 +201,9 @@ def strip(tiles: Tiles) -> NDArray[np.uint8]:
     return np.concatenate([tiles[0], *chain.from_iterable((gap, tile) for tile in tiles[1:])], axis=1)
 
 
-def save(path: Path, picture: NDArray[np.uint8]) -> None:
+def save(path: Path, picture: NDArray[np.uint8], quality: int = QUALITY) -> None:
     """Write a JPEG. Raises OSError where it cannot be written."""
-    if not cv2.imwrite(str(path), picture[..., ::-1], JPEG):
+    if not cv2.imwrite(str(path), picture[..., ::-1], (*JPEG, quality)):
         raise OSError(f"{path} cannot be written")
 
 
