@@ -132,7 +132,7 @@ def of_sequences() -> Iterator[tuple[str, Tiles]]:
 
 
 def of_exposures() -> Iterator[tuple[str, Tiles]]:
-    """Yield the name and the tiles of each perturbation of exposure: a frame over that of one moment."""
+    """Yield the name and the tiles of each perturbation of exposure; what is only displaced, over the clean frame."""
     names = [item.name for item in registry().values() if isinstance(item, ExposurePerturbation)]
     steps = {(name, severity): [{name: {"severity": severity}}] for name in names for severity in SEVERITIES}
     settings = {"clean": [], **{f"{name}_{severity}": done for (name, severity), done in steps.items()}}
@@ -147,7 +147,8 @@ def of_exposures() -> Iterator[tuple[str, Tiles]]:
             frame = CleanFrame(WALK_FRAME, opened.frame(paths.request(WALK_FRAME)))
             rgbs |= {sequence.setting.name: rgb_bytes(frame.float_rgb()) for sequence in render.sequences}
     for name in names:
-        yield name, [whole(over(rgbs["clean"], rgbs[f"{name}_{severity}"])) for severity in SEVERITIES]
+        made = [rgbs[f"{name}_{severity}"] for severity in SEVERITIES]
+        yield name, [whole(over(rgbs["clean"], each) if name == "rolling_shutter" else each) for each in made]
 
 
 # --- tiles ---

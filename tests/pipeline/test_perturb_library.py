@@ -25,7 +25,7 @@ from noisy_world.pipeline.run import Run
 
 RGB = [name for name, item in registry().items() if isinstance(item, ColourPerturbation)]
 DEPTH = [name for name, item in registry().items() if isinstance(item, DepthPerturbation)]
-EXPOSURES = {"rolling_shutter"}
+EXPOSURES = {"rolling_shutter", "camera_motion_blur"}
 MIXED = [
     {"gaussian_noise": {"severity": 2, "mode": "dynamic"}},
     {"contrast": {"severity": 3}},

@@ -18,6 +18,7 @@ LOW, HIGH = np.array([-2.0, -1.5, 0.0]), np.array([2.5, 3.0, 2.4])
 CAMERA = Intrinsics(48, 36, 30.0, 28.0, 22.5, 18.0)
 START = look_at([-0.4, 0.1, 1.2], [1.0, 0.9, 1.0])
 RATE_HZ = 20.0
+PERIOD_S = 0.016  # of the vibration
 TURNS_DEG_S = {"linear": [0, 0, 0], "rotation": [20, 60, 0], "roll": [0, 0, 200]}
 MOVES_M_S = {"linear": [2.0, 0.6, 0.4], "rotation": [0, 0, 0], "roll": [0.1, 0, 0]}
 
@@ -25,6 +26,10 @@ MOVES_M_S = {"linear": [2.0, 0.6, 0.4], "rotation": [0, 0, 0], "roll": [0.1, 0, 
 def moved(motion, times_s):
     """The camera at some times (...): a steady turn about its own axes and a steady speed."""
     times_s = np.asarray(times_s, dtype=np.float64)
+    if motion == "vibration":
+        phase = 2 * np.pi * times_s.reshape(-1, 1) / PERIOD_S + [0.0, 1.0, 0.0]
+        turned = Rotation.from_rotvec(np.sin(phase) * [0.05, 0.08, 0.0]).as_matrix()
+        return pose(START[:3, :3] @ turned.reshape(*times_s.shape, 3, 3), START[:3, 3] + 0 * times_s[..., None])
     turned = Rotation.from_rotvec(times_s.reshape(-1, 1) * np.radians(TURNS_DEG_S[motion])).as_matrix()
     return pose(
         START[:3, :3] @ turned.reshape(*times_s.shape, 3, 3),
@@ -32,13 +37,14 @@ def moved(motion, times_s):
     )
 
 
-def paths(motion, count=3):
-    stamps_s = np.arange(-1, count - 1) / RATE_HZ
-    return SensorPaths(Trajectory(moved(motion, stamps_s), stamps_s))
+def paths(motion, count=3, rate_hz=RATE_HZ, speed=1.0):
+    """The path of some poses, of which the middle one has the stamp 0."""
+    stamps_s = (np.arange(count) - count // 2) / rate_hz
+    return SensorPaths(Trajectory(moved(motion, speed * stamps_s), stamps_s))
 
 
-def coloured_room(side=12):
-    """The box's walls in small faces, each of a colour of its own."""
+def coloured_room(side=12, *, smooth=False):
+    """The box's walls in small faces: each of a colour of its own, or smoothly coloured by waves across the room."""
     plain = box_mesh(LOW, HIGH)
     corners = plain.vertices_m[plain.corner_vertices].reshape(-1, 4, 3)
     steps = np.linspace(0, 1, side + 1)
@@ -51,13 +57,18 @@ def coloured_room(side=12):
         for i, j in ((0, 0), (1, 0), (1, 1), (0, 1))
     ]
     quads = np.stack(faces).reshape(len(corners), 4, -1, 3).transpose(0, 2, 1, 3).reshape(-1, 4, 3)
-    rgb = np.random.default_rng(3).uniform(0, 1, (len(quads), 3)).astype(np.float32)
+    vertices_m = quads.reshape(-1, 3)
+    if smooth:
+        waves = np.random.default_rng(3).normal(0, 4, (3, 3))
+        rgb = (0.5 + 0.45 * np.sin(vertices_m @ waves)).astype(np.float32)
+    else:
+        rgb = np.repeat(np.random.default_rng(3).uniform(0, 1, (len(quads), 3)).astype(np.float32), 4, axis=0)
     starts = np.arange(0, 4 * len(quads), 4, dtype=np.int32)
-    return Mesh(quads.reshape(-1, 3), np.repeat(rgb, 4, axis=0), np.arange(4 * len(quads), dtype=np.int32), starts)
+    return Mesh(vertices_m, rgb, np.arange(4 * len(quads), dtype=np.int32), starts)
 
 
-def room_session(sensors, camera=CAMERA, **options):
-    return RaySession(coloured_room(), sensors, camera, replace(OPTIONS, **options))
+def room_session(sensors, camera=CAMERA, mesh=None, **options):
+    return RaySession(coloured_room() if mesh is None else mesh, sensors, camera, replace(OPTIONS, **options))
 
 
 def psnr_db(seen, true):

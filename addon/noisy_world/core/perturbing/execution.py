@@ -198,27 +198,33 @@ def rays_of(steps: Sequence[Step[ExposurePerturbation]]) -> Rays:
 
 
 def expose(
-    steps: Sequence[Step[ExposurePerturbation]], moments: Moments
+    steps: Sequence[Step[ExposurePerturbation]], moments: Moments, taken: dict[str, int] | None = None
 ) -> tuple[NDArray[np.float32] | None, NDArray[np.float32] | None]:
     """Return the colour and the depth of a frame after those steps of exposure that have `apply`, at least one.
 
     moments: the clean images around the frame's time stamp, of the rays that the other steps say. The steps act one
-    inside the other: what a later one takes is what those before it make around that moment.
+    inside the other: what a later one takes is what those before it make around that moment. taken: is told by the
+    name of each how many moments it took for one frame.
 
     Raises NoisyWorldError naming a perturbation that breaks its contract.
     """
     *before, last = (step for step in steps if step.perturbation.apply is not None)
     assert last.perturbation.apply is not None
 
-    def taken(seconds: float, channels: Channels) -> TakenImages:
+    asked = set[float]()
+
+    def take(seconds: float, channels: Channels) -> TakenImages:
+        asked.add(seconds)
         if not before:
             return moments(seconds, channels)
         later = Moments(
             lambda more_s, also: moments(seconds + more_s, also), lambda times_s: moments.travel_px(seconds + times_s)
         )
-        return _Exposed(*expose(before, later))
+        return _Exposed(*expose(before, later, taken))
 
-    made = last.perturbation.apply(Moments(taken, moments.travel_px), last.parameters(last.severity))
+    made = last.perturbation.apply(Moments(take, moments.travel_px), last.parameters(last.severity))
+    if taken is not None:
+        taken[last.perturbation.name] = len(asked)
     if not isinstance(made, tuple) or len(made) != 2 or any(not _is_float_image(item) for item in made):
         lines = [_format_value(item) for item in made] if isinstance(made, tuple) else _format_value(made)
         raise NoisyWorldError(

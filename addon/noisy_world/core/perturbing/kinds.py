@@ -271,7 +271,8 @@ class ExposurePerturbation(Perturbation):
     make a frame, of a source that casts rays as it is asked; what `apply` of others takes is made of these rays.
     shutter: parameters -> when the lines of a frame are exposed; it is recorded in frames.jsonl, as the ground truth is
     the pose at the frame's time stamp. tells_lines: the poses of the first, the middle and the last line are recorded
-    too. It draws nothing: settings that expose alike share their renders.
+    too. measures_travel: `apply` asks how far what is seen goes on the image, which depth tells. It draws nothing:
+    settings that expose alike share their renders.
 
     Raises ValueError where both or neither of apply and rays are given, or temporals.
     """
@@ -281,6 +282,7 @@ class ExposurePerturbation(Perturbation):
     rays: Callable[[Rays, Any], Rays] | None = None
     shutter: Callable[[Any], Shutter]
     tells_lines: bool = False
+    measures_travel: bool = False
 
     def __post_init__(self) -> None:
         super().__post_init__()

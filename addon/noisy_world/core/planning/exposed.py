@@ -6,13 +6,15 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..perturbing.execution import Notes, expose, exposure_notes, rays_of
 from ..perturbing.exposing import Channels, Moments
-from ..trajectories.frame_request import FrameRequest, Shutter
+from ..trajectories.frame_request import FrameRequest, Rays, Shutter
 from ..trajectories.sensor_paths import SensorPaths
 from .plan import Render
-from .source import OpenSource, PreparedSource, RenderedFrame, RenderOptions, SourceFrame
+from .source import OpenSource, PreparedSource, RenderedFrame, RenderOptions, SourceFrame, motion_between
+from .travel import travel_px
 
 
 @dataclass(frozen=True)
@@ -37,26 +39,23 @@ class ExposedSource:
     def frame(self, request: FrameRequest) -> SourceFrame:
         """Return the frame of a request, of what the source shows around its moment."""
         steps = self.render.exposure
-        rays, cast = rays_of(steps), list[int | None]()
-
-        def take(seconds: float, channels: Channels) -> SourceFrame:
-            frame = self.opened.frame(replace(request.after(seconds), rays=rays, channels=channels))
-            cast.append(frame.colour_rays if isinstance(frame, RenderedFrame) else None)
-            return frame
-
+        around = _Around(self.opened, self.render, request, rays_of(steps))
+        taken = dict[str, int]()
         if any(step.perturbation.apply is not None for step in steps):
-            rgb, depth_m = expose(steps, Moments(take))
+            rgb, depth_m = expose(steps, Moments(around.take, around.travel_px), taken)
         else:
-            once = take(0.0, None)
+            once = around.take(0.0, None)
             rgb, depth_m = once.rgb, once.depth_m
-        rays_cast = [count for count in cast if count is not None]
-        return ExposedFrame(rgb, depth_m, colour_rays=sum(rays_cast) or None, exposure=self._notes(request))
+        notes = self._notes(request, taken)
+        return ExposedFrame(rgb, depth_m, colour_rays=around.colour_rays or None, exposure=notes)
 
-    def _notes(self, request: FrameRequest) -> Notes:
+    def _notes(self, request: FrameRequest, taken: Mapping[str, int]) -> Notes:
         """Return what was done to a frame, with the poses of its lines where a step tells them."""
         steps = self.render.exposure
         notes = exposure_notes(steps)
         for step, note in zip(steps, notes, strict=True):
+            if (count := taken.get(step.perturbation.name)) is not None:
+                note["moments"] = count
             if step.perturbation.tells_lines:
                 note["lines"] = self._lines(step.perturbation.shutter(step.parameters(step.severity)), request)
         return notes
@@ -72,6 +71,45 @@ class ExposedSource:
             name: {"after_s": float(after_s), "c2w": pose.tolist()}
             for name, after_s, pose in zip(("first", "middle", "last"), chosen_s, c2w, strict=True)
         }
+
+
+class _Around:
+    """What a source shows around the moment of a request. colour_rays: how many have been cast for colour."""
+
+    def __init__(self, opened: OpenSource, render: Render, request: FrameRequest, rays: Rays) -> None:
+        self._opened = opened
+        self._render = render
+        self._request = request
+        self._rays = rays
+        self._whole: tuple[float, SourceFrame] | None = None  # the last frame of which all images were taken, and when
+        self.colour_rays = 0
+
+    def take(self, seconds: float, channels: Channels) -> SourceFrame:
+        """Return the clean images some seconds after the request's moment; those that are not looked at may be None."""
+        if self._whole is not None and abs(self._whole[0] - seconds) < 1e-12:
+            return self._whole[1]
+        frame = self._opened.frame(replace(self._request.after(seconds), rays=self._rays, channels=channels))
+        if isinstance(frame, RenderedFrame) and frame.colour_rays is not None:
+            self.colour_rays += frame.colour_rays
+        if channels is None:
+            self._whole = seconds, frame
+        return frame
+
+    def travel_px(self, times_s: NDArray[np.float64]) -> float:
+        """Return how far what any pixel sees goes on the image, at most: see `Moments`. Depth is of the middle time."""
+        middle_s = float(times_s[len(times_s) // 2])
+        depth_m = self.take(middle_s, None).depth_m
+        assert depth_m is not None, "a step that measures travel has depth"
+        here, (c2w, _) = self._request.after(middle_s), self._request.poses_after(times_s)
+        cameras = self._render.depth_camera, self._render.camera
+        longest_px = travel_px(depth_m, here.depth_c2w, c2w, *cameras)
+        if not self._render.scene.source.capabilities.moving:
+            return longest_px
+        first, last = (self._request.after(float(times_s[at])) for at in (0, -1))
+        moved = motion_between(self._opened, first, last)
+        return (
+            longest_px if moved is None else max(longest_px, float(np.nanmax(np.hypot(*np.moveaxis(moved[0], -1, 0)))))
+        )
 
 
 def open_render(

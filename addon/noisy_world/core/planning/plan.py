@@ -77,7 +77,8 @@ class Render:
     @property
     def needed_besides(self) -> frozenset[Modality]:
         """The channels that steps need, whether they are written or not."""
-        needed = (("rgb", self.needs_rgb), ("depth", self.needs_depth))
+        measured = any(step.perturbation.measures_travel for step in self.exposure)
+        needed = (("rgb", self.needs_rgb), ("depth", self.needs_depth or measured))
         return frozenset(name for name, wanted in needed if wanted)
 
 
@@ -218,7 +219,7 @@ def _renders(plan: Plan, scene: Scene) -> list[Render]:
     shared: list[Sequence] = []
     moved: dict[Hashable, Render] = {}
     for setting in plan.settings:
-        if setting.needs_depth and not scene.source.capabilities.depth:
+        if (setting.needs_depth or setting.measures_travel) and not scene.source.capabilities.depth:
             problem = f"{setting.name} needs depth, and {scene.name} has none"
             raise scene.error(problem, "take that setting out", lacks="depth")
         identifiers = (preset.spec.seed, scene.name, setting.name)
