@@ -88,7 +88,8 @@ class RaySession:
         """Return the rays of an image each row or column of which has its own pose (L, 4, 4)."""
         lines = (len(c2w), 1) if rows else (1, len(c2w))
         starts_m = (c2w[:, :3, 3] - self.origin_m).reshape(*lines, 3)
-        return LineView(starts_m, c2w[:, :3, :3].reshape(*lines, 3, 3), self._right[None], self._down[:, None])
+        right, down = (np.asarray(values, np.float64) for values in (self._right[None], self._down[:, None]))
+        return LineView(starts_m, c2w[:, :3, :3].reshape(*lines, 3, 3), right, down)
 
     def _smooth(self, view: View, c2w: NDArray[np.float64], rgb: NDArray[np.float32]) -> int | None:
         """Average the colours of uneven pixels, in place; return how many rays all pixels took, None where one each."""

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..datasets.images import as_float
 from ..perturbing.execution import Notes, expose, exposure_notes, rays_of
 from ..perturbing.exposing import Channels, Moments
 from ..trajectories.frame_request import FrameRequest, Rays, Shutter
@@ -45,7 +46,7 @@ class ExposedSource:
             rgb, depth_m = expose(steps, Moments(around.take, around.travel_px), taken)
         else:
             once = around.take(0.0, None)
-            rgb, depth_m = once.rgb, once.depth_m
+            rgb, depth_m = None if once.rgb is None else as_float(once.rgb), once.depth_m
         notes = self._notes(request, taken)
         return ExposedFrame(rgb, depth_m, colour_rays=around.colour_rays or None, exposure=notes)
 
