@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.perturbing.exposing import Moments
+from ..core.perturbing.exposing import SceneAround
 from ..core.perturbing.kinds import ExposurePerturbation
 from ..core.scenes.srgb import encoded, quick_light
 from ..core.schema import key
@@ -66,7 +66,9 @@ def openness(places: NDArray[np.float64], ramp: float) -> NDArray[np.float64]:
     return np.minimum(1.0, np.minimum(places, 1.0 - places) / (ramp / 2.0))
 
 
-def apply(take: Moments, parameters: CameraMotionBlur) -> tuple[NDArray[np.float32] | None, NDArray[np.float32] | None]:
+def apply(
+    take: SceneAround, parameters: CameraMotionBlur
+) -> tuple[NDArray[np.float32] | None, NDArray[np.float32] | None]:
     """Return the mean light of moments in the middle of equal parts of the exposure, and depth of one of them."""
     open_ = shutter(parameters)
     blur_px = take.travel_px(open_.opens_s + open_.exposure_s * np.linspace(0.0, 1.0, POSES))

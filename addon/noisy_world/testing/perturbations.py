@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from ..core.datasets.images import as_float, rgb_bytes
 from ..core.errors import NoisyWorldError
-from ..core.perturbing.execution import expose, move, perturb_colour, perturb_depth
-from ..core.perturbing.exposing import Moments
+from ..core.perturbing.execution import move, perturb_colour, perturb_depth
+from ..core.perturbing.exposing import SceneAround
+from ..core.perturbing.exposures import expose
 from ..core.perturbing.kinds import (
     KINDS,
     SEVERITIES,
@@ -192,7 +193,7 @@ def _check_exposure(perturbation: ExposurePerturbation, step: Step[Any]) -> None
         return
 
     def made(which: int) -> NDArray[Any]:
-        found = expose([step], Moments(lambda *_: frame))[which]
+        found = expose([step], SceneAround(lambda *_: frame))[which]
         require(found is not None, name, "leaves out an image that it is given")
         assert found is not None
         return found

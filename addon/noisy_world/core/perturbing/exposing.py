@@ -31,7 +31,7 @@ def _still(_times_s: NDArray[np.float64]) -> float:
 
 
 @dataclass(frozen=True)
-class Moments:
+class SceneAround:
     """The scene around a frame's time stamp; calling it takes the clean images some seconds after that.
 
     take: does so; channels says which images are looked at, others may be None. travel_px: times (N,), seconds after
@@ -46,7 +46,7 @@ class Moments:
         return self.take(seconds, channels)
 
 
-ExposureApply: TypeAlias = Callable[[Moments, Any], tuple[NDArray[np.float32] | None, NDArray[np.float32] | None]]
+ExposureApply: TypeAlias = Callable[[SceneAround, Any], tuple[NDArray[np.float32] | None, NDArray[np.float32] | None]]
 """A function that takes the clean images some seconds after the frame's time stamp; parameters -> its own colour and
 depth, of the same shapes, as float32, None for an image that is not asked for.
 

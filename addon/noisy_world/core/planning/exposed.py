@@ -9,12 +9,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..datasets.images import as_float
-from ..perturbing.execution import Notes, expose, exposure_notes, rays_of
-from ..perturbing.exposing import Channels, Moments
+from ..linear_light import decoded, encoded
+from ..perturbing.execution import Notes
+from ..perturbing.exposing import Channels, SceneAround, TakenImages
+from ..perturbing.exposures import expose, exposure_notes, rays_of
 from ..trajectories.frame_request import FrameRequest, Rays, Shutter
 from ..trajectories.sensor_paths import SensorPaths
 from .plan import Render
-from .source import OpenSource, PreparedSource, RenderedFrame, RenderOptions, SourceFrame, motion_between
+from .source import (
+    OpenSource,
+    PreparedSource,
+    RenderedFrame,
+    RenderOptions,
+    SceneLight,
+    SourceFrame,
+    light_of,
+    motion_between,
+)
 from .travel import travel_px
 
 
@@ -43,12 +54,15 @@ class ExposedSource:
         around = _Around(self.opened, self.render, request, rays_of(steps))
         taken = dict[str, int]()
         if any(step.perturbation.apply is not None for step in steps):
-            rgb, depth_m = expose(steps, Moments(around.take, around.travel_px), taken)
+            rgb, depth_m = expose(steps, SceneAround(around.take, around.travel_px), taken)
         else:
             once = around.take(0.0, None)
             rgb, depth_m = None if once.rgb is None else as_float(once.rgb), once.depth_m
-        notes = self._notes(request, taken)
-        return ExposedFrame(rgb, depth_m, colour_rays=around.colour_rays or None, exposure=notes)
+        notes, rays = self._notes(request, taken), around.colour_rays or None
+        if rgb is None or around.light is None:
+            return ExposedFrame(rgb, depth_m, colour_rays=rays, exposure=notes)
+        light = replace(around.light, rgb=np.maximum(decoded(rgb), np.float32(0)))
+        return ExposedFrame(light.show(light.rgb), depth_m, colour_rays=rays, light=light, exposure=notes)
 
     def _notes(self, request: FrameRequest, taken: Mapping[str, int]) -> Notes:
         """Return what was done to a frame, with the poses of its lines where a step tells them."""
@@ -75,26 +89,33 @@ class ExposedSource:
 
 
 class _Around:
-    """What a source shows around the moment of a request. colour_rays: how many have been cast for colour."""
+    """What a source shows around the moment of a request.
+
+    colour_rays: how many have been cast for colour. light: of the last lit frame; None where no frame was lit.
+    """
 
     def __init__(self, opened: OpenSource, render: Render, request: FrameRequest, rays: Rays) -> None:
         self._opened = opened
         self._render = render
         self._request = request
         self._rays = rays
-        self._whole: tuple[float, SourceFrame] | None = None  # the last frame of which all images were taken, and when
+        self.light: SceneLight | None = None
+        self._whole: tuple[float, TakenImages] | None = None  # the last frame of which all images were taken, and when
         self.colour_rays = 0
 
-    def take(self, seconds: float, channels: Channels) -> SourceFrame:
+    def take(self, seconds: float, channels: Channels) -> TakenImages:
         """Return the clean images some seconds after the request's moment; those that are not looked at may be None."""
         if self._whole is not None and abs(self._whole[0] - seconds) < 1e-12:
             return self._whole[1]
         frame = self._opened.frame(replace(self._request.after(seconds), rays=self._rays, channels=channels))
         if isinstance(frame, RenderedFrame) and frame.colour_rays is not None:
             self.colour_rays += frame.colour_rays
+        taken: TakenImages = frame
+        if (light := light_of(frame)) is not None:
+            self.light, taken = light, _TakenLight(encoded(light.rgb), frame.depth_m)
         if channels is None:
-            self._whole = seconds, frame
-        return frame
+            self._whole = seconds, taken
+        return taken
 
     def travel_px(self, times_s: NDArray[np.float64]) -> float:
         """Return how far what any pixel sees goes on the image, at most: see `Moments`. Depth is of the middle time."""
@@ -111,6 +132,14 @@ class _Around:
         return (
             longest_px if moved is None else max(longest_px, float(np.nanmax(np.hypot(*np.moveaxis(moved[0], -1, 0)))))
         )
+
+
+@dataclass(frozen=True)
+class _TakenLight:
+    """A lit frame's images for an exposure: its light, encoded by sRGB's curve, which goes on above 1."""
+
+    rgb: NDArray[np.float32]
+    depth_m: NDArray[np.float32] | None
 
 
 def open_render(
