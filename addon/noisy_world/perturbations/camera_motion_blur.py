@@ -8,9 +8,10 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.linear_light import decoded, encoded
 from ..core.perturbing.exposing import SceneAround
 from ..core.perturbing.kinds import ExposurePerturbation
-from ..core.scenes.srgb import encoded, quick_light
+from ..core.scenes.srgb import quick_light
 from ..core.schema import key
 from ..core.trajectories.frame_request import Shutter
 
@@ -84,11 +85,11 @@ def apply(
             return None, depth_m
         if count == 1:
             return np.asarray(rgb, np.float32), depth_m
-        part = quick_light(rgb)
+        part = decoded(rgb) if rgb.dtype != np.uint8 and rgb.max(initial=0) > 1 else quick_light(rgb)
         part *= np.float32(weight)
         light = part if light is None else np.add(light, part, out=light)
     assert light is not None, "there is at least one moment"
-    return np.asarray(encoded(light), np.float32), depth_m
+    return encoded(light), depth_m
 
 
 PERTURBATION = ExposurePerturbation(

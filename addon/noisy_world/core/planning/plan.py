@@ -84,9 +84,8 @@ class Render:
     @property
     def needed_besides(self) -> frozenset[Modality]:
         """The channels that steps need, whether they are written or not."""
-        measured = any(step.perturbation.measures_travel for step in self.exposure)
-        needed = (("rgb", self.needs_rgb), ("depth", self.needs_depth or measured))
-        return frozenset(name for name, wanted in needed if wanted)
+        depth = self.needs_depth or any(sequence.setting.measures_travel for sequence in self.sequences)
+        return frozenset(name for name, wanted in (("rgb", self.needs_rgb), ("depth", depth)) if wanted)
 
 
 @dataclass(frozen=True)
@@ -283,9 +282,9 @@ def _check_exposure(
     if why := scene.source.capabilities.instants_only:
         problem = f"{setting.name}: {exposing} looks between the frames, but {why}"
         raise scene.error(problem, "take that setting out", "render a mesh")
-    bent = [step.perturbation.name for step in setting.exposure if step.perturbation.rays is not None]
+    bent = [step.perturbation.name for step in setting.exposure if step.perturbation.rays]
     if bent and not scene.source.capabilities.casts_rays:
-        problem = Message(f"{setting.name}: {bent[0]} casts rays of its own, which this scene does not do")
+        problem = f"{setting.name}: {bent[0]} casts rays of its own, which this scene does not do"
         raise scene.error(problem, "take that setting out", Message("use ", PresetKey("render.engine", "embree")))
     apart = [step.perturbation for step in moving if step.perturbation.apply is not None]
     if lone := next((item.name for item in apart if not item.continuous), ""):
