@@ -34,7 +34,7 @@ from noisy_world.perturbations import registry
 from noisy_world.pipeline.clean_frame import CleanFrame
 from noisy_world.pipeline.frame_maker import render_options
 from noisy_world.planning import make_plan
-from tools.showcase import DEMO, FRAME, SEED, demo_frame, perturbed, shown_perturbations
+from tools.showcase import DEMO, FRAME, SEED, demo_camera, demo_frame, perturbed, shown_perturbations
 
 Tiles: TypeAlias = list[NDArray[np.uint8]]
 
@@ -45,14 +45,12 @@ OFFSETS = (5, 10, 20)
 # The demo's walk in ten seconds at 20 Hz, the rate of the paper's sequences; its frame that is the demo's FRAME.
 WALK = "scenes.0.trajectory.handheld={frames: 200, rate_hz: 20}"
 WALK_FRAME = 5 * FRAME
-GRAINY = ("gaussian_noise", "impulse_noise", "shot_noise", "speckle_noise")
 ON_THE_LENS = ("lens_drops", "lens_dirt")
 TILE_PX = (280, 158)  # like the rest below, chosen for a picture 852 pixels wide
 DETAIL_PX = (200, 330)  # column and row of the part's upper left corner
 SAMPLE_PX = (560, 317)  # the clean frame, to try things on
 GAP_PX = 6
-QUALITY, GRAIN_QUALITY = 74, 50  # 1 MB in all: noise of every pixel takes most of it
-JPEG = (cv2.IMWRITE_JPEG_OPTIMIZE, 1, cv2.IMWRITE_JPEG_PROGRESSIVE, 1, cv2.IMWRITE_JPEG_QUALITY)
+JPEG = (cv2.IMWRITE_JPEG_QUALITY, 62, cv2.IMWRITE_JPEG_OPTIMIZE, 1, cv2.IMWRITE_JPEG_PROGRESSIVE, 1)  # 1 MB in all
 EDGE = 0.05  # of depth: a jump by this share
 EDGE_RGB, GROUND = (255, 140, 0), 255
 
@@ -64,11 +62,11 @@ def main(arguments: list[str]) -> int:
     folder = parser.parse_args(arguments).folder
     folder.mkdir(parents=True, exist_ok=True)
     rgb, depth_m = demo_frame()
-    tiles = dict(chain(of_colour(rgb, depth_m), of_depth(depth_m), of_sequences(), of_exposures()))
+    tiles = dict(chain(of_colour(rgb, depth_m), of_depth(rgb, depth_m), of_sequences(), of_exposures()))
     shown = rgb_bytes(rgb)
     tiles["clean"] = [whole(shown), detail(shown), whole_depth(depth_m, far_m=float(depth_m.max()))]
     for name, row in tiles.items():
-        save(folder / f"{name}.jpg", strip(row), GRAIN_QUALITY if name in GRAINY else QUALITY)
+        save(folder / f"{name}.jpg", strip(row))
     save(folder / "room.jpg", np.asarray(cv2.resize(shown, SAMPLE_PX, interpolation=cv2.INTER_AREA), np.uint8))
     print(f"wrote {len(tiles) + 1} pictures into {folder}")
     return 0
@@ -84,12 +82,13 @@ def of_colour(rgb: NDArray[np.float32], depth_m: NDArray[np.float32]) -> Iterato
         yield item.name, [view(item)(made[item.name, severity]) for severity in SEVERITIES]
 
 
-def of_depth(depth_m: NDArray[np.float32]) -> Iterator[tuple[str, Tiles]]:
+def of_depth(rgb: NDArray[np.float32], depth_m: NDArray[np.float32]) -> Iterator[tuple[str, Tiles]]:
     """Yield the name and the tiles of each perturbation of depth."""
     far_m = float(depth_m.max())
+    beside = {"rgb": np.clip(rgb, 0, 1), "intrinsics": demo_camera(), "seed": SEED, "frame": FRAME}
     for item in registry().values():
         if isinstance(item, DepthPerturbation):
-            made = [apply(depth_m, item.name, severity=value, seed=SEED, frame=FRAME) for value in SEVERITIES]
+            made = [apply(depth_m, item.name, severity=value, **beside) for value in SEVERITIES]
             yield item.name, [whole_depth(each_m, far_m) for each_m in made]
 
 
@@ -202,9 +201,9 @@ def strip(tiles: Tiles) -> NDArray[np.uint8]:
     return np.concatenate([tiles[0], *chain.from_iterable((gap, tile) for tile in tiles[1:])], axis=1)
 
 
-def save(path: Path, picture: NDArray[np.uint8], quality: int = QUALITY) -> None:
+def save(path: Path, picture: NDArray[np.uint8]) -> None:
     """Write a JPEG. Raises OSError where it cannot be written."""
-    if not cv2.imwrite(str(path), picture[..., ::-1], (*JPEG, quality)):
+    if not cv2.imwrite(str(path), picture[..., ::-1], JPEG):
         raise OSError(f"{path} cannot be written")
 
 

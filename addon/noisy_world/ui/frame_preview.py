@@ -26,6 +26,7 @@ from ..pipeline.clean_frame import Camera, CleanFrame
 from ..pipeline.colour import colour_of
 from . import excluded, footage, this_scene
 from .document import format_of, identifiers_of, intrinsics_of, recorded, steps_of
+from .handlers import Handlers
 from .operators import UNDOABLE, OnScene, guarded
 from .paths import clean_stamps_s
 from .properties import panel_of
@@ -382,18 +383,17 @@ def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
 
 
 _register_classes, _unregister_classes = bpy.utils.register_classes_factory((PreviewFrame, PreviewDepth))
+_HANDLERS = Handlers(depsgraph_update_post=_on_change, load_post=_forget_all)
 
 
 def register() -> None:
     """Register the operators, and the handlers for changes that make rendered frames out of date."""
     _register_classes()
-    bpy.app.handlers.depsgraph_update_post.append(_on_change)
-    bpy.app.handlers.load_post.append(_forget_all)
+    _HANDLERS.add()
 
 
 def unregister() -> None:
     """Unregister them; the pictures stay in the file."""
-    bpy.app.handlers.depsgraph_update_post.remove(_on_change)
-    bpy.app.handlers.load_post.remove(_forget_all)
+    _HANDLERS.remove()
     _unregister_classes()
     _forget_all()
