@@ -13,7 +13,7 @@ from analytic import box_depth
 from cases import cases
 from shutters import CAMERA, HIGH, LOW, TURNS_DEG_S, moved, paths, psnr_db, room_session
 
-from noisy_world.core.trajectories.frame_request import Rays, Shutter
+from noisy_world.core.trajectories.frame_request import RequestedRays, Shutter
 from noisy_world.core.trajectories.sensor_paths import SensorPaths
 from noisy_world.core.trajectories.trajectory import Trajectory
 
@@ -37,7 +37,7 @@ def test_each_line_is_seen_from_where_the_camera_is_then(motion, direction):
     sensors, shutter = paths(motion), Shutter.centred(0.0, READOUT_S, direction)
     with room_session(sensors) as session:
         instant = session.frame(sensors.request(1))
-        seen = session.frame(replace(sensors.request(1), rays=Rays(shutter)))
+        seen = session.frame(replace(sensors.request(1), rays=RequestedRays(shutter)))
         rgb, depth_m = line_by_line(session, sensors, shutter)
     assert psnr_db(seen.rgb, rgb) > 65  # the bar
     assert (np.abs(seen.depth_m - depth_m) / depth_m).max() < 1e-6
@@ -56,7 +56,7 @@ def test_each_line_is_seen_from_where_the_camera_is_then(motion, direction):
 def test_more_rays_through_a_pixel_are_of_its_line_too(samples):
     sensors, shutter = paths("rotation"), Shutter.centred(0.0, READOUT_S)
     with room_session(sensors, samples=samples) as session:
-        seen = session.frame(replace(sensors.request(1), rays=Rays(shutter)))
+        seen = session.frame(replace(sensors.request(1), rays=RequestedRays(shutter)))
         rgb, _ = line_by_line(session, sensors, shutter)
     # Which pixels are uneven is told from the image itself, so a few are others than in single frames.
     assert psnr_db(seen.rgb, rgb) > 40
@@ -69,15 +69,15 @@ def test_depth_is_of_one_moment_or_from_another_place():
     sensors, shutter = paths("linear"), Shutter(0.0, 0.0, READOUT_S)
     with room_session(sensors) as session:
         instant = session.frame(sensors.request(1))
-        seen = session.frame(replace(sensors.request(1), rays=Rays(shutter, depth_rolls=False)))
-        rolled = session.frame(replace(sensors.request(1), rays=Rays(shutter)))
+        seen = session.frame(replace(sensors.request(1), rays=RequestedRays(shutter, depth_rolls=False)))
+        rolled = session.frame(replace(sensors.request(1), rays=RequestedRays(shutter)))
     assert np.array_equal(seen.depth_m, instant.depth_m)
     assert np.array_equal(seen.rgb, rolled.rgb)
     beside = sensors.rgb.c2w.copy()
     beside[:, :3, 3] += [0.05, 0.0, 0.02]
     both = SensorPaths(sensors.rgb, Trajectory(beside, sensors.rgb.stamps_s))
     with room_session(both) as session:
-        apart = session.frame(replace(both.request(1), rays=Rays(shutter)))
+        apart = session.frame(replace(both.request(1), rays=RequestedRays(shutter)))
         _, depth_m = line_by_line(session, both, shutter)
     assert np.array_equal(apart.rgb, rolled.rgb)
     assert (np.abs(apart.depth_m - depth_m) / depth_m).max() < 1e-6

@@ -6,7 +6,7 @@ from typing import Literal
 
 from ..core.perturbing.kinds import ExposurePerturbation
 from ..core.schema import key
-from ..core.trajectories.frame_request import Rays, ReadoutDirection, Shutter
+from ..core.trajectories.frame_request import ReadoutDirection, RequestedRays, Shutter
 
 MS_PER_S = 1000.0
 
@@ -42,7 +42,7 @@ def shutter(parameters: RollingShutter) -> Shutter:
     return Shutter(-before * readout_s, 0.0, readout_s, parameters.direction)
 
 
-def rays(of: Rays, parameters: RollingShutter) -> Rays:
+def rays(of: RequestedRays, parameters: RollingShutter) -> RequestedRays:
     """Return rays that are cast line by line."""
     return replace(of, readout=shutter(parameters), depth_rolls=parameters.depth == "rolling")
 

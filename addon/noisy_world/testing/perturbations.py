@@ -25,7 +25,7 @@ from ..core.perturbing.kinds import (
     Perturbation,
 )
 from ..core.perturbing.steps import Step
-from ..core.trajectories.frame_request import AT_ONCE, Rays
+from ..core.trajectories.frame_request import AT_ONCE, RequestedRays
 from .rules import CAMERA, images, path, require, require_name
 
 FRAMES = 12
@@ -188,7 +188,9 @@ def _check_exposure(perturbation: ExposurePerturbation, step: Step[Any]) -> None
 
     if perturbation.rays is not None:
         made_rays = [perturbation.rays(AT_ONCE, step.parameters(step.severity)) for _ in range(2)]
-        require(isinstance(made_rays[0], Rays), name, f"rays has to return Rays, not {made_rays[0]!r}")
+        require(
+            isinstance(made_rays[0], RequestedRays), name, f"rays has to return RequestedRays, not {made_rays[0]!r}"
+        )
         require(made_rays[0] == made_rays[1], name, "says other rays for the same parameters")
         return
 

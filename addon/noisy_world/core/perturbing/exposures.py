@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import NoisyWorldError
-from ..trajectories.frame_request import AT_ONCE, Rays
+from ..trajectories.frame_request import AT_ONCE, RequestedRays
 from .execution import Notes, format_value
 from .exposing import Channels, SceneAround, TakenImages
 from .kinds import ExposurePerturbation
@@ -32,7 +32,7 @@ def exposure_notes(steps: Sequence[Step[ExposurePerturbation]]) -> Notes:
     return found
 
 
-def rays_of(steps: Sequence[Step[ExposurePerturbation]]) -> Rays:
+def rays_of(steps: Sequence[Step[ExposurePerturbation]]) -> RequestedRays:
     """Return which rays make a frame, as steps of exposure say."""
     rays = AT_ONCE
     for step in steps:

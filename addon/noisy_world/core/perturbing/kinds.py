@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from ..geometry import Intrinsics
 from ..installed import Distribution
 from ..streams import integers_of_frames, stream
-from ..trajectories.frame_request import Rays, Shutter
+from ..trajectories.frame_request import RequestedRays, Shutter
 from ..trajectories.motion import CameraMotion
 from ..trajectories.trajectory import Trajectory
 from .exposing import ExposureApply
@@ -295,7 +295,7 @@ class ExposurePerturbation(Perturbation):
 
     stage: Stage = field(default="exposure", init=False)
     apply: ExposureApply | None = None
-    rays: Callable[[Rays, Any], Rays] | None = None
+    rays: Callable[[RequestedRays, Any], RequestedRays] | None = None
     shutter: Callable[[Any], Shutter]
     tells_lines: bool = False
     measures_travel: bool = False

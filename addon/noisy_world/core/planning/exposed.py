@@ -13,7 +13,7 @@ from ..linear_light import decoded, encoded
 from ..perturbing.execution import Notes
 from ..perturbing.exposing import Channels, SceneAround, TakenImages
 from ..perturbing.exposures import expose, exposure_notes, rays_of
-from ..trajectories.frame_request import FrameRequest, Rays, Shutter
+from ..trajectories.frame_request import FrameRequest, RequestedRays, Shutter
 from ..trajectories.sensor_paths import SensorPaths
 from .plan import Render
 from .source import (
@@ -94,7 +94,7 @@ class _Around:
     colour_rays: how many have been cast for colour. light: of the last lit frame; None where no frame was lit.
     """
 
-    def __init__(self, opened: OpenSource, render: Render, request: FrameRequest, rays: Rays) -> None:
+    def __init__(self, opened: OpenSource, render: Render, request: FrameRequest, rays: RequestedRays) -> None:
         self._opened = opened
         self._render = render
         self._request = request

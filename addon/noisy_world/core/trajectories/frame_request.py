@@ -48,7 +48,7 @@ class Shutter:
 
 
 @dataclass(frozen=True)
-class Rays:
+class RequestedRays:
     """Which rays make a frame, where they are not those of one instant.
 
     readout: when each line sees light, from the frame's time on; None where all lines do at once. depth_rolls: whether
@@ -59,7 +59,7 @@ class Rays:
     depth_rolls: bool = True
 
 
-AT_ONCE = Rays()
+AT_ONCE = RequestedRays()
 """The rays of one instant."""
 
 PosesAt: TypeAlias = Callable[[NDArray[np.float64]], tuple[NDArray[np.float64], NDArray[np.float64]]]
@@ -84,7 +84,7 @@ class FrameRequest:
     depth_c2w: NDArray[np.float64]
     along_path: "Callable[[float], FrameRequest] | None" = field(default=None, repr=False)
     poses: PosesAt | None = field(default=None, repr=False)
-    rays: Rays = AT_ONCE
+    rays: RequestedRays = AT_ONCE
     channels: frozenset[str] | None = None
 
     @property
