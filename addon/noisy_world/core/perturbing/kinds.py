@@ -20,7 +20,7 @@ from ..trajectories.frame_request import RequestedRays, Shutter
 from ..trajectories.motion import CameraMotion
 from ..trajectories.trajectory import Trajectory
 from .exposing import ExposureApply
-from .parameter_checks import check_no_temporals, check_parameters
+from .parameter_rules import check_no_temporals, check_parameters
 
 Identifiers: TypeAlias = tuple[str | int, ...]
 """Identifiers of random streams: the preset's seed, scene, setting; then the perturbation and its occurrence."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the parameters of a perturbation have to be, so that presets, panels and sockets can be made of them."""
+"""What the parameters of a perturbation have to be."""
 
 from collections.abc import Sequence
 from dataclasses import MISSING, fields, is_dataclass
@@ -7,7 +7,7 @@ from typing import Literal, get_args, get_origin, get_type_hints
 
 
 def check_parameters(name: str, parameters: type) -> None:
-    """Raise ValueError for parameters that are no dataclass of keys with defaults. name: the perturbation's."""
+    """Raise ValueError where they are no dataclass of keys with defaults, of kinds that presets and sockets know."""
     if not (isinstance(parameters, type) and is_dataclass(parameters)):
         raise ValueError(f"{name}: parameters has to be a dataclass")
     hints = get_type_hints(parameters)
