@@ -3,6 +3,7 @@
 
 import math
 from pathlib import Path
+from types import SimpleNamespace
 
 import bpy
 import cv2
@@ -11,6 +12,8 @@ import pytest
 from panel_tools import settings, straight, use_files
 
 from noisy_world.blender.chain_scene import shown_chain
+from noisy_world.core.errors import InputError
+from noisy_world.core.presets.preset import RenderSpec
 from noisy_world.ui import (
     document,
     frame_preview,
@@ -21,6 +24,8 @@ from noisy_world.ui import (
     scene_copy,
     stills,
     apply_preset,
+    described,
+    paths,
     world,
 )
 from noisy_world.ui.generate import run_of
@@ -171,6 +176,85 @@ def test_what_cannot_be_rendered_elsewhere_is_said_before_anything_runs(hall, wr
     with pytest.raises(RuntimeError, match=words[wrong]):
         bpy.ops.noisy_world.generate()
     assert run_of(hall) is None
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        ("ORTHO", "Mine is orthographic, not perspective; make another camera the scene's, or change its type"),
+        ("zoom", r"along the path \(.*; choose Camera > Intrinsics: As Given, and numbers that then hold, or choose"),
+    ],
+)
+def test_a_camera_that_no_dataset_has_is_refused_when_its_path_is_loaded(hall, wrong, said):
+    data = hall.camera.data
+    if wrong == "zoom":
+        data.keyframe_insert("lens", frame=1)
+        data.lens = 80.0
+        data.keyframe_insert("lens", frame=5)
+    else:
+        data.type = wrong
+    with pytest.raises(RuntimeError, match=said):
+        bpy.ops.noisy_world.load_trajectory()
+    assert own_objects.own_object(hall, "camera") is None
+
+
+def test_frames_that_change_after_the_path_was_loaded_are_said_and_break_nothing(hall):
+    settings().deviation_translation_m = 0.05
+    bpy.ops.noisy_world.add_step(perturbation="snow_depth")
+    assert bpy.ops.noisy_world.load_trajectory() == {"FINISHED"}
+    loaded = paths.deviated_poses(hall, paths.clean_poses(hall))
+    hall.frame_end = 9
+    settings().preview = True
+    preview.flush()
+    assert np.array_equal(paths.deviated_poses(hall, paths.clean_poses(hall)), loaded)
+    assert hall.session_uid in preview._at_rest
+    assert not preview._errors
+    assert world.path_summary(hall) == ""
+    with pytest.raises(RuntimeError, match="press Load Trajectory"):
+        bpy.ops.noisy_world.preview_frame()
+    assert bpy.ops.noisy_world.load_trajectory() == {"FINISHED"}
+    assert len(paths.deviated_poses(hall, paths.clean_poses(hall))) == 5
+
+
+def test_stereo_is_refused_in_a_line_for_this_scene_and_left_out_of_a_mesh(hall, tmp_path):
+    hall.render.use_multiview = True
+    with pytest.raises(RuntimeError, match="renders in stereo; turn Stereoscopy off"):
+        bpy.ops.noisy_world.preview_frame()
+    use_files(tmp_path)
+    item = settings()
+    item.width_px = item.height_px = 16
+    assert bpy.ops.noisy_world.load_scene() == bpy.ops.noisy_world.load_trajectory() == {"FINISHED"}
+    assert stills.rendered(hall, 0).rgb.shape == (16, 16, 3)
+    assert hall.render.use_multiview
+
+
+def test_a_view_of_an_engine_that_gives_no_depth_is_shown_by_eevee(hall):
+    space = next(area for area in bpy.context.window.screen.areas if area.type == "VIEW_3D").spaces.active
+    at = SimpleNamespace(scene=hall, space_data=space)
+    space.shading.type = "RENDERED"
+    assert preview.lacks_depth(at)
+    bpy.ops.noisy_world.add_step(perturbation="fog")
+    assert preview._reading_depth(hall) == ()
+    bpy.ops.noisy_world.add_step(perturbation="fog_depth")
+    assert preview._reading_depth(hall) == ("Fog by Depth",)
+    preview.show_by_eevee(hall, space.shading)
+    assert (space.shading.type, space.shading.use_scene_lights, space.shading.use_scene_world) == ("MATERIAL", 1, 1)
+    assert hall.render.engine == "CYCLES"
+    assert not preview.lacks_depth(at)
+
+
+def test_embree_is_offered_only_where_it_is(hall, monkeypatch):
+    item = settings()
+    item.render_source = "GIVEN"
+    item.engine = "embree"
+    with pytest.raises(RuntimeError, match="Engine: is Embree, which knows no lights"):
+        bpy.ops.noisy_world.preview_frame()
+    assert described.is_offered("embree")
+    monkeypatch.setattr(described, "find_spec", lambda _: None)
+    property_ = described.described(RenderSpec, "engine")
+    assert [value for value, *_ in property_.keywords["items"]] == ["cycles", "eevee", "workbench"]
+    with pytest.raises(InputError, match=r"render\.engine: this file chose Embree"):
+        document.engine_of(SimpleNamespace(engine=""))  # as Blender reads a number that no choice has
 
 
 def test_a_cube_beside_a_loaded_mesh_is_named_and_may_become_the_dataset(tmp_path):

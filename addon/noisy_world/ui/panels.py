@@ -118,6 +118,8 @@ class NOISYWORLD_PT_trajectory(PanelSection, bpy.types.Panel):
         layout.operator("noisy_world.load_trajectory", icon="CON_FOLLOWPATH")
         if message := world.path_summary(context.scene):
             layout.label(text=message, icon="CHECKMARK")
+        elif world.poses(context.scene):
+            write(layout, context, "Another path was loaded: Load Trajectory takes this one", "INFO")
 
 
 class NOISYWORLD_PT_deviation(PanelSection, bpy.types.Panel):

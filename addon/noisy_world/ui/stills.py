@@ -13,9 +13,10 @@ from ..core.datasets.provenance import render_seed
 from ..core.errors import InputError
 from ..core.perturbing.execution import split_motion
 from ..core.planning.source import RenderedFrame
+from ..core.presets.preset import EngineName
 from . import excluded, footage, this_scene, world
-from .document import intrinsics_of, motion_of, recorded
-from .own_objects import own_object
+from .described import EMBREE
+from .document import PANEL, engine_of, intrinsics_of, motion_of, recorded
 from .paths import clean_poses, clean_stamps_s, deviated_poses
 from .properties import panel_of
 from .source_fields import ITEMS
@@ -65,9 +66,9 @@ def own_still(scene: bpy.types.Scene, index: int) -> OwnStill:
     """
     panel = panel_of(scene)
     given = panel.render_source == "GIVEN"
-    camera = own_object(scene, "camera")
-    loaded = camera is not None and world.is_from_panel(scene, camera)
-    c2w, follows = (clean_poses(scene) if loaded else None), this_scene.follows(panel)
+    this_scene.check(scene)
+    follows = this_scene.follows(panel)
+    c2w = clean_poses(scene) if world.has_current_path(scene) else None
     moved = None if c2w is None else deviated_poses(scene, c2w)
     if c2w is None and (not follows or has_moving_steps(scene)):
         raise InputError("Preview Frame", "the path is not loaded, or another by now", remedy="press Load Trajectory")
@@ -87,12 +88,21 @@ def own_still(scene: bpy.types.Scene, index: int) -> OwnStill:
         follows=follows,
         intrinsics=intrinsics_of(panel),
         clip_m=(panel.near_m, panel.far_m) if panel.lens_source == "GIVEN" else None,
-        engine=panel.engine if given else None,
+        engine=_engine(panel) if given else None,
         samples=panel.samples if given else None,
         seed=render_seed(panel.seed),
         keep_compositor=panel.compositing == "keep",
         depth_alpha=panel.depth_alpha,
     )
+
+
+def _engine(panel: Any) -> EngineName:
+    """Return the engine that the panel gives. Raises InputError for one that shows no scene of a .blend."""
+    engine = engine_of(panel)
+    if engine == EMBREE:
+        problem = "is Embree, which knows no lights or materials"
+        raise InputError(PANEL, problem, where="render.engine", remedy="choose another engine")
+    return engine
 
 
 def has_moving_steps(scene: bpy.types.Scene) -> bool:
