@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The pictures in the image editor: the generator's bytes, following the sliders without rendering again."""
 
+import json
 import time
+from dataclasses import replace
 
 import bpy
 import cv2
@@ -14,14 +16,17 @@ from worlds import generate, path_poses, write_world
 from noisy_world.blender.chain_scene import shown_chain
 from noisy_world.blender.compositor import Compositor
 from noisy_world.blender.scene import add_mesh
+from noisy_world.blender.own_still import OwnStill
 from noisy_world.blender.still import render_stills
+from noisy_world.blender.still_process import StillRequest, read_frames
 from noisy_world.blender.typed import fcurves_of
 from noisy_world.core.errors import NoisyWorldError
 from noisy_world.core.datasets.images import rgb_bytes
+from noisy_world.core.geometry import Intrinsics
 from noisy_world.core.perturbing.execution import perturb_depth, perturb_rgb
 from noisy_world.core.perturbing.kinds import FrameContext
 from noisy_world.core.datasets.overview import colour_depth
-from noisy_world.ui import frame_preview, operators, presets, preview, stills, world
+from noisy_world.ui import frame_preview, operators, presets, preview, runs, stills, world
 
 
 pytestmark = pytest.mark.usefixtures("registered")
@@ -120,6 +125,67 @@ def test_without_perturbations_it_is_the_render(room):
     assert about == "Frame 2: clean"
 
 
+def move_camera(scene):
+    scene.camera.location.x += 1
+    bpy.context.view_layer.update()
+
+
+def widen(scene):
+    scene.noisy_world.fx_px += 1
+
+
+def deviate(scene):
+    scene.noisy_world.deviation_translation_m = 0.1
+
+
+def test_a_frame_rendered_in_the_background_is_the_one_that_is_rendered_here(room):
+    """With the preview's chain shown, which the copy of the file holds too."""
+    add(room, "fog_depth", severity=5.0)
+    room.noisy_world.preview = True
+    preview.flush()
+    room.frame_set(4)
+    run = runs.start_still(room, stills.request_of(room, {4, 7}))
+    assert runs.active_still() == run
+    assert not bpy.ops.noisy_world.preview_frame.poll()
+    run.background.wait()
+    assert (run.background.phase, run.background.fraction) == ("finished", 1.0), run.background.error
+    found = read_frames(run.folder)
+    run.tidy()
+    assert sorted(found) == [4, 7]
+    for index, frame in found.items():
+        here = stills.rendered(room, index)
+        assert np.array_equal(frame.rgb, here.rgb)
+        assert np.array_equal(frame.depth_m, here.depth_m)
+
+
+def test_a_frame_of_this_scene_is_asked_for_as_it_is_rendered_here():
+    camera = Intrinsics(8, 6, 7.1, 7.3, 3.5, 2.5)
+    c2w = np.eye(4)
+    c2w[0, 3] = 0.1
+    still = OwnStill(2.5, c2w, False, camera, (0.1, 30.0), "eevee", 3, 11, True, 0.4)
+    request = StillRequest("Scene", {3: still, 4: replace(still, c2w=None, clip_m=None, engine=None)})
+    back = StillRequest.of(json.loads(json.dumps(request.content())))
+    assert np.array_equal(back.stills[3].c2w, c2w)
+    assert replace(back.stills[3], c2w=None) == replace(still, c2w=None)
+    assert back.stills[4] == request.stills[4]
+    assert replace(back, stills={}) == replace(request, stills={})
+
+
+def test_rendering_stops_at_once_and_the_picture_stays(editor, scene):
+    cycles_scene((0.1, 0.2, 0.05))
+    assert bpy.ops.noisy_world.preview_frame() == {"FINISHED"}
+    before = pixels(editor.spaces.active.image)
+    run = runs.start_still(scene, stills.request_of(scene, {5}))
+    began_s = time.monotonic()
+    run.background.cancel()
+    run.background.wait()
+    assert time.monotonic() - began_s < 2.0
+    assert run.background.phase == "stopped"
+    run.tidy()
+    assert not run.folder.exists()
+    assert np.array_equal(pixels(editor.spaces.active.image), before)
+
+
 def test_the_picture_follows_the_sliders_without_rendering_again(editor, scene, renders):
     cycles_scene((0.1, 0.2, 0.05))
     settings = scene.noisy_world
@@ -141,14 +207,18 @@ def test_the_picture_follows_the_sliders_without_rendering_again(editor, scene, 
     preview.flush()
     assert np.array_equal(pixels(image), weak)
     assert renders == [3]
-    scene.camera.location.x += 1
-    bpy.context.view_layer.update()
-    noise.severity = 2.0
-    preview.flush()
-    assert renders == [3, 3]
-    settings.fx_px += 1
-    preview.flush()
-    assert renders == [3, 3, 3]
+    for change in (move_camera, widen, deviate):  # which make the picture one of before: no slider renders
+        change(scene)
+        noise.severity = 2.0
+        preview.flush()
+        assert np.array_equal(pixels(image), weak)
+        assert frame_preview._outdated[scene.session_uid] == {"COLOUR"}
+        scene.frame_set(3)
+        noise.severity = 1.0
+        assert bpy.ops.noisy_world.preview_frame() == {"FINISHED"}
+        assert not frame_preview._outdated[scene.session_uid]
+        weak = pixels(image)
+    assert renders == [3, 3, 3, 3]
     settings.preview = False
     preview.flush()
     before = pixels(image)
@@ -327,11 +397,13 @@ def test_the_chains_own_keys_do_not_make_a_frame_stale(editor, scene, renders):
         bpy.context.view_layer.update()
     preview.flush()
     assert len(renders) == 1
+    assert not frame_preview._outdated[scene.session_uid]
     scene.camera.keyframe_insert("location", frame=0)
     bpy.context.view_layer.update()
     noise.severity = 3.0
     preview.flush()
-    assert len(renders) == 2
+    assert frame_preview._outdated[scene.session_uid] == {"COLOUR"}
+    assert len(renders) == 1
 
 
 def test_undo_makes_a_frame_stale_where_it_moved_something(editor, scene, renders):

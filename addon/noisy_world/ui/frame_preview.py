@@ -3,6 +3,8 @@
 
 import time
 from collections import OrderedDict
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import Any, Literal, TypeAlias
 
@@ -11,7 +13,8 @@ import numpy as np
 from bpy.app.handlers import persistent
 from numpy.typing import NDArray
 
-from ..blender.typed import override, set_pixels, size_px
+from ..blender.still_process import read_frames
+from ..blender.typed import layout_of, override, set_pixels, size_px
 from ..core.datasets.depth_range import scale_that_holds
 from ..core.datasets.images import as_bytes, grey_bytes
 from ..core.datasets.overview import colour_depth
@@ -24,20 +27,25 @@ from ..core.planning.source import RenderedFrame
 from ..perturbations import registry
 from ..pipeline.clean_frame import Camera, CleanFrame
 from ..pipeline.colour import colour_of
-from . import excluded, footage, this_scene
+from . import excluded, footage, runs, this_scene
 from .document import format_of, identifiers_of, intrinsics_of, recorded, steps_of
-from .operators import UNDOABLE, OnScene, guarded
+from .following import Following, redraw
+from .long_text import write
+from .operators import CANCELLED, DONE, UNDOABLE, OnScene, guarded
 from .paths import clean_stamps_s
 from .properties import panel_of
 from .shown_motion import camera_at
-from .stills import beside, check_depth, path_frames, rendered
+from .stills import beside, check_depth, path_frames, rendered, request_of
 
 Kind: TypeAlias = Literal["COLOUR", "DEPTH"]
 
+BUTTONS: dict[Kind, str] = {"COLOUR": "Preview Frame", "DEPTH": "Preview Depth"}
 PICTURES: dict[Kind, str] = {"COLOUR": "Noisy World Color", "DEPTH": "Noisy World Depth"}
 STILLS_KEPT = 4  # rendered frames of a scene; chosen: desynchronisation sliders move between neighbours
 CHANGES_PICTURE = (bpy.types.Camera, bpy.types.Light, bpy.types.Material, bpy.types.World)
 
+_changes: dict[int, int] = {}  # by scene: how often its rendered frames were dropped
+_outdated: dict[int, set[Kind]] = {}  # by scene: the pictures whose frames would be rendered otherwise by now
 _stills: dict[int, OrderedDict[int, RenderedFrame]] = {}  # by scene and frame: clean, as rendered
 _followed: dict[int, dict[Kind, int]] = {}  # by scene: the pictures that follow, and the frame each shows
 _drawn: dict[int, "_Drawn"] = {}  # by scene: the colour that was perturbed last, for another split
@@ -61,16 +69,25 @@ def still_of(scene: bpy.types.Scene, frame: int) -> RenderedFrame:
     """Return a clean scene frame, which is rendered the first time it is asked for."""
     known = _stills.setdefault(scene.session_uid, OrderedDict())
     if frame not in known:
-        known[frame] = rendered(scene, frame)
+        _keep(scene, frame, rendered(scene, frame))
+    known.move_to_end(frame)
+    return known[frame]
+
+
+def _keep(scene: bpy.types.Scene, frame: int, still: RenderedFrame) -> None:
+    known = _stills.setdefault(scene.session_uid, OrderedDict())
+    known[frame] = still
     known.move_to_end(frame)
     while len(known) > STILLS_KEPT:
         known.popitem(last=False)
-    return known[frame]
 
 
 def forget(scene: bpy.types.Scene) -> None:
     """Drop a scene's rendered frames, so that they are rendered again when they are next asked for."""
-    _stills.pop(scene.session_uid, None)
+    uid = scene.session_uid
+    _changes[uid] = _changes.get(uid, 0) + 1
+    _outdated[uid] = set(_followed.get(uid, ()))
+    _stills.pop(uid, None)
     forget_drawn(scene)
 
 
@@ -174,6 +191,20 @@ def _held(scene: bpy.types.Scene, depth_m: NDArray[np.float32]) -> tuple[NDArray
     return format_.stored_depth_m(depth_m), f"{message}; "
 
 
+def sources_of(scene: bpy.types.Scene, kind: Kind, index: int) -> set[int]:
+    """Return the source frames that a picture is made of. Raises NoisyWorldError as `make_picture` does."""
+    sequence, _ = sequence_of(scene)
+    shown = _shown(sequence, index)
+    if kind == "COLOUR":
+        return {shown.rgb_source}
+    return {shown.depth_source, *([shown.rgb_source] if sequence.paired else [])}
+
+
+def _is_rendered(scene: bpy.types.Scene, sources: set[int]) -> bool:
+    """Tell whether source frames are at hand; those of a recording are read, and always are."""
+    return footage.is_shown(panel_of(scene)) or sources <= _stills.get(scene.session_uid, {}).keys()
+
+
 def _shown(sequence: Sequence, index: int) -> Shown:
     if sequence.leaves_out(index):
         raise NoisyWorldError(f"frame {index} is left out: there is no depth to pair with it")
@@ -270,10 +301,17 @@ def watching(scene: bpy.types.Scene) -> list[tuple[Kind, int, list[bpy.types.Are
 
 
 def follow(scene: bpy.types.Scene) -> None:
-    """Redraw a scene's pictures that an image editor shows. Raises NoisyWorldError as `make_picture` does."""
+    """Redraw a scene's pictures that an image editor shows, as far as their frames are rendered already.
+
+    Raises NoisyWorldError as `make_picture` does.
+    """
     began_s, was_drawn = time.perf_counter(), scene.session_uid in _drawn
     for kind, index, areas in watching(scene):
+        if not _is_rendered(scene, sources_of(scene, kind, index)):
+            _outdated.setdefault(scene.session_uid, set()).add(kind)
+            continue
         make_picture(scene, kind, index)
+        _outdated.get(scene.session_uid, set()).discard(kind)
         for area in areas:
             area.tag_redraw()
     if not was_drawn:  # another split is quick, and says nothing of the time that a slider takes
@@ -288,7 +326,8 @@ def seconds_taken(scene: bpy.types.Scene) -> float:
 @persistent
 def _on_change(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
     """Drop the rendered frames of a scene in which something was moved, edited or lit differently."""
-    if scene.session_uid not in _stills:
+    uid = scene.session_uid
+    if uid not in _stills and uid not in _followed and runs.active_still() is None:
         return
     if any(_makes_stale(item, scene) for item in depsgraph.updates):
         forget(scene)
@@ -308,23 +347,29 @@ def _makes_stale(update: bpy.types.DepsgraphUpdate, scene: bpy.types.Scene) -> b
 @persistent
 def _forget_all(*_: object) -> None:
     """Drop all rendered frames: another file was opened."""
-    for kept in (_stills, _followed, _drawn, _took_s):
+    for kept in (_stills, _followed, _drawn, _took_s, _changes, _outdated):
         kept.clear()
 
 
 # --- the panel's part ---
 
 
-class _Preview(OnScene):
-    """Render the scene's frame, and show it perturbed."""
+class _Preview(Following, OnScene):
+    """Render the scene's frame in the background, and show it perturbed."""
 
     bl_options = UNDOABLE
     kind: Kind
+    _index = 0
+    _began_at = 0  # the count of changes when it was started
+    _area = 0  # the area that it was started from
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        """Tell whether there is a camera to render from."""
+        """Tell whether there is a camera to render from, and nothing is rendered yet."""
         if not super().poll(context):
+            return False
+        if runs.active_still() is not None:
+            cls.poll_message_set("A frame is being rendered: Esc stops that")
             return False
         if context.scene.camera is None and not footage.is_shown(panel_of(context.scene)):
             cls.poll_message_set("The scene has no camera")
@@ -332,24 +377,98 @@ class _Preview(OnScene):
         return True
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        """Render and show."""
+        """Render and show at once, for scripts and for frames that are only read."""
 
         def work() -> str:
             scene = context.scene
             forget(scene)
             footage.forget()
             _, index = sequence_of(scene)
-            image, about = make_picture(scene, self.kind, index)
-            _followed.setdefault(scene.session_uid, {})[self.kind] = index
-            open_picture(context, image)
-            return about if excluded.shows_dataset(scene) else f"Your scene, not the dataset's: {about}"
+            return show_frame(context, scene, self.kind, index)
 
         return guarded(self, work)
 
+    def invoke(self, context: bpy.types.Context, _: bpy.types.Event) -> set[str]:
+        """Render while the windows stay usable; the picture that is there stays until the new one comes."""
+        if footage.is_shown(panel_of(context.scene)):
+            return self.execute(context)
+        self._area = 0 if context.area is None else context.area.as_pointer()
+        return self.followed(context) if self.started(context) else CANCELLED
+
+    def begin(self, scene: bpy.types.Scene) -> runs.SceneRun:
+        """Start rendering."""
+        _, self._index = sequence_of(scene)
+        if self.kind == "DEPTH":
+            check_depth(scene)
+        request = request_of(scene, sources_of(scene, self.kind, self._index))
+        run = runs.start_still(scene, request)
+        self._began_at = _changes.get(scene.session_uid, 0)
+        return run
+
+    def take(self, run: runs.SceneRun) -> str:
+        """Show what was rendered, perturbed as the panel says by now."""
+        scene = next((item for item in bpy.data.scenes if item.session_uid == run.scene_uid), None)
+        if scene is None:
+            raise NoisyWorldError("the scene that the frame belongs to is gone")
+        changed = _changes.get(run.scene_uid, 0) != self._began_at
+        for index, still in read_frames(run.folder).items():
+            _keep(scene, index, still)
+        forget_drawn(scene)
+        with _over_area(self._area):
+            about = show_frame(bpy.context, scene, self.kind, self._index)
+        if changed:
+            forget(scene)
+        return about
+
+
+def show_frame(context: bpy.types.Context, scene: bpy.types.Scene, kind: Kind, index: int) -> str:
+    """Show a frame's picture in an image editor and follow it; say what it shows. Raises NoisyWorldError."""
+    image, about = make_picture(scene, kind, index)
+    _followed.setdefault(scene.session_uid, {})[kind] = index
+    _outdated.get(scene.session_uid, set()).discard(kind)
+    open_picture(context, image)
+    return about if excluded.shows_dataset(scene) else f"Your scene, not the dataset's: {about}"
+
+
+@contextmanager
+def _over_area(pointer: int) -> Iterator[None]:
+    """Let the context be that of an area, where it is still there."""
+    windows = bpy.context.window_manager.windows
+    places = ((window, area) for window in windows for area in window.screen.areas if area.as_pointer() == pointer)
+    window, area = next(places, (None, None))
+    if window is None or area is None:
+        yield
+        return
+    region = next(item for item in area.regions if item.type == "WINDOW")
+    with override(window=window, screen=window.screen, area=area, region=region):
+        yield
+
+
+class CancelPreview(bpy.types.Operator):
+    """Stop rendering; the picture that is there stays"""
+
+    bl_idname = "noisy_world.preview_cancel"
+    bl_label = "Cancel"
+    bl_options = {"REGISTER"}
+
+    @classmethod
+    def poll(cls, _: bpy.types.Context) -> bool:
+        """Tell whether a frame is being rendered."""
+        return runs.active_still() is not None
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Stop it."""
+        run = runs.active_still()
+        if run is None:
+            return CANCELLED
+        run.background.cancel()
+        redraw(context)
+        return DONE
+
 
 class PreviewFrame(_Preview, bpy.types.Operator):
-    """Render this frame with one sample of Cycles and show it in an image editor, perturbed; where the panel's mesh \
-and path are loaded and nothing else is shown, it is as it is written. While Preview is on it follows the sliders"""
+    """Render this frame in the background and show it in an image editor, perturbed; where the panel's mesh and path \
+are loaded and nothing else is shown, it is as it is written. While Preview is on it follows sliders; Esc stops it"""
 
     bl_idname = "noisy_world.preview_frame"
     bl_label = "Preview Frame"
@@ -357,8 +476,8 @@ and path are loaded and nothing else is shown, it is as it is written. While Pre
 
 
 class PreviewDepth(_Preview, bpy.types.Operator):
-    """Render this frame's depth and show it in an image editor, in colors, as the generator perturbs it; while \
-Preview is on it follows the sliders"""
+    """Render this frame's depth in the background and show it in an image editor, in colors, as the generator \
+perturbs it; while Preview is on it follows the sliders. Esc stops it"""
 
     bl_idname = "noisy_world.preview_depth"
     bl_label = "Preview Depth"
@@ -374,18 +493,44 @@ def has_depth_steps(panel: Any) -> bool:
 def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     """Draw the buttons, that of depth only if a step acts on it, and whether the frames are the dataset's."""
     column = layout.column(align=True)
+    draw_progress(column)
     column.operator(PreviewFrame.bl_idname, icon="IMAGE_DATA")
     if has_depth_steps(panel_of(context.scene)):
         column.operator(PreviewDepth.bl_idname, icon="IMAGE_ZDEPTH")
+    if outdated := _outdated.get(context.scene.session_uid):
+        buttons = " and ".join(BUTTONS[kind] for kind in sorted(outdated))
+        write(layout, context, f"The picture is from before a change: {buttons} renders it anew", "INFO")
     excluded.draw_in_preview(layout, context)
 
 
-_register_classes, _unregister_classes = bpy.utils.register_classes_factory((PreviewFrame, PreviewDepth))
+def draw_progress(layout: bpy.types.UILayout) -> None:
+    """Draw a bar with a button that stops, while a frame is being rendered."""
+    run = runs.active_still()
+    if run is None:
+        return
+    row = layout.row(align=True)
+    state = run.background
+    said = "Stopping" if state.phase == "stopping" else f"Rendering {state.label or 'frame'}"
+    row.progress(factor=state.fraction, text=said)
+    row.operator(CancelPreview.bl_idname, text="", icon="X")
+
+
+def draw_in_status_bar(header: bpy.types.Header, _: bpy.types.Context) -> None:
+    """Draw the bar in the status bar, too."""
+    if runs.active_still() is not None:
+        row = layout_of(header).row()
+        row.ui_units_x = 10
+        draw_progress(row)
+
+
+STATUS_BAR: Any = draw_in_status_bar  # the stubs give such functions no header
+_register_classes, _unregister_classes = bpy.utils.register_classes_factory((PreviewFrame, PreviewDepth, CancelPreview))
 
 
 def register() -> None:
     """Register the operators, and the handlers for changes that make rendered frames out of date."""
     _register_classes()
+    bpy.types.STATUSBAR_HT_header.append(STATUS_BAR)
     bpy.app.handlers.depsgraph_update_post.append(_on_change)
     bpy.app.handlers.load_post.append(_forget_all)
 
@@ -394,5 +539,6 @@ def unregister() -> None:
     """Unregister them; the pictures stay in the file."""
     bpy.app.handlers.depsgraph_update_post.remove(_on_change)
     bpy.app.handlers.load_post.remove(_forget_all)
+    bpy.types.STATUSBAR_HT_header.remove(STATUS_BAR)
     _unregister_classes()
     _forget_all()

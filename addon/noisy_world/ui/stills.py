@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Clean frames for previews: of the panel's mesh as it is shown, or of the scene itself as it is set up."""
 
+from collections.abc import Iterable
 from typing import Any
 
 import bpy
@@ -9,6 +10,7 @@ from numpy.typing import NDArray
 
 from ..blender.own_still import OwnStill, render_own_still
 from ..blender.still import render_stills
+from ..blender.still_process import StillRequest
 from ..core.datasets.provenance import render_seed
 from ..core.errors import InputError
 from ..core.perturbing.execution import split_motion
@@ -39,6 +41,14 @@ def rendered(scene: bpy.types.Scene, frame: int) -> RenderedFrame:
         (still,) = render_stills(scene, [frame], empty=excluded.shows_dataset(scene))
         return still
     return render_own_still(scene, own_still(scene, frame))
+
+
+def request_of(scene: bpy.types.Scene, indices: Iterable[int]) -> StillRequest:
+    """Return what another process is asked for, so that it renders what `rendered` does. Raises InputError."""
+    chosen = sorted(indices)
+    if this_scene.is_shown(panel_of(scene)):
+        return StillRequest(scene.name, {index: own_still(scene, index) for index in chosen})
+    return StillRequest(scene.name, dict.fromkeys(chosen), empty=excluded.shows_dataset(scene))
 
 
 def check_depth(scene: bpy.types.Scene) -> None:
