@@ -69,6 +69,9 @@ def test_sockets_say_what_the_parameters_say(trees, name):
         info, socket = field.metadata["key"], items[socket_name(field.name)]
         assert socket.description.lower() == american(info.meaning).lower()
         degrees = np.pi / 180 if info.unit == "deg" else 1
+        if socket.bl_socket_idname == "NodeSocketMenu":
+            assert socket.default_value == field.default.capitalize()
+            continue
         assert socket.default_value == pytest.approx(field.default * degrees)
         if info.unit in ("px", "deg", "m"):
             assert socket.subtype == {"px": "PIXEL", "deg": "ANGLE", "m": "DISTANCE"}[info.unit]
@@ -218,8 +221,8 @@ def test_a_mask_says_where_the_effect_shows(tmp_path):
 
 def test_a_chain_clips_as_the_generator_does_unless_it_is_told_not_to(tmp_path):
     rgb = lit()
-    chain = build_chain("Chain", [step_of("fog_depth", severity=1), step_of("brightness", severity=1)])
-    found = by_groups({"on": (chain, {}), "off": (chain, {"Clip": False})}, rgb, tmp_path, depth_m=depth())
+    chain = build_chain("Chain", [step_of("frost", severity=1), step_of("brightness", severity=1)])
+    found = by_groups({"on": (chain, {}), "off": (chain, {"Clip": False})}, rgb, tmp_path)
     assert found["on"].max() <= 1 + 1e-4
     assert found["off"][15, 11].min() > 1
     dark = (found["off"] < 0.99).all(axis=2)

@@ -74,7 +74,7 @@ def save(folder, name="hall"):
 
 
 @contextmanager
-def opened(path, *, rgb=True, depth=True, others=(), stamps_s=None, depth_alpha=0.5, keep=False):
+def opened(path, *, rgb=True, depth=True, others=(), stamps_s=None, depth_alpha=0.5, keep=False, through_glass=False):
     """The session of a .blend along its own camera's path; also the path and the intrinsics.
 
     stamps_s: instead of the scene's frames, moments after the first one.
@@ -92,6 +92,7 @@ def opened(path, *, rgb=True, depth=True, others=(), stamps_s=None, depth_alpha=
         far_m=parameters.far_m,
         samples=found.samples["cycles"],
         seed=0,
+        through_glass=through_glass,
         channels=frozenset({name for name, on in (("rgb", rgb), ("depth", depth)) if on}).union(others),
     )
     file = OwnSceneFile(

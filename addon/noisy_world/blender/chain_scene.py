@@ -34,6 +34,7 @@ def make_chain(
     now: int | None = None,
     intrinsics: Intrinsics | None = None,
     camera_state_at: CameraStateAt | None = None,
+    lit: bool = False,
 ) -> bpy.types.CompositorNodeTree:
     """Make the node group of a chain with its sockets set, and keyed over `frames` where they change.
 
@@ -41,12 +42,13 @@ def make_chain(
     with these identifiers. An existing chain of this name is replaced wherever it is used; if it has the same groups,
     only its sockets are changed, which is quick, and a user's own values, keys and links in it stay. now: the current
     scene frame, by default the first. intrinsics: of the camera, if known. stance_at: how it stands and moves at a
-    frame of the sequence; without it, the camera's sockets stay as they are.
+    frame of the sequence; without it, the camera's sockets stay as they are. lit: the scene is lit, so
+    nothing is clipped.
     """
     old = made_before(bpy.data.node_groups, name)
     # By number, as a child that is made anew too is gone then.
     children = set() if old is None else {group.session_uid for group in _groups_in(old)}
-    tree = ensure_group(_described(name, steps))
+    tree = ensure_group(_described(name, steps, lit))
     set_values(
         tree,
         steps,
@@ -62,14 +64,14 @@ def make_chain(
     return tree
 
 
-def _described(name: str, steps: Sequence[Step[ColourPerturbation]]) -> Graph:
+def _described(name: str, steps: Sequence[Step[ColourPerturbation]], lit: bool) -> Graph:
     """Describe a chain; the last description holds as long as the steps have the same groups, whatever their values."""
-    made_from = [(step.perturbation, step_node(step), capacity_of(step)) for step in steps]
+    made_from = [lit, *((step.perturbation, step_node(step), capacity_of(step)) for step in steps)]
     known = _descriptions.get(name)
     if known is None or known[0] != made_from:
         while len(_descriptions) >= MOST_KEPT:
             del _descriptions[next(iter(_descriptions))]
-        known = _descriptions[name] = made_from, build_chain(name, steps)
+        known = _descriptions[name] = made_from, build_chain(name, steps, lit=lit)
     return known[1]
 
 
@@ -91,12 +93,13 @@ def show_chain(
     encoded: bool = False,
     reference_width_px: int | None = None,
     split: float = 0.0,
+    lit: bool = False,
 ) -> bpy.types.NodeTree:
     """Make a scene's compositor show a chain, after its render or after an image; `hide_chain` undoes this.
 
     After the render, the scene's own compositing stays in effect, before the chain; after an image it does not.
     encoded: the input is sRGB-encoded and the output too. reference_width_px: by default the scene's full width. split:
-    the share of the picture, from the left, that shows the chain's input.
+    the share of the picture, from the left, that shows the chain's input. lit: the chain is of a lit scene.
     """
     own = None if image is not None else own_compositing(scene)
     tree = new_tree(f"Preview of {scene.name}")
@@ -109,6 +112,7 @@ def show_chain(
     group = new_node(tree, bpy.types.CompositorNodeGroup)
     group.name, group.node_tree, group.width = GROUP, chain, 240
     set_value(group.inputs["Encoded"], encoded)
+    set_value(group.inputs["Clip"], not lit)
     set_value(group.inputs["Reference Width"], reference_width_px or scene.render.resolution_x)
     end = tree.nodes.new("NodeGroupOutput")
     for node, left in ((source, -300 if own is None else -600), (group, 0), (end, 300)):
@@ -235,11 +239,12 @@ def refresh_chain(
     split: float = 0.0,
     intrinsics: Intrinsics | None = None,
     camera_state_at: CameraStateAt | None = None,
+    lit: bool = False,
 ) -> bpy.types.NodeTree:
     """Make a scene's compositor show steps of colour after its render, with the fewest changes; return the chain.
 
     index_of: the frame of the sequence that a scene frame shows; by default they have equal numbers. intrinsics: of
-    the camera. stance_at: how it stands and moves at a frame of the sequence, if known.
+    the camera. stance_at: how it stands and moves at a frame of the sequence, if known. lit: the scene is lit.
     """
     chain = shown_chain(scene)
     name = adopt(chain) if chain is not None else _free_name(f"Perturbations of {scene.name}")
@@ -254,11 +259,13 @@ def refresh_chain(
         now=scene.frame_current,
         intrinsics=intrinsics,
         camera_state_at=camera_state_at,
+        lit=lit,
     )
     tree = scene.compositing_node_group
     if tree is None or shown_chain(scene) != chain or needed_depth != _takes_depth(chain):
-        show_chain(scene, chain, reference_width_px=reference_width_px, split=split)
+        show_chain(scene, chain, reference_width_px=reference_width_px, split=split, lit=lit)
         return chain
+    set_value(tree.nodes[GROUP].inputs["Clip"], not lit)
     _set(tree.nodes[GROUP].inputs["Reference Width"], reference_width_px or scene.render.resolution_x)
     set_split(tree, split)
     return chain

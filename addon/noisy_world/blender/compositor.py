@@ -5,7 +5,7 @@ from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeAlias, TypeVar
+from typing import Any, Literal, TypeAlias, TypeVar
 
 import bpy
 import numpy as np
@@ -37,6 +37,8 @@ FLOATS = 4  # bytes of a float32
 Motions: TypeAlias = Mapping[str, CameraMotion | None]
 """How the camera moves at a frame, by chain; of those that are missing nothing is known."""
 
+_Output: TypeAlias = Literal["Image", "Bytes"]
+
 SocketValues: TypeAlias = dict[str, Any]
 """The values of a chain's sockets, by name."""
 
@@ -65,11 +67,14 @@ class Compositor:
         chains: Mapping[str, Sequence[Step[ColourPerturbation]]],
         reference_width_px: int,
         intrinsics: Intrinsics | None = None,
+        *,
+        lit: bool = False,
     ) -> None:
         """Build the chains.
 
         size_px: width, height of the frames. chains: steps of colour by the chain's name.
-        reference_width_px: the width to which parameters in pixels refer. intrinsics: of the camera, if known.
+        reference_width_px: the width to which parameters in pixels refer. intrinsics: of the camera, if known. lit:
+        frames are scene-linear light of any brightness, which `evaluate` takes and gives; there is no `perturb`.
         """
         # Blender treats an image of one pixel as a single value and writes no file for it, so two equal pixels are
         # used.
@@ -88,9 +93,9 @@ class Compositor:
         self._nodes: dict[str, bpy.types.CompositorNodeGroup] = {}
         self._pool_of: dict[str, _Pool] = {}
         self._known: dict[bpy.types.CompositorNodeGroup, SocketValues] = defaultdict(dict)
+        self._lit = lit
         self._wire(reference_width_px)
-        self._bytes = _Layers(self._tree, self._scratch.path, self._nodes, "Bytes")
-        self._floats: _Layers | None = None
+        self._outputs: dict[_Output, _Layers] = {}
 
     def _configure(self) -> None:
         scene = self._scene
@@ -124,7 +129,7 @@ class Compositor:
             return node
 
         ordered: list[tuple[tuple[int, bool, int, int], str, bpy.types.CompositorNodeGroup]] = []
-        for number, (names, graph) in enumerate(pooled(self._chains)):
+        for number, (names, graph) in enumerate(pooled(self._chains, lit=self._lit)):
             draws = node_of(graph.draws) if isinstance(graph, Divided) else None
             pool = _Pool(tuple(f"{number}: {rank}" for rank in range(len(names))), draws)
             always = sum(all(step.levels is None for step in self._chains[name]) for name in names)
@@ -154,7 +159,7 @@ class Compositor:
         notes: dict[str, list[dict[str, Any]]] = {}
         images: dict[str, NDArray[np.uint8] | None] = dict.fromkeys(frames)
         for active in self._turns(rgb, frames, depth_m, motions, notes):
-            for name, layer in self._run(self._bytes, active):
+            for name, layer in self._run("Bytes", active):
                 images |= dict.fromkeys(active[name], self._own(_bytes_of(layer[:, 0])))
         return {name: (image, notes[name]) for name, image in images.items()}
 
@@ -165,13 +170,11 @@ class Compositor:
         depth_m: NDArray[np.float32] | None = None,
         motions: Motions | None = None,
     ) -> tuple[dict[str, NDArray[np.float32] | None], dict[str, list[dict[str, Any]]]]:
-        """Do what `perturb` does, without rounding."""
-        if self._floats is None:
-            self._floats = _Layers(self._tree, self._scratch.path, self._nodes, "Image")
+        """Do what `perturb` does, without rounding; to scene-linear light (H, W, 3), float32, where it is lit."""
         notes: dict[str, list[dict[str, Any]]] = {}
         images: dict[str, NDArray[np.float32] | None] = dict.fromkeys(frames)
         for active in self._turns(rgb, frames, depth_m, motions, notes):
-            for name, layer in self._run(self._floats, active):
+            for name, layer in self._run("Image", active):
                 images |= dict.fromkeys(active[name], self._own(np.ascontiguousarray(np.moveaxis(layer, 1, 2))))
         return images, notes
 
@@ -276,11 +279,13 @@ class Compositor:
             rgba[..., :3] = depth_m[::-1, :, None]
             set_pixels(self._depth_image, rgba)
 
-    def _run(self, layers: "_Layers", active: Iterable[str]) -> Iterator[tuple[str, NDArray[np.float32]]]:
+    def _run(self, output: "_Output", active: Iterable[str]) -> Iterator[tuple[str, NDArray[np.float32]]]:
         """Evaluate the active chains; yield each with its layer (H, channels, W)."""
-        for other in (self._bytes, self._floats):
-            if other is not None:
-                other.mute()
+        if output not in self._outputs:
+            self._outputs[output] = _Layers(self._tree, self._scratch.path, self._nodes, output)
+        layers = self._outputs[output]
+        for other in self._outputs.values():
+            other.mute()
         for names in layers.batches(active):
             problem = ""
             try:
@@ -319,9 +324,13 @@ class _Layers:
     """The files that one output of the chains is written to, each with a layer for several nodes."""
 
     def __init__(
-        self, tree: bpy.types.NodeTree, folder: Path, nodes: Mapping[str, bpy.types.CompositorNodeGroup], output: str
+        self,
+        tree: bpy.types.NodeTree,
+        folder: Path,
+        nodes: Mapping[str, bpy.types.CompositorNodeGroup],
+        output: _Output,
     ) -> None:
-        """Add the nodes that write. output: the chains' output, Image or Bytes."""
+        """Add the nodes that write. output: of the chains."""
         self._folder = folder
         self._nodes = nodes
         self._channels = 3 if output == "Image" else 1

@@ -4,6 +4,7 @@
 The scene is a copy that shows the same objects, so that setting it up costs colour's renderer nothing.
 """
 
+from contextlib import nullcontext
 from fractions import Fraction
 
 import bpy
@@ -15,6 +16,7 @@ from ..core.geometry import Intrinsics
 from ..core.planning.source import RenderOptions
 from .engines import CENTRE_FILTER_PX, FILTER_MIDDLE, sample_plainly
 from .own_settings import CONTROLLED, free_of_animation, rendered_layer
+from .panes import Panes
 from .render import FAR_PLANE_TOLERANCE, RenderFile
 from .render_camera import RenderCamera
 from .scene_files import blocks_of
@@ -44,12 +46,15 @@ class DepthScene:
         masked: bool,
         facts: frozenset[Fact] = frozenset(),
         moving: bool = False,
+        panes: Panes | None = None,
     ) -> None:
         """Copy the scene.
 
         alpha: what is less opaque does not stop depth. masked: whether anything may be. facts: what of the surface is
-        told beside depth. moving: whether it tells how what is seen moves, which takes a scene of its own.
+        told beside depth. moving: whether it tells how what is seen moves, which takes a scene of its own. panes: what
+        depth goes through, too.
         """
+        self._panes = panes
         self._scene = copy = scene.copy()
         self._masked = masked
         self._volumes = Volumes(blocks_of(scene), needed=options.rgb)
@@ -85,7 +90,7 @@ class DepthScene:
         """Return the depth (H, W) at a pose and a frame of the scene, in metres, 0 is void, and what else it tells."""
         set_frame(self._scene, frame)
         self._camera.place(c2w)
-        with self._volumes.gone():
+        with self._volumes.gone(), nullcontext() if self._panes is None else self._panes.gone():
             passes = self._through() if self._masked else self._once(0)
         depth_m = without_void(passes["Depth.Z"], self._far_m)
         normals = objects = None

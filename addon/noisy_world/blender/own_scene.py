@@ -14,12 +14,13 @@ from numpy.typing import NDArray
 from ..core.channels.surface_images import SurfaceImages
 from ..core.errors import InputError
 from ..core.geometry import Intrinsics
-from ..core.planning.source import Motion, RenderedFrame, RenderOptions
+from ..core.planning.source import Motion, RenderedFrame, RenderOptions, SceneLight
 from ..core.trajectories.frame_request import FrameRequest
 from ..core.trajectories.sensor_paths import SensorPaths
 from .depth_scene import DepthScene, may_be_seen_through, set_frame, without_void
 from .engines import FILTER_MIDDLE
 from .own_settings import make_repeatable, rendered_layer
+from .panes import Panes
 from .render import RenderFile
 from .render_camera import RenderCamera
 from .scene_camera import show_frame
@@ -32,6 +33,7 @@ from .typed import cycles as cycles_of
 from .volumes import Volumes
 
 COMPOSITE = "Composite"  # the layer of what the compositor makes
+BRIGHTEST = 65504.0  # light that a half-float holds
 
 
 @dataclass(frozen=True)
@@ -106,6 +108,10 @@ class OwnSceneSession:
         self._depth = None
         if self._apart or facts:
             self._depth = DepthScene(scene, intrinsics, options, alpha=file.depth_alpha, masked=masked, facts=facts)
+        panes = Panes(blocks)
+        self._seen = None
+        if options.through_glass and panes.any:
+            self._seen = DepthScene(scene, intrinsics, options, alpha=file.depth_alpha, masked=masked, panes=panes)
         self._colour = _Colour(scene, file, intrinsics, options, depth=together) if options.rgb else None
 
     def serves(self, paths: SensorPaths, options: RenderOptions) -> bool:
@@ -114,10 +120,10 @@ class OwnSceneSession:
 
     def frame(self, request: FrameRequest) -> RenderedFrame:
         """Render a frame."""
-        rgb = depth_m = seen_m = None
+        rgb = depth_m = seen_m = light = None
         others: dict[str, NDArray[Any]] = {}
         if self._colour is not None:
-            rgb, depth_m = self._colour.render(request)
+            rgb, depth_m, light = self._colour.render(request)
         at = self._file.at(request.time_s)[0]
         if self._depth is not None and self._images.needs:
             seen_m, surface = self._depth.render(request.rgb_c2w, at)
@@ -125,7 +131,8 @@ class OwnSceneSession:
         if self._depth is not None and self._apart:
             same = seen_m is not None and np.array_equal(request.rgb_c2w, request.depth_c2w)
             depth_m = seen_m if same else self._depth.render(request.depth_c2w, at)[0]
-        return RenderedFrame(rgb, depth_m, others)
+        behind_m = None if self._seen is None else self._seen.render(request.rgb_c2w, at)[0]
+        return RenderedFrame(rgb, depth_m, others, light=light, behind_glass_m=behind_m)
 
     def motion(self, here: FrameRequest, there: FrameRequest) -> Motion | None:
         """Return how what the colour camera sees moves between two frames; None where they show the same moment."""
@@ -139,7 +146,7 @@ class OwnSceneSession:
 
     def close(self) -> None:
         """Remove the scratch files."""
-        for part in (self._colour, self._depth, self._motion):
+        for part in (self._colour, self._depth, self._motion, self._seen):
             if part is not None:
                 part.close()
 
@@ -183,8 +190,8 @@ class _Colour:
         self._render = RenderFile(scene, size_px)
         self._shown = ShownColour(scene, size_px, self._render.folder)
 
-    def render(self, request: FrameRequest) -> tuple[NDArray[np.float32], NDArray[np.float32] | None]:
-        """Return colour (H, W, 3), display-encoded, and depth (H, W) in metres or None."""
+    def render(self, request: FrameRequest) -> tuple[NDArray[np.float32], NDArray[np.float32] | None, SceneLight]:
+        """Return colour (H, W, 3), display-encoded; depth (H, W) in metres or None; and colour before the display."""
         at, camera = self._file.at(request.time_s)
         render_camera = self._render_cameras[camera]
         if self._follows:
@@ -197,7 +204,7 @@ class _Colour:
         passes = self._render.render(self._layer)
         rgba = np.stack([passes[f"Combined.{name}"] for name in "RGBA"], axis=-1)
         depth_m = without_void(passes["Depth.Z"], self._far_m) if self._depth else None
-        return self._shown.encode(rgba), depth_m
+        return self._shown.encode(rgba), depth_m, SceneLight(light_in(rgba), rgba[..., 3:], self._shown.encode)
 
     def close(self) -> None:
         """Remove the scratch files."""
@@ -218,6 +225,11 @@ def _shows_centre(scene: bpy.types.Scene, file: OwnSceneFile) -> bool:
         and not scene.render.use_motion_blur
         and not any(camera.dof is not None and camera.dof.use_dof for camera in cameras)
     )
+
+
+def light_in(rgba: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return the light (H, W, 3) of a render (H, W, 4), without what a filter has made negative, at most BRIGHTEST."""
+    return np.nan_to_num(np.clip(rgba[..., :3], np.float32(0), np.float32(BRIGHTEST)), copy=False)
 
 
 def _served(paths: SensorPaths, options: RenderOptions) -> tuple[object, ...]:

@@ -3,7 +3,8 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import bpy
@@ -13,13 +14,15 @@ from numpy.typing import NDArray
 from ..core.geometry import Intrinsics, nearest_rotation, opencv_from_blender_c2w, pose
 from ..core.planning.source import RenderedFrame, RenderOptions
 from ..core.presets.preset import EngineName
+from ..core.scratch import ScratchFolder
 from ..core.trajectories.frame_request import FrameRequest
 from ..core.trajectories.sensor_paths import SensorPaths
 from ..core.trajectories.trajectory import Trajectory
 from .own_scene import OwnSceneFile, OwnSceneSession
-from .scene_camera import sampled_camera
+from .scene_camera import sampled_camera, show_frame
 from .scene_inspection import samples_of
 from .scene_problems import ENGINES
+from .shown_colour import ShownColour
 
 SCENE = "Noisy World still"
 
@@ -55,7 +58,9 @@ def render_own_still(scene: bpy.types.Scene, still: OwnStill) -> RenderedFrame:
         stand_in.name = SCENE
         if still.keep_compositor and stand_in.compositing_node_group is not None:
             stand_in.compositing_node_group = stand_in.compositing_node_group.copy()
-        return _rendered(stand_in, still)
+        found = _rendered(stand_in, still)
+    assert found.light is not None, "the scene is lit"
+    return replace(found, light=replace(found.light, encode=partial(_shown_by, scene.name, still.frame)))
 
 
 def _rendered(scene: bpy.types.Scene, still: OwnStill) -> RenderedFrame:
@@ -65,7 +70,7 @@ def _rendered(scene: bpy.types.Scene, still: OwnStill) -> RenderedFrame:
     engine = still.engine or ENGINES[scene.render.engine]
     near_m, far_m = still.clip_m or (parameters.near_m, parameters.far_m)
     options = RenderOptions(
-        near_m=near_m, far_m=far_m, engine=engine, seed=still.seed,
+        near_m=near_m, far_m=far_m, engine=engine, seed=still.seed, through_glass=True,
         samples=still.samples or samples_of(scene)[engine],
     )  # fmt: skip
     file = OwnSceneFile(
@@ -89,6 +94,19 @@ def _rendered(scene: bpy.types.Scene, still: OwnStill) -> RenderedFrame:
     with OwnSceneSession(file, at_once, still.intrinsics, options, scene=scene) as session:
         scene.render.use_persistent_data = False
         return session.frame(FrameRequest(0, 0.0, c2w, c2w))
+
+
+def _shown_by(name: str, frame: float, rgba: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return light (H, W, 4) as a scene of the open file shows it at one of its frames, (H, W, 3)."""
+    scratch = ScratchFolder(rgba.nbytes)
+    try:
+        with _nothing_left_behind():
+            scene = bpy.data.scenes[name].copy()
+            if scene.animation_data is not None:  # exposure, for instance, may be keyed
+                show_frame(scene, frame)
+            return ShownColour(scene, (rgba.shape[1], rgba.shape[0]), scratch.path).encode(rgba)
+    finally:
+        scratch.remove()
 
 
 @contextmanager

@@ -9,6 +9,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.linear_light import decoded
 from ..core.perturbing.kinds import FrameContext
 from . import _drop_laws as laws
 from ._bands import by_bands
@@ -17,7 +18,6 @@ from ._drop_optics import bent
 from ._drop_runs import beads_of, paint_runs, runs_on
 from ._drop_sheet import DropSheet, turns_of
 from ._glass import Pane, blurred, laid_over, pane, reduced, shown_at
-from ._linear_light import decoded
 from ._white_noise import WhiteNoise, white_noise
 
 Float32: TypeAlias = NDArray[np.float32]

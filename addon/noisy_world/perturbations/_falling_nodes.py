@@ -10,10 +10,11 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import TypeAlias
 
+from ..core.linear_light import LUMINANCE
 from ..core.node_graphs.graph import Graph, GroupInput, Socket, Value
 from ..core.node_graphs.groups import Canvas
+from ._air_light_nodes import air_nodes, kept_sky
 from ._falling_tile import DENSITY, EXCESS, LEVELS, TILE, UNITS, shells
-from ._linear_light import LUMINANCE
 from ._particles import NEAR_M
 from ._precipitation import EXTINCTION_EFFICIENCY
 from ._streaks import LEAST_WIDTH_PX, MOST_OPAQUE, SOFTNESS
@@ -27,12 +28,13 @@ class Laws:
     """What falls, as nodes. name: as in a group's name.
 
     sizes: graph; mm/h -> particles per cubic metre and mm of diameter, by 1000; mean diameter in mm.
-    speed: graph; diameter in mm -> speed of fall in still air, m/s.
+    speed: graph; diameter in mm -> speed of fall in still air, m/s. brightness: with which it has the sky's own colour.
     """
 
     name: str
     sizes: Callable[[Graph, Socket], tuple[Value, Socket]]
     speed: Callable[[Graph, Socket], Socket]
+    brightness: float
 
 
 def build_falling(canvas: Canvas, given: Mapping[str, Socket], laws: Laws) -> Socket:
@@ -92,7 +94,7 @@ def build_falling(canvas: Canvas, given: Mapping[str, Socket], laws: Laws) -> So
         integral = graph.math("MAXIMUM", graph.math("MULTIPLY_ADD", decayed, polynomial, x - 3.0), 0.0)
         extinction = count_m3 * scale_mm * scale_mm * (EXTINCTION_EFFICIENCY * math.pi / 2 * 1e-6)
         veil = graph.math("MULTIPLY_ADD", integral, seen_to_m, distance_m - limit_m) * extinction
-        seen = graph.math("EXPONENT", veil * -1.0)
+        seen = graph.math("EXPONENT", veil * kept_sky(canvas, given) * -1.0)
     with graph.section("Streaks"):
         part = _shell_graph(laws)
         for number, shell in enumerate(shells()):
@@ -100,20 +102,24 @@ def build_falling(canvas: Canvas, given: Mapping[str, Socket], laws: Laws) -> So
             inputs = shared | {"Start": start, "Share": shell.share, "Middle": shell.middle}
             inputs |= {f"Depth {power}": value for power, value in enumerate(shell.places)}
             seen = seen * graph.group(part, inputs, name=f"Shell {number + 1}").out("Seen", "float")
+    light = _light(canvas, given, laws)
     with graph.section("Over the image"):
-        return graph.mix(_light(canvas, given), canvas.image, graph.vector(seen, seen, seen))
+        return graph.mix(light, canvas.image, graph.vector(seen, seen, seen))
 
 
-def _light(canvas: Canvas, given: Mapping[str, Socket]) -> Socket:
-    """Return the particles' light, as `light_of` has it."""
-    graph = canvas.graph
+def _light(canvas: Canvas, given: Mapping[str, Socket], laws: Laws) -> Socket:
+    """Return the particles' light, as arrays have it."""
+    graph, air = canvas.graph, air_nodes(canvas, given)
     with graph.section("Light"):
         channels = ("Red", "Green", "Blue")
         levels = [graph.node("CompositorNodeLevels", {"Image": canvas.image, "Channel": name}) for name in channels]
         mean = graph.vector(*(node.out("Mean", "float") for node in levels))
-        grey = graph.math("DOT_PRODUCT", mean, LUMINANCE)
-        tinted = graph.mix(graph.vector(grey, grey, grey), mean, graph.vector(*[given["tint"]] * 3))
-        return tinted * graph.vector(*[given["brightness"]] * 3)
+        tint = graph.vector(*[given["tint"]] * 3)
+        tinted = []
+        for each in (mean, air.surfaces):
+            grey = graph.math("DOT_PRODUCT", each, LUMINANCE)
+            tinted.append(graph.mix(graph.vector(grey, grey, grey), each, tint))
+        return air.chosen(*tinted, over=laws.brightness) * graph.vector(*[given["brightness"]] * 3)
 
 
 _INPUTS = {

@@ -11,14 +11,15 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.linear_light import decoded, encoded
 from ..core.node_graphs.group_inputs import seed_of
 from ..core.perturbing.kinds import FrameContext
 from ..core.trajectories.camera_state import CameraState, camera_state_of
+from ._air_light import air_light, colour_of, sky_in
 from ._bands import by_bands
 from ._fog_glow import glow_of
 from ._fog_parameters import EXTINCTION, FogDepth
 from ._fog_waves import GRID_PX, Bank, key_of, mean_before, slab_means
-from ._linear_light import decoded, encoded
 from ._view import camera_of
 
 Float32: TypeAlias = NDArray[np.float32]
@@ -33,15 +34,25 @@ def fogged(rgb: Float32, parameters: FogDepth, context: FrameContext) -> Float32
 
     depth = optical_depth(parameters, context, rgb.shape[:2])
     light = by_bands(rgb, rgb.dtype, decoded)
-    air = float(decoded(np.array([parameters.airlight], np.float32))[0])
+    air = air_of(rgb, parameters, context)
     seen = np.asarray(cv2.exp(-depth), np.float32)
-    light -= np.float32(air)
+    light -= air
     through = light * np.asarray(cv2.merge([seen] * 3), np.float32)
     if parameters.glow > 0:
         camera = camera_of(context.intrinsics, (rgb.shape[1], rgb.shape[0]), parameters.view_deg)
         through += glow_of((light - through).astype(np.float32, copy=False), depth, parameters, camera.fx_px)
-    through += np.float32(air)
+    through += air
     return by_bands(through, rgb.dtype, encoded)
+
+
+def air_of(rgb: Float32, parameters: FogDepth, context: FrameContext) -> Float32:
+    """Return the fog's own linear light before (H, W, 3): (3,), or (1,) where it is grey."""
+    if parameters.air == "colour":
+        return colour_of(parameters.air_red, parameters.air_green, parameters.air_blue).astype(np.float32)
+    if parameters.air == "grey" or (parameters.air == "auto" and not context.lit):
+        return decoded(np.array([parameters.airlight], np.float32))
+    own = air_light(decoded(rgb), context.depth_m)
+    return own.over(own.surfaces).astype(np.float32)
 
 
 def optical_depth(parameters: FogDepth, context: FrameContext, size: tuple[int, ...]) -> Float32:
@@ -49,6 +60,8 @@ def optical_depth(parameters: FogDepth, context: FrameContext, size: tuple[int, 
     farthest_m = np.float32(FARTHEST * parameters.visibility_m)
     depth_m = context.depth_m
     distance_m = np.where(depth_m > 0, np.minimum(depth_m, farthest_m), farthest_m)
+    if parameters.leave_sky:
+        distance_m[sky_in(depth_m)] = 0
     camera_state = camera_state_of(context.motion)
     found = distance_m * np.float32(EXTINCTION / parameters.visibility_m)
     if parameters.falloff_m > 0:

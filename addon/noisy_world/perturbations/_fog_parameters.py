@@ -3,12 +3,15 @@
 
 import math
 from dataclasses import dataclass
+from typing import Literal
 
 from ..core.schema import key
 
 # The contrast of a black object that is left at the distance called visibility (WMO's meteorological optical range).
 CONTRAST_THRESHOLD = 0.05
 EXTINCTION = -math.log(CONTRAST_THRESHOLD)
+GIVEN_AIR = {f"air_{name}": ("air", "colour") for name in ("red", "green", "blue")} | {"airlight": ("air", "grey")}
+"""What giving a grey or a colour implies."""
 
 
 @dataclass(frozen=True)
@@ -22,7 +25,17 @@ class FogDepth:
     visibility_m: float = key(
         "distance at which 5 % of the contrast is left", default=15.0, unit="m", above=0, maximum=100000
     )
+    outdoors: bool = key("severities are 1000, 500, 200, 100 and 50 m, as of streets, instead of rooms", default=False)
     airlight: float = key("grey that the fog is made of, sRGB-encoded", default=0.8, minimum=0, maximum=1)
+    air: Literal["auto", "scene", "grey", "colour"] = key(
+        "where its light comes from: auto is scene on lit scenes, whose light is not clipped, else grey; scene: the "
+        "sky's colour where there is sky, else a mean that lamps do not move; grey: airlight; colour: as given",
+        default="auto",
+    )
+    air_red: float = key("red of its light, sRGB-encoded", default=0.8, minimum=0, maximum=20)
+    air_green: float = key("green of its light, sRGB-encoded", default=0.8, minimum=0, maximum=20)
+    air_blue: float = key("blue of its light, sRGB-encoded", default=0.8, minimum=0, maximum=20)
+    leave_sky: bool = key("void stays as it is", default=False)
     falloff_m: float = key(
         "height in which the fog thins to 37 %; 0 is as dense everywhere", default=0.0, unit="m", minimum=0, maximum=1e5
     )

@@ -4,6 +4,7 @@
 import math
 from collections.abc import Mapping
 
+from ..core.linear_light import LUMINANCE
 from ..core.node_graphs.graph import Graph, Socket, Value
 from ..core.node_graphs.groups import Canvas
 from ._crystals import (
@@ -27,7 +28,6 @@ from ._crystals import (
     levels,
 )
 from ._full_size import full_size, with_full_sizes
-from ._linear_light import LUMINANCE
 
 _CHANNELS = ("Red", "Green", "Blue")
 _EXTEND = {"Extension X": "Extend", "Extension Y": "Extend"}

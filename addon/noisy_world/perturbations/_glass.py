@@ -12,9 +12,9 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.linear_light import encoded
 from ._bands import bands
 from ._kernels import gaussian
-from ._linear_light import encoded
 from ._patterns import three_channels
 
 Float32: TypeAlias = NDArray[np.float32]

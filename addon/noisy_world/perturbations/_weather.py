@@ -7,16 +7,17 @@ of the veil of all particles too small to be seen by themselves, as Koschmieder'
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.linear_light import LUMINANCE, decoded, encoded
 from ..core.perturbing.kinds import FrameContext
 from ..core.schema import key
 from ..core.trajectories.camera_state import camera_state_of
+from ._air_light import air_light, colour_of
 from ._bands import by_bands
-from ._linear_light import LUMINANCE, decoded, encoded
 from ._particles import Air, AirCamera, in_sight
 from ._patterns import three_channels
 from ._precipitation import Precipitation, veil_depth
@@ -47,6 +48,15 @@ class Falling:
         "what spans less is not drawn but veils", default=1.0, unit="mrad", minimum=0.2, maximum=100
     )
     reach_m: float = key("what is farther is not drawn but veils", default=20.0, unit="m", minimum=0.5, maximum=200)
+    air: Literal["auto", "scene", "mean", "colour"] = key(
+        "where its light comes from: auto is scene on lit scenes, whose light is not clipped, else mean; scene: the "
+        "sky's colour where there is sky, else a mean that lamps do not move; mean: of the frame; colour: as given",
+        default="auto",
+    )
+    air_red: float = key("red of its light, sRGB-encoded", default=0.5, minimum=0, maximum=20)
+    air_green: float = key("green of its light, sRGB-encoded", default=0.5, minimum=0, maximum=20)
+    air_blue: float = key("blue of its light, sRGB-encoded", default=0.5, minimum=0, maximum=20)
+    leave_sky: bool = key("no veil over the sky", default=False)
     void_m: float = key("void counts as this far", default=500.0, unit="m", minimum=0.1, maximum=100000)
     view_deg: float = key(
         "horizontal field of view, where the camera is unknown", default=90.0, unit="deg", minimum=1, maximum=170
@@ -56,12 +66,20 @@ class Falling:
     )
 
 
+GIVEN_AIR = {f"air_{name}": ("air", "colour") for name in ("red", "green", "blue")}
+"""What giving a colour implies."""
+
+
 @dataclass(frozen=True)
 class Kind:
-    """Rain or snow. particles: of a rate in mm/h. speed_m_s: of fall in still air, by the diameter in metres."""
+    """Rain or snow. particles: of a rate in mm/h. speed_m_s: of fall in still air, by the diameter in metres.
+
+    brightness: that with which it has the very colour of the sky, or that which is given.
+    """
 
     particles: Callable[[float], Precipitation]
     speed_m_s: Callable[[Float32], Float32]
+    brightness: float
 
     def air(self, parameters: Falling) -> Air:
         """Return what falls."""
@@ -88,10 +106,11 @@ def fallen_on(kind: Kind, rgb: Float32, parameters: Falling, context: FrameConte
     opaque = streaks_on(air, depth_m, parameters, context)
     linear = by_bands(rgb, rgb.dtype, decoded)
     # A row of it: three numbers beside an image take ten times as long.
-    light = np.tile(light_of(linear, parameters), depth_m.shape[1])
+    light = np.tile(_light(linear, kind, parameters, context), depth_m.shape[1])
 
-    def veiled(band: Float32, band_depth_m: Float32, band_opaque: Float32) -> Float32:
+    def veiled(band: Float32, band_depth_m: Float32, band_opaque: Float32, veiled_here: NDArray[np.bool_]) -> Float32:
         veil = veil_depth(band_depth_m, air.particles, air.least_rad, air.reach_m)
+        veil *= veiled_here
         veil += band_opaque
         seen = three_channels(np.asarray(cv2.exp(-veil), np.float32).reshape(veil.shape))
         rows = band.reshape(len(band), -1)
@@ -100,7 +119,19 @@ def fallen_on(kind: Kind, rgb: Float32, parameters: Falling, context: FrameConte
         rows += light
         return encoded(band)
 
-    return by_bands(linear, rgb.dtype, veiled, depth_m, opaque)
+    return by_bands(linear, rgb.dtype, veiled, depth_m, opaque, surface | (not parameters.leave_sky))
+
+
+def _light(linear: Float32, kind: Kind, parameters: Falling, context: FrameContext) -> Float32:
+    """Return (3,): the linear light of what falls before (H, W, 3) of linear light."""
+    if parameters.air == "colour":
+        given = colour_of(parameters.air_red, parameters.air_green, parameters.air_blue)
+        return (given * (parameters.brightness / kind.brightness)).astype(np.float32)
+    if parameters.air == "mean" or (parameters.air == "auto" and not context.lit):
+        return light_of(linear, parameters)
+    air = air_light(linear, context.depth_m)
+    own = kind.brightness * _greyed(air.surfaces, parameters.tint)
+    return (air.over(own) * (parameters.brightness / kind.brightness)).astype(np.float32)
 
 
 def light_of(linear: Float32, parameters: Falling) -> Float32:
@@ -110,9 +141,12 @@ def light_of(linear: Float32, parameters: Falling) -> Float32:
     """
     import cv2
 
-    mean = np.array(cv2.mean(linear)[:3])
+    return (parameters.brightness * _greyed(np.array(cv2.mean(linear)[:3]), parameters.tint)).astype(np.float32)
+
+
+def _greyed(mean: NDArray[np.float64], tint: float) -> NDArray[np.float64]:
     grey = mean @ LUMINANCE
-    return (parameters.brightness * (grey + parameters.tint * (mean - grey))).astype(np.float32)
+    return grey + tint * (mean - grey)
 
 
 def streaks_on(air: Air, depth_m: Float32, parameters: Falling, context: FrameContext) -> Float32:

@@ -112,6 +112,7 @@ PERTURBATION = ColourPerturbation(
     severities={"radius_px": (3, 4, 6, 8, 10), "alias_sigma_px": (0.1, 0.5, 0.5, 0.5, 0.5)},
     source='paper, table "Specific configurations of the RGB imaging perturbations"',
     apply=apply,
+    averages=True,
     repeatable=True,
     build=build,
     capacity={"radius_px": 10},

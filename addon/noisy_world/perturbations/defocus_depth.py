@@ -209,6 +209,7 @@ PERTURBATION = ColourPerturbation(
     severities={"f_number": (11, 8, 5.6, 4, 2.8)},
     source="our own: full stops of a 50 mm lens on full frame, focused at 1.5 m",
     apply=apply,
+    averages=True,
     repeatable=True,
     build=build,
     needs_depth=True,

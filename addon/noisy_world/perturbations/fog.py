@@ -40,7 +40,8 @@ class Fog:
 def apply(rgb: NDArray[Level], parameters: Fog, context: FrameContext) -> NDArray[Level]:
     """Put haze over (H, W, 3)."""
     thickness = parameters.thickness
-    brightest = float(rgb.max()) if rgb.dtype == np.float32 else float(np.float32(rgb.max()) / np.float32(255))
+    # What is brighter than white, as on lit frames, does not make the fog brighter.
+    brightest = min(float(rgb.max() if rgb.dtype == np.float32 else np.float32(rgb.max()) / np.float32(255)), 1.0)
     if thickness == 0:
         return rgb.copy()
     scale = np.float32(brightest / (brightest + thickness))

@@ -9,10 +9,12 @@ from numpy.typing import NDArray
 from ..core.node_graphs.graph import Socket
 from ..core.node_graphs.groups import Canvas, convert
 from ..core.perturbing.kinds import ColourPerturbation, FrameContext
+from ._air_light import sky_in
+from ._air_light_nodes import air_nodes, kept_sky
 from ._bands import by_bands
-from ._fog_air import fogged
+from ._fog_air import air_of, fogged
 from ._fog_nodes import clumps_nodes, distance_nodes, glow_nodes, thinned_nodes
-from ._fog_parameters import EXTINCTION, FogDepth, is_even
+from ._fog_parameters import EXTINCTION, GIVEN_AIR, FogDepth, is_even
 from ._patterns import three_channels
 from ._view import by_camera
 
@@ -21,11 +23,13 @@ def apply(rgb: NDArray[np.float32], parameters: FogDepth, context: FrameContext)
     """Fog (H, W, 3) by the context's planar depth (H, W), metres; 0 and NaN are void, infinite is allowed."""
     if not is_even(parameters):
         return fogged(rgb, parameters, context)
-    air = _decoded(np.array([parameters.airlight], dtype=np.float32))
+    air = air_of(rgb, parameters, context)
     rate = np.float32(-EXTINCTION / parameters.visibility_m)
 
     def veiled(band: NDArray[np.float32], depth_m: NDArray[np.float32]) -> NDArray[np.float32]:
         distance_m = np.where(depth_m > 0, depth_m, np.float32(np.inf))
+        if parameters.leave_sky:
+            distance_m[sky_in(depth_m)] = 0
         light = _decoded(band)
         light -= air
         light *= three_channels(np.exp(distance_m * rate)).reshape(light.shape)
@@ -52,15 +56,17 @@ def build(canvas: Canvas, given: Mapping[str, Socket], _served: Mapping[str, flo
     graph = canvas.graph
     with graph.section("Transmission"):
         rate = graph.math("DIVIDE", -EXTINCTION, given["visibility_m"], label="Koschmieder")
-        distance_m = distance_nodes(canvas, given)
+        distance_m = distance_nodes(canvas, given) * kept_sky(canvas, given)
     thinned = thinned_nodes(canvas, given, distance_m)
     clumps = clumps_nodes(canvas, given, distance_m)
     with graph.section("What is seen"):
         depth = distance_m * rate * (thinned * clumps)
         seen = graph.math("EXPONENT", depth)
+    own = air_nodes(canvas, given)
     with graph.section("Airlight"):
         grey = given["airlight"]
-        air = convert(graph, graph.vector(grey, grey, grey), "sRGB", "Linear Rec.709")
+        plain = convert(graph, graph.vector(grey, grey, grey), "sRGB", "Linear Rec.709")
+        air = own.chosen(plain, own.surfaces)
     glow = glow_nodes(canvas, given, air, depth)
     with graph.section("Over the image"):
         return graph.math("ADD", graph.mix(air, canvas.image, seen), glow)
@@ -73,11 +79,13 @@ PERTURBATION = ColourPerturbation(
     order=20,
     parameters=FogDepth,
     severities={"visibility_m": (50, 25, 15, 10, 6)},
+    other_severities={"outdoors": {"visibility_m": (1000, 500, 200, 100, 50)}},
     source="our own; the law: Koschmieder, Theorie der horizontalen Sichtweite, 1924",
     apply=apply,
     build=build,
     linear=True,
     needs_depth=True,
+    implied=GIVEN_AIR,
     uses_motion=True,
     by_camera=by_camera,
     repeats=is_even,

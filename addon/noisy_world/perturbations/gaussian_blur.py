@@ -43,6 +43,7 @@ PERTURBATION = ColourPerturbation(
     severities={"sigma_px": (1, 2, 3, 4, 6)},
     source='paper, table "Specific configurations of the RGB imaging perturbations"',
     apply=apply,
+    averages=True,
     repeatable=True,
     build=build,
 )

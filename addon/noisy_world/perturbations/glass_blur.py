@@ -205,6 +205,7 @@ PERTURBATION = ColourPerturbation(
     },
     source='paper, table "Specific configurations of the RGB imaging perturbations"',
     apply=apply,
+    averages=True,
     temporals=("fresh", "fixed"),
     counts=frozenset({"max_delta_px", "iterations"}),
     build=build,

@@ -3,17 +3,20 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.linear_light import LUMINANCE, decoded, encoded
 from ..core.node_graphs.graph import Socket
 from ..core.node_graphs.groups import Canvas, convert
 from ..core.perturbing.kinds import ColourPerturbation, FrameContext
 from ..core.schema import key
+from ._air_light import air_light, colour_of, sky_in
+from ._air_light_nodes import air_nodes, kept_sky
 from ._bands import by_bands
-from ._fog_parameters import EXTINCTION
-from ._linear_light import LUMINANCE, decoded, encoded
+from ._fog_parameters import EXTINCTION, GIVEN_AIR
 
 VISUAL_NM = 550.0  # where visibility is meant: the eye is most sensitive
 # Dominant wavelengths of Rec. 709's primaries against its white.
@@ -36,6 +39,15 @@ class Haze:
     )
     airlight: float = key("grey of the haze's light, sRGB-encoded", default=0.8, minimum=0, maximum=10)
     blueness: float = key("share of the haze's light that was scattered before", default=0.5, minimum=0, maximum=1)
+    air: Literal["auto", "scene", "grey", "colour"] = key(
+        "where its light comes from: auto is scene on lit scenes, whose light is not clipped, else grey; scene: the "
+        "sky's colour where there is sky, else a mean that lamps do not move; grey: airlight, bluer; colour: as given",
+        default="auto",
+    )
+    air_red: float = key("red of its light, sRGB-encoded", default=0.8, minimum=0, maximum=20)
+    air_green: float = key("green of its light, sRGB-encoded", default=0.8, minimum=0, maximum=20)
+    air_blue: float = key("blue of its light, sRGB-encoded", default=0.8, minimum=0, maximum=20)
+    leave_sky: bool = key("void stays as it is", default=False)
     void_m: float = key(
         "void and what is farther count as this far", default=100000.0, unit="m", minimum=0.1, maximum=1e6
     )
@@ -44,10 +56,11 @@ class Haze:
         """Return (3,): of red, green and blue."""
         return EXTINCTION / self.visibility_m * _bluer(self.angstrom)
 
-    def light(self) -> NDArray[np.float64]:
-        """Return (3,): the linear light of haze without end; its luminance is that of the grey."""
+    def light(self, grey: float | None = None) -> NDArray[np.float64]:
+        """Return (3,): the linear light of haze without end; its luminance is that of the grey, by default the own."""
         colour = _bluer(self.angstrom * self.blueness)
-        grey = float(decoded(np.array([self.airlight], np.float32))[0])
+        if grey is None:
+            grey = float(decoded(np.array([self.airlight], np.float32))[0])
         return grey * colour / (colour @ LUMINANCE)
 
 
@@ -60,11 +73,13 @@ def apply(rgb: NDArray[np.float32], parameters: Haze, context: FrameContext) -> 
     import cv2
 
     rates = -parameters.extinction_per_m()
-    light = np.tile(parameters.light().astype(np.float32), rgb.shape[1])
+    light = np.tile(_air_of(rgb, parameters, context).astype(np.float32), rgb.shape[1])
     farthest_m = np.float32(parameters.void_m)
 
     def hazed(band: NDArray[np.float32], depth_m: NDArray[np.float32]) -> NDArray[np.float32]:
         distance_m = np.where(depth_m > 0, np.minimum(depth_m, farthest_m), farthest_m)
+        if parameters.leave_sky:
+            distance_m[sky_in(depth_m)] = 0
         seen = [np.asarray(cv2.exp(distance_m * np.float32(rate)), np.float32) for rate in rates]
         linear = decoded(band)
         rows = linear.reshape(len(band), -1)
@@ -76,6 +91,15 @@ def apply(rgb: NDArray[np.float32], parameters: Haze, context: FrameContext) -> 
     return by_bands(rgb, rgb.dtype, hazed, context.depth_m)
 
 
+def _air_of(rgb: NDArray[np.float32], parameters: Haze, context: FrameContext) -> NDArray[np.float64]:
+    if parameters.air == "colour":
+        return colour_of(parameters.air_red, parameters.air_green, parameters.air_blue)
+    if parameters.air == "grey" or (parameters.air == "auto" and not context.lit):
+        return parameters.light()
+    own = air_light(decoded(rgb), context.depth_m)
+    return own.over(parameters.light(float(own.surfaces @ LUMINANCE)))
+
+
 def build(canvas: Canvas, given: Mapping[str, Socket], _served: Mapping[str, float]) -> Socket:
     """Mix with the airlight by a transmission for each channel."""
     graph, depth_m = canvas.graph, canvas.depth_m
@@ -85,17 +109,20 @@ def build(canvas: Canvas, given: Mapping[str, Socket], _served: Mapping[str, flo
         known_m = graph.math("MAXIMUM", 0.0, depth_m)
         void = graph.math("LESS_THAN", known_m, 1e-12)
         far_m = graph.math("MULTIPLY_ADD", void, given["void_m"], known_m)
-        distance_m = graph.math("MINIMUM", far_m, given["void_m"])
+        distance_m = graph.math("MINIMUM", far_m, given["void_m"]) * kept_sky(canvas, given)
         rate = graph.math("DIVIDE", -EXTINCTION, given["visibility_m"], label="Koschmieder")
         ratios = [VISUAL_NM / wave for wave in CHANNELS_NM]
         rates = [rate * graph.math("POWER", ratio, given["angstrom"]) for ratio in ratios]
         seen = graph.vector(*(graph.math("EXPONENT", distance_m * each) for each in rates))
+    own = air_nodes(canvas, given)
     with graph.section("Airlight"):
         power = given["angstrom"] * given["blueness"]
         colour = graph.vector(*(graph.math("POWER", ratio, power) for ratio in ratios))
         bright = graph.math("DOT_PRODUCT", colour, LUMINANCE)
         grey = convert(graph, graph.vector(*[given["airlight"]] * 3), "sRGB", "Linear Rec.709")
-        air = grey * colour / graph.vector(bright, bright, bright)
+        hue = colour / graph.vector(bright, bright, bright)
+        mean = graph.math("DOT_PRODUCT", own.surfaces, LUMINANCE)
+        air = own.chosen(grey * hue, graph.vector(mean, mean, mean) * hue)
     with graph.section("Over the image"):
         return graph.mix(air, canvas.image, seen)
 
@@ -116,5 +143,6 @@ PERTURBATION = ColourPerturbation(
     build=build,
     linear=True,
     needs_depth=True,
+    implied=GIVEN_AIR | {"blueness": ("air", "grey")},
     repeatable=True,
 )

@@ -9,6 +9,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.linear_light import decoded, encoded
 from ..core.node_graphs.graph import Socket
 from ..core.node_graphs.groups import Canvas
 from ..core.perturbing.kinds import ColourPerturbation, FrameContext
@@ -18,7 +19,6 @@ from ._dirt_nodes import build_dirt
 from ._dirt_tile import TEXEL_PX, tile
 from ._glare import HALVINGS, Spread, glare_of
 from ._glass import reduced
-from ._linear_light import decoded, encoded
 from ._patterns import kept_for_sequence, three_channels
 from ._white_noise import white_noise
 

@@ -8,6 +8,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.linear_light import LUMINANCE, decoded, encoded
 from ..core.perturbing.kinds import ColourPerturbation, FrameContext
 from ..core.schema import key
 from ._bands import by_bands
@@ -34,7 +35,6 @@ from ._crystals import (
     level_of,
 )
 from ._frost_nodes import build
-from ._linear_light import LUMINANCE, decoded, encoded
 from ._patterns import three_channels
 
 Float32: TypeAlias = NDArray[np.float32]

@@ -131,6 +131,7 @@ PERTURBATION = ColourPerturbation(
     severities={"radius_px": (10, 15, 15, 15, 20), "sigma_px": (3, 5, 8, 12, 15)},
     source='paper, table "Specific configurations of the RGB imaging perturbations"',
     apply=apply,
+    averages=True,
     temporals=("fresh", "fixed"),
     counts=frozenset({"radius_px"}),
     build=build,

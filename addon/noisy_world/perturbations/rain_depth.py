@@ -14,7 +14,9 @@ from ..core.schema import key
 from ._falling_nodes import Laws, build_falling
 from ._precipitation import drop_speed_m_s, rain
 from ._view import by_camera
-from ._weather import Falling, Kind, fallen_on
+from ._weather import GIVEN_AIR, Falling, Kind, fallen_on
+
+BRIGHTNESS = 3.0  # with which it has the sky's own colour, or the colour that is given
 
 
 @dataclass(frozen=True)
@@ -27,7 +29,7 @@ class RainDepth(Falling):
     """
 
     rate_mm_h: float = key("rain that falls", default=25.0, unit="mm/h", minimum=0.01, maximum=500)
-    brightness: float = key("a drop's light, times the scene's mean", default=3.0, minimum=0, maximum=100)
+    brightness: float = key("a drop's light, times the scene's mean", default=BRIGHTNESS, minimum=0, maximum=100)
     wind_m_s: float = key("wind to the right", default=1.0, unit="m/s", minimum=-50, maximum=50)
     gusts_m_s: float = key(
         "standard deviation of each drop's own velocity", default=0.25, unit="m/s", minimum=0, maximum=10
@@ -35,7 +37,7 @@ class RainDepth(Falling):
     shutter_ms: float = key("how long the shutter is open", default=2.5, unit="ms", minimum=0, maximum=1000)
 
 
-KIND = Kind(rain, drop_speed_m_s)
+KIND = Kind(rain, drop_speed_m_s, BRIGHTNESS)
 
 
 def apply(rgb: NDArray[np.float32], parameters: RainDepth, context: FrameContext) -> NDArray[np.float32]:
@@ -56,7 +58,7 @@ def _speed(graph: Graph, diameter_mm: Socket) -> Socket:
     return graph.math("MAXIMUM", graph.math("EXPONENT", diameter_mm * -0.6) * -10.3 + 9.65, 0.0)
 
 
-LAWS = Laws("Rain", _sizes, _speed)
+LAWS = Laws("Rain", _sizes, _speed, BRIGHTNESS)
 
 PERTURBATION = ColourPerturbation(
     name="rain_depth",
@@ -70,6 +72,7 @@ PERTURBATION = ColourPerturbation(
     build=build,
     linear=True,
     needs_depth=True,
+    implied=GIVEN_AIR,
     uses_motion=True,
     goes_with_camera=True,
     by_camera=by_camera,

@@ -14,7 +14,9 @@ from ..core.schema import key
 from ._falling_nodes import Laws, build_falling
 from ._precipitation import SWOLLEN, flake_speed_m_s, snow
 from ._view import by_camera
-from ._weather import Falling, Kind, fallen_on
+from ._weather import GIVEN_AIR, Falling, Kind, fallen_on
+
+BRIGHTNESS = 2.5  # with which it has the sky's own colour, or the colour that is given
 
 
 @dataclass(frozen=True)
@@ -26,7 +28,7 @@ class SnowDepth(Falling):
     """
 
     rate_mm_h: float = key("water that falls, as snow", default=2.0, unit="mm/h", minimum=0.01, maximum=500)
-    brightness: float = key("a flake's light, times the scene's mean", default=2.5, minimum=0, maximum=100)
+    brightness: float = key("a flake's light, times the scene's mean", default=BRIGHTNESS, minimum=0, maximum=100)
     wind_m_s: float = key("wind to the right", default=0.6, unit="m/s", minimum=-50, maximum=50)
     gusts_m_s: float = key(
         "standard deviation of each flake's own velocity", default=0.25, unit="m/s", minimum=0, maximum=10
@@ -34,7 +36,7 @@ class SnowDepth(Falling):
     shutter_ms: float = key("how long the shutter is open", default=8.0, unit="ms", minimum=0, maximum=1000)
 
 
-KIND = Kind(snow, flake_speed_m_s)
+KIND = Kind(snow, flake_speed_m_s, BRIGHTNESS)
 
 
 def apply(rgb: NDArray[np.float32], parameters: SnowDepth, context: FrameContext) -> NDArray[np.float32]:
@@ -56,7 +58,7 @@ def _speed(graph: Graph, diameter_mm: Socket) -> Socket:
     return graph.math("POWER", diameter_mm, 0.16) * 0.8
 
 
-LAWS = Laws("Snow", _sizes, _speed)
+LAWS = Laws("Snow", _sizes, _speed, BRIGHTNESS)
 
 PERTURBATION = ColourPerturbation(
     name="snow_depth",
@@ -70,6 +72,7 @@ PERTURBATION = ColourPerturbation(
     build=build,
     linear=True,
     needs_depth=True,
+    implied=GIVEN_AIR,
     uses_motion=True,
     goes_with_camera=True,
     by_camera=by_camera,

@@ -60,12 +60,15 @@ class CleanFiles:
                 write_atomic(path, data + hashlib.sha256(data).digest(), own_scratch(self.scratch))
                 self._whole.add((name, number))
 
-    def through(self, wanted: Sequence[Modality], opening: Callable[[], OpenSource]) -> OpenSource:
+    def through(
+        self, wanted: Sequence[Modality], opening: Callable[[], OpenSource], *, again: bool = False
+    ) -> OpenSource:
         """Return what gives the render's frames: those that are here are read, the others are rendered and kept.
 
-        opening: opens the render, when that is needed.
+        opening: opens the render, when that is needed. again: those that are here are rendered again, as their light
+        before a view transform is needed, which no file has.
         """
-        return _Through(self, wanted, opening)
+        return _Through(self, wanted, opening, again)
 
     def _is_whole(self, modality: Modality, number: int) -> bool:
         if (modality, number) not in self._whole:
@@ -82,19 +85,23 @@ class CleanFiles:
 class _Through:
     """Frames of a render: read, or else rendered and kept."""
 
-    def __init__(self, files: CleanFiles, wanted: Sequence[Modality], opening: Callable[[], OpenSource]) -> None:
+    def __init__(
+        self, files: CleanFiles, wanted: Sequence[Modality], opening: Callable[[], OpenSource], again: bool
+    ) -> None:
         self._files = files
         self._wanted = wanted
         self._opening = opening
+        self._again = again
         self._opened: OpenSource | None = None
 
     def frame(self, request: FrameRequest) -> SourceFrame:
         """Return the frame of a request."""
         number = request.index
-        if number is not None and not self._files.lacking([number], self._wanted):
+        here = number is not None and not self._files.lacking([number], self._wanted)
+        if number is not None and here and not self._again:
             return KeptFrame(self._files, number)
         frame = self._source().frame(request)
-        if number is not None:  # what is between frames is asked for once
+        if number is not None and not here:  # what is between frames is asked for once
             self._files.keep(number, frame, self._wanted)
         return frame
 

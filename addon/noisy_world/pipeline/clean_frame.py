@@ -17,7 +17,7 @@ from ..core.geometry import Intrinsics
 from ..core.perturbing.execution import ColourWork
 from ..core.perturbing.kinds import FrameContext
 from ..core.planning.sequence import Sequence, ShownSources
-from ..core.planning.source import SourceFrame
+from ..core.planning.source import SceneLight, SourceFrame, depth_behind_glass, light_of
 from ..core.trajectories.motion import CameraMotion, motion_between
 from ..core.trajectories.trajectory import Trajectory
 from .stage_timer import DECODING, StageTimer
@@ -79,8 +79,18 @@ class CleanFrame:
         """Colour (H, W, 3) as uint8, rounded if it is float."""
         return as_bytes(self.rgb)
 
+    @property
+    def light(self) -> SceneLight | None:
+        """Colour before the view transform, of a lit frame."""
+        return light_of(self._image)
+
     def perturbed_rgb(self, work: ColourWork) -> NDArray[np.uint8] | None:
-        """Return colour (H, W, 3) after steps of colour; None where they are the identity."""
+        """Return colour (H, W, 3) after steps of colour; None where they are the identity.
+
+        Where a step acts on a lit frame's light, it has to be called in the main thread, before the next frame is made.
+        """
+        if self.light is not None and work.acts_on_light:
+            return work.after_light(self.light.show(work.on_light(self.light.rgb)))
         return work.on(self.byte_rgb if work.takes_bytes else self.rgb)
 
     @cached_property
@@ -90,6 +100,11 @@ class CleanFrame:
     def read_depth_m(self) -> NDArray[np.float32]:
         """Return the depth as the colour camera sees it; a function that contexts can hand on."""
         return self._depth_in_colour_m
+
+    def read_seen_depth_m(self) -> NDArray[np.float32]:
+        """Return the depth of what colour shows, through panes of glass, for what acts on colour; as `read_depth_m`."""
+        behind_m = depth_behind_glass(self._image)
+        return self.read_depth_m() if behind_m is None else behind_m
 
     def read_rgb(self) -> NDArray[np.float32]:
         """Return colour (H, W, 3), float32 in [0, 1], as the depth camera sees it, for contexts likewise."""
@@ -127,7 +142,7 @@ class Camera:
             intrinsics=self.intrinsics,
             motion=self.motion(sequence, frame) if setting.uses_motion else None,
             read_rgb=clean.read_rgb if setting.needs_rgb else None,
-            read_depth_m=clean.read_depth_m if setting.needs_depth else None,
+            read_depth_m=clean.read_seen_depth_m if setting.needs_depth else None,
         )
 
     def motion(self, sequence: Sequence, frame: int) -> CameraMotion | None:

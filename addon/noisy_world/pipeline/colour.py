@@ -2,17 +2,22 @@
 """Perturbed colour, by Blender's compositor or by the reference, behind one interface."""
 
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any, Protocol, TypeAlias, TypeVar
 
+import numpy as np
 from numpy.typing import NDArray
 
+from ..core.datasets.images import rgb_bytes
 from ..core.machine import keep_freed_memory
 from ..core.node_graphs.chain import capacity_of
 from ..core.perturbing.execution import ColourWork, Notes
+from ..core.perturbing.kinds import LIGHT_STAGES, ColourPerturbation, Identifiers
+from ..core.perturbing.steps import Step
 from ..core.planning.sequence import Sequence
+from ..core.trajectories.motion import CameraMotion
 from .clean_frame import Camera, CleanFrame
 
 if TYPE_CHECKING:
@@ -33,6 +38,12 @@ class PerturbedImage:
     notes: Notes
     pixels: Callable[[], NDArray[Any] | None]
 
+
+_Frames: TypeAlias = Mapping[str, tuple[int, Identifiers]]
+_Motions: TypeAlias = Mapping[str, CameraMotion | None]
+_Pictures: TypeAlias = Mapping[str, tuple[NDArray[np.uint8] | None, Notes]]
+Chains: TypeAlias = Mapping[str, tuple[Step[ColourPerturbation], ...]]
+"""Steps of colour by the folder of their sequence, in propagation order."""
 
 Colours: TypeAlias = Mapping[tuple[str, int], Callable[[], PerturbedImage]]
 """By a sequence's folder and a frame's number: a function that returns its colour; called once, in any thread."""
@@ -62,6 +73,26 @@ class ReferenceColour:
         return PerturbedImage(("reference", work.key), work.notes, lambda: clean.perturbed_rgb(work))
 
 
+class ReferenceLight:
+    """numpy and OpenCV on lit frames. The work is done at once, as Blender alone knows the view transform."""
+
+    def __init__(self, camera: Camera) -> None:
+        """Keep the camera."""
+        self._camera = camera
+
+    def perturb(self, clean: CleanFrame, asked: list[tuple[Sequence, int]]) -> Colours:
+        """Perturb all frames; what several do alike is done once."""
+        made: dict[tuple[str, int], Callable[[], PerturbedImage]] = {}
+        pictures: dict[Hashable, NDArray[Any] | None] = {}
+        for sequence, frame in asked:
+            work = ColourWork.of(sequence.setting.rgb, self._camera.context(sequence, frame, clean))
+            if work.key not in pictures:
+                pictures[work.key] = clean.perturbed_rgb(work)
+            image = PerturbedImage(("reference", work.key), work.notes, partial(_given, pictures[work.key]))
+            made[sequence.folder, frame] = partial(_given, image)
+        return made
+
+
 class CompositorColour:
     """Blender's compositor, which works only in the main thread, so the work is done at once."""
 
@@ -80,22 +111,58 @@ class CompositorColour:
             waiting = [item for item in waiting if item not in turn.values()]
             frames = {folder: (frame, sequence.identifiers) for folder, (sequence, frame) in turn.items()}
             needs_depth = any(sequence.setting.needs_depth for sequence, _ in turn.values())
-            depth_m = clean.read_depth_m() if needs_depth else None
+            depth_m = clean.read_seen_depth_m() if needs_depth else None
             motions = {
                 folder: self._camera.context(sequence, frame, clean).motion
                 for folder, (sequence, frame) in turn.items()
             }
-            pictures = self._compositor.perturb(clean.rgb, frames, depth_m, motions)
+            pictures = self._pictures(clean, frames, depth_m, motions)
             for folder, (sequence, frame) in turn.items():
                 pixels, notes = pictures[folder]
                 image = PerturbedImage(self._key(sequence, frame, clean), notes, partial(_given, pixels))
                 made[folder, frame] = partial(_given, image)
         return made
 
+    def _pictures(
+        self, clean: CleanFrame, frames: _Frames, depth_m: NDArray[np.float32] | None, motions: _Motions
+    ) -> _Pictures:
+        """Return each sequence's image (H, W, 3), None where it is the clean one, and what is done."""
+        return self._compositor.perturb(clean.rgb, frames, depth_m, motions)
+
     def _key(self, sequence: Sequence, frame: int, clean: CleanFrame) -> Hashable:
         """Return what of the work decides the image: groups that serve more than by default are others, too."""
         work = ColourWork.of(sequence.setting.rgb, self._camera.context(sequence, frame, clean))
         return "compositor", work.key, tuple(tuple(capacity_of(step).items()) for step, _, _ in work.active)
+
+
+class CompositorLight(CompositorColour):
+    """Blender's compositor on lit frames: on light before the view transform, and on what that shows after it."""
+
+    def __init__(
+        self, parts: tuple[Chains, Chains], compositors: "tuple[Compositor, Compositor]", camera: Camera
+    ) -> None:
+        """Take the steps before it, and those after it, with a compositor for each of the two."""
+        self._before, after = compositors
+        super().__init__(after, camera)
+        self._early, self._late = parts
+
+    def _pictures(
+        self, clean: CleanFrame, frames: _Frames, depth_m: NDArray[np.float32] | None, motions: _Motions
+    ) -> _Pictures:
+        assert clean.light is not None, "its source is lit"
+        early = {folder: frames[folder] for folder in frames if folder in self._early}
+        lights, notes = self._before.evaluate(clean.light.rgb, early, depth_m, motions)
+        shown = {id(light): clean.light.show(light) for light in lights.values() if light is not None}
+        found: dict[str, tuple[NDArray[np.uint8] | None, Notes]] = {}
+        for folder, frame in frames.items():
+            seen = shown.get(id(lights.get(folder)))
+            pixels, done = None if seen is None else rgb_bytes(seen), notes.get(folder, [])
+            if folder in self._late:
+                given = clean.rgb if seen is None else seen
+                late, more = self._compositor.perturb(given, {folder: frame}, depth_m, motions)[folder]
+                pixels, done = pixels if late is None else late, done + more
+            found[folder] = pixels, done
+        return found
 
 
 def _given(value: T) -> T:
@@ -120,15 +187,19 @@ class Colour:
 
 
 @contextmanager
-def colour_of(sequences: Iterable[Sequence], camera: Camera, size_px: tuple[int, int]) -> Iterator[Colour]:
+def colour_of(
+    sequences: Iterable[Sequence], camera: Camera, size_px: tuple[int, int], *, lit: bool = False
+) -> Iterator[Colour]:
     """Prepare the executors that sequences need.
 
-    size_px: width and height of the frames; parameters in pixels refer to this width.
+    size_px: width and height of the frames; parameters in pixels refer to this width. lit: clean frames have light
+    before a view transform.
     """
     perturbed = [item for item in sequences if item.frames and item.setting.rgb]
     composited = [item for item in perturbed if item.setting.composited]
+    on_arrays = ReferenceLight(camera) if lit else ReferenceColour(camera)
     executors: dict[ColourExecutor, list[Sequence]] = {
-        ReferenceColour(camera): [item for item in perturbed if not item.setting.composited]
+        on_arrays: [item for item in perturbed if not item.setting.composited]
     }
     if not composited:
         yield Colour(executors)
@@ -136,6 +207,25 @@ def colour_of(sequences: Iterable[Sequence], camera: Camera, size_px: tuple[int,
     from ..blender.compositor import Compositor
 
     keep_freed_memory()
-    chains = {item.folder: item.setting.rgb for item in composited}
-    with Compositor(size_px, chains, size_px[0], camera.intrinsics) as compositor:
-        yield Colour({**executors, CompositorColour(compositor, camera): composited})
+    with ExitStack() as opened:
+
+        def compositor(chains: Chains, *, lit: bool = False) -> Compositor:
+            return opened.enter_context(Compositor(size_px, chains, size_px[0], camera.intrinsics, lit=lit))
+
+        chains = {item.folder: item.setting.rgb for item in composited}
+        if lit:
+            before, after = parts = _parted(chains)
+            by_nodes = CompositorLight(parts, (compositor(before, lit=True), compositor(after)), camera)
+        else:
+            by_nodes = CompositorColour(compositor(chains), camera)
+        yield Colour({**executors, by_nodes: composited})
+
+
+def _parted(chains: Chains) -> tuple[Chains, Chains]:
+    """Return each chain's steps before the sensor, and the others, of chains that have any."""
+    parts: tuple[dict[str, tuple[Step[ColourPerturbation], ...]], ...] = ({}, {})
+    for name, steps in chains.items():
+        for part, early in zip(parts, (True, False), strict=True):
+            if own := tuple(step for step in steps if (step.perturbation.stage in LIGHT_STAGES) == early):
+                part[name] = own
+    return parts[0], parts[1]

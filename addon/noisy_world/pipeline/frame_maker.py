@@ -118,7 +118,8 @@ class FrameMaker:
                 prepared = self._scene.keep(key, scene.source.prepare(render.camera, partial(self._note, scene.name)))
             return open_render(prepared, render, self.paths_of(render), options, partial(self._note, render.name))
 
-        opened = opening() if self._clean is None else self._clean.through(in_order(options.channels), opening)
+        wanted, again = in_order(options.channels), render.acts_on_light
+        opened = opening() if self._clean is None else self._clean.through(wanted, opening, again=again)
         if render.registration is not None and (render.needs_depth or render.needs_rgb):
             message = "depth has a camera of its own: it is registered into colour where a perturbation needs both"
             self._note(render.name, message)
@@ -139,7 +140,8 @@ class FrameMaker:
             return colour
         camera = Camera(render.camera, render.scene.source.stamps_s, self.paths_of(render).rgb)
         size_px = (render.camera.width_px, render.camera.height_px)
-        return self._colour.keep(key, colour_of(lacking, camera, size_px))
+        lit = render.scene.source.capabilities.lit
+        return self._colour.keep(key, colour_of(lacking, camera, size_px, lit=lit))
 
     def _write(
         self,
@@ -266,4 +268,5 @@ def render_options(plan: Plan, render: Render, *, judging: bool = False, threads
         channels=channels.difference(item.name for item in led_on),
         threads=threads,
         first_frames=needed_frames,
+        through_glass=any(sequence.setting.needs_depth for sequence in render.sequences),
     )

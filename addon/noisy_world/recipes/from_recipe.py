@@ -19,13 +19,14 @@ from ..core.channels import CHANNELS, COLOUR_AND_DEPTH
 from ..core.channels.pair import View
 from ..core.errors import InputError
 from ..core.geometry import Intrinsics
+from ..core.perturbing.kinds import LIGHT_STAGES
 from ..core.perturbing.steps import Setting
 from ..core.planning.exposed import open_render
 from ..core.planning.motion_record import motion_of_frames
 from ..core.planning.plan import Plan, Render, lay_out_plan, read_settings
 from ..core.planning.scene import Scene
 from ..core.planning.sequence import ShownSources, written_paths
-from ..core.planning.source import OpenSource, PreparedSource, SourceFrame
+from ..core.planning.source import PERTURBED, OpenSource, PreparedSource, SourceFrame
 from ..core.planning.source_paths import source_paths
 from ..core.trajectories.sensor_paths import SensorPaths
 from ..perturbations import registry
@@ -257,6 +258,13 @@ class SequenceOfRecipe(OpenedSequence):
             problem = f"the colour of {self.name} is made by Blender's compositor, in Blender's own thread alone"
             remedy = "'noisy-world remake' makes its files; with render.backend: reference colour needs no Blender"
             raise InputError(self._opened.place, problem, remedy=remedy)
+        scene = self.render.scene.name
+        inputs = self._opened.recipe.identity["scenes"][scene]["inputs"]
+        if PERTURBED in inputs and any(step.perturbation.stage in LIGHT_STAGES for step in self.sequence.setting.rgb):
+            problem = (
+                f"the colour of {self.name} is made before the view transform of {scene}, which Blender alone knows"
+            )
+            raise InputError(self._opened.place, problem, remedy="'noisy-world remake' makes its files")
 
     def pair(self, shown: ShownSources) -> CleanPair:
         """Return what is seen at a source frame and at the next. Raises InputError where that needs Blender."""

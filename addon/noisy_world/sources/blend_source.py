@@ -17,7 +17,7 @@ from ..core.channels.surface import Fact
 from ..core.datasets.storage import sha256_of_file
 from ..core.geometry import Intrinsics, nearest_rotation, opencv_from_blender_c2w, pose, rotation_error
 from ..core.planning.simple_source import SimpleSource
-from ..core.planning.source import Motion, OwnRendering, RenderOptions, SourceCapabilities, SourceFrame
+from ..core.planning.source import PERTURBED, Motion, OwnRendering, RenderOptions, SourceCapabilities, SourceFrame
 from ..core.presets.preset import CameraSpec
 from ..core.scenes.own_scene import OwnScene
 from ..core.scenes.scene_object import SceneObject
@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from ..blender.own_scene import OwnSceneFile, OwnSceneSession
 
 SEEN: frozenset[Fact] = frozenset({"normals", "objects"})  # of the surface of objects
+PERTURBED_LIGHT = {PERTURBED: "before the view transform"}
 MOST_SHEAR = 1e-4  # of a camera's axes, as the cosine between two; float32 and deep parents stay far below
 WHOLE = 1e-3  # of a frame; stamps in files are rounded, and a scene between two frames is another one
 
@@ -76,6 +77,7 @@ class BlendSource(SimpleSource):
             objects=self._objects,
             moving=True,
             instants_only=only,
+            lit=True,
         )
 
     def _objects(self) -> tuple[SceneObject, ...]:
@@ -131,6 +133,7 @@ class BlendSource(SimpleSource):
             "near_m": self.rendering.near_m,
             "far_m": self.rendering.far_m,
             "first_frame": self.found.first,
+            **PERTURBED_LIGHT,
             "trajectory": own_path if self.path_file is None else self.path_file.name,
             "trajectory_sha256": None if self.path_file is None else sha256_of_path(self.path_file),
         }

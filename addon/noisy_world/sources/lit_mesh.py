@@ -17,7 +17,7 @@ from ..core.scenes.mesh_files import imported_format
 from ..core.scenes.scene_object import SceneObject
 from ..core.scratch import ScratchFolder
 from ..core.trajectories.sensor_paths import SensorPaths
-from .blend_source import SEEN, PreparedBlend  # noqa: TID253 - it is one itself
+from .blend_source import PERTURBED_LIGHT, SEEN, PreparedBlend  # noqa: TID253 - it is one itself
 from .imported_meshes import write_lit_file  # noqa: TID253 - with light, it is imported
 from .mesh_source import MeshSource
 
@@ -41,7 +41,7 @@ class LitMeshSource(MeshSource):
     @property
     def capabilities(self) -> SourceCapabilities:
         """Rendered frames from any pose, by settings of its own."""
-        return replace(super().capabilities, own=self.rendering, surface=SEEN, objects=lambda: self._objects)
+        return replace(super().capabilities, own=self.rendering, surface=SEEN, objects=lambda: self._objects, lit=True)
 
     @cached_property
     def _objects(self) -> tuple[SceneObject, ...]:
@@ -57,7 +57,7 @@ class LitMeshSource(MeshSource):
         """Return those of the mesh and its path, and how it is rendered."""
         own = self.rendering
         how = {"engine": own.engine, "samples": own.samples, "near_m": own.near_m, "far_m": own.far_m}
-        return {**super().hashes(), "light": "scene", **how}
+        return {**super().hashes(), "light": "scene", **how, **PERTURBED_LIGHT}
 
     @contextmanager
     def prepare(self, camera: Intrinsics, note: Callable[[str], None]) -> Iterator[PreparedBlend]:

@@ -138,7 +138,8 @@ def _perturbed(scene: bpy.types.Scene, index: int | None) -> _Drawn:
     if sequence.setting.rgb:
         height, width = before.shape[:2]
         only = replace(sequence, frames=range(index, index + 1))
-        with colour_of([only], camera_at(scene, sequence, index), (width, height)) as colour:
+        lit = clean.light is not None
+        with colour_of([only], camera_at(scene, sequence, index), (width, height), lit=lit) as colour:
             image = colour.of(clean)[only.folder, index]()
             made, notes = image.pixels(), image.notes
         after = before if made is None else _as_stored(made, stored)
@@ -217,7 +218,7 @@ def _clean(scene: bpy.types.Scene, source: int) -> CleanFrame:
     assert still.rgb is not None
     panel = panel_of(scene)
     between = recorded(panel).between if footage.is_shown(panel) else None
-    return CleanFrame(source, RenderedFrame(np.clip(still.rgb, 0.0, 1.0), still.depth_m), between)
+    return CleanFrame(source, replace(still, rgb=np.clip(still.rgb, 0.0, 1.0)), between)
 
 
 def _camera(scene: bpy.types.Scene) -> Camera:

@@ -166,6 +166,7 @@ def show(scene: bpy.types.Scene) -> None:
         split=panel.preview_split,
         intrinsics=intrinsics_of(panel),
         camera_state_at=camera_states(scene, sequence),
+        lit=this_scene.is_shown(panel),
     )
     (_at_rest.add if is_unknown(scene, sequence) else _at_rest.discard)(scene.session_uid)
 
@@ -355,7 +356,7 @@ def _draw_state(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
         write(layout, context, f"Not what is written: {'; '.join(problems)}", "ERROR")
         layout.operator(UseStandardView.bl_idname)
     if view := shown_after(scene):
-        text = f"{view} comes after the perturbations here, and before them in the dataset: Preview Frame shows that"
+        text = f"{view} comes after sensor and post-processing here, and before them in the dataset: see Preview Frame"
         write(layout, context, text, "INFO")
     if is_working_space_wrong():
         text = f"Not what is written: the file's working space is {bpy.data.colorspace.working_space}"

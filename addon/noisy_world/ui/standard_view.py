@@ -6,6 +6,8 @@ from typing import Any
 import bpy
 
 from ..blender.typed import get_value, inputs
+from ..core.perturbing.kinds import LIGHT_STAGES, ColourPerturbation
+from ..perturbations import registry
 from . import excluded, this_scene
 from .operators import DONE, UNDOABLE, OnScene
 from .own_objects import own_object
@@ -39,9 +41,11 @@ def falsified_by(scene: bpy.types.Scene) -> list[str]:
 
 
 def shown_after(scene: bpy.types.Scene) -> str:
-    """Return the view transform that is applied after the preview, and before what is written; "" where it is plain."""
-    _, view = _colour_management(scene)
-    return view.view_transform if this_scene.is_shown(panel_of(scene)) and view.view_transform != "Standard" else ""
+    """Return the view transform that comes after a sensor in the preview, and before it in the dataset; "" for none."""
+    (_, view), panel = _colour_management(scene), panel_of(scene)
+    steps = (registry().get(step.perturbation) for step in panel.steps if step.enabled)
+    late = any(isinstance(item, ColourPerturbation) and item.stage not in LIGHT_STAGES for item in steps)
+    return view.view_transform if late and this_scene.is_shown(panel) and view.view_transform != "Standard" else ""
 
 
 def is_void_shown(scene: bpy.types.Scene) -> bool:

@@ -18,6 +18,7 @@ from ..planning.numbers import array_of
 from ..planning.plan import Plan
 from ..planning.scene import Scene
 from ..planning.sequence import Sequence, lay_out
+from ..planning.source import PERTURBED
 from ..planning.source_paths import source_paths
 from ..presets.names import format_same_folder
 from ..scenes.recentring import recentring_m
@@ -174,6 +175,9 @@ def _scene(scene: Scene, there: dict[str, Any], here: dict[str, Any]) -> str | N
         hashed = f"{name}_sha256"
         if before.get(name) == now.get(name) or (before.get(hashed) and now.get(hashed)):
             continue  # a file may be called otherwise
+        if name == PERTURBED:
+            how = "environment and lens act on its light before the view transform, but after it in the dataset"
+            return Message(PresetKey(place), f": {how}, which an earlier version made", ANOTHER_NAME)
         if name.endswith("_sha256") and before.get(name) and now.get(name):
             key = name.removesuffix("_sha256")
             own = Message(PresetKey(f"{place}.{key}"), f": {_short(now[key])} is") if key in now else ""

@@ -35,10 +35,11 @@ ROUNDING = 1.5 * 2.0**23
 BYTE_PLACES = (1.0, 2.0**8, 2.0**16)
 
 
-def build_chain(name: str, steps: Sequence[Step[ColourPerturbation]]) -> Graph:
+def build_chain(name: str, steps: Sequence[Step[ColourPerturbation]], *, lit: bool = False) -> Graph:
     """Describe a chain: it takes and gives linear light, converts once at each end, and passes encoded values inside.
 
-    It clips, as what the generator writes is clipped, unless its input Clip is switched off.
+    It clips, as what the generator writes is clipped, unless its input Clip is switched off. lit: it is for a lit
+    scene, so it clips nothing and passes light inside.
 
     steps: of colour, in propagation order. `step_node` gives the name of each one's group node.
     """
@@ -46,32 +47,35 @@ def build_chain(name: str, steps: Sequence[Step[ColourPerturbation]]) -> Graph:
     image = graph.input(IMAGE_INPUT)
     depth_m = graph.input(DEPTH_INPUT) if any(step.perturbation.needs_depth for step in steps) else None
     reference, encoded = graph.input(REFERENCE_INPUT), graph.input(ENCODED_INPUT)
-    clip = graph.input(replace(CLIP_INPUT, default=True))
+    clip = graph.input(replace(CLIP_INPUT, default=not lit))
     light = Light(image, encoded, clip)
-    result = light.to_encoded()
+    result = image if lit else light.to_encoded()
     with graph.section("Perturbations"):
         for step in steps:
-            inputs: dict[str, Any] = {"Image": result, "Reference Width": reference, "Encoded": True, "Clip": clip}
+            given = encoded if lit else True
+            inputs: dict[str, Any] = {"Image": result, "Reference Width": reference, "Encoded": given, "Clip": clip}
             if step.perturbation.needs_depth:
                 inputs["Depth"] = depth_m
             group = build_group(step.perturbation, capacity_of(step))
             result = graph.group(group, inputs, name=step_node(step)).out("Image", "color")
-    graph.output("Image", light.from_encoded(result), description="The perturbed frame")
+    end = result if lit else light.from_encoded(result)
+    graph.output("Image", end, description="The perturbed frame")
     return graph
 
 
-def build_written(steps: Sequence[Step[ColourPerturbation]]) -> Graph:
+def build_written(steps: Sequence[Step[ColourPerturbation]], *, lit: bool = False) -> Graph:
     """Describe what the generator evaluates: the same chain for an encoded frame, without groups inside it.
 
     Inputs are Image, Depth where a step asks for it, Reference Width, and each step's, named by `socket_of`. Outputs
-    are Image, and Bytes: the bytes of red, green and blue as one whole number, red the lowest.
+    are Image, and Bytes: the bytes of red, green and blue as one whole number, red the lowest. lit: for scene-linear
+    light of any brightness, which has no bytes.
     """
-    groups = [build_group(step.perturbation, capacity_of(step), bare=True) for step in steps]
+    groups = [build_group(step.perturbation, capacity_of(step), bare=True, lit=lit) for step in steps]
     names = ", ".join(group.name for group in groups)
-    graph = Graph(f"Written: {names}", "Perturbations of colour as the generator evaluates them")
+    graph = Graph(f"{'Lit' if lit else 'Written'}: {names}", "Perturbations of colour as the generator evaluates them")
     image = graph.input(IMAGE_INPUT)
     depth_m = graph.input(DEPTH_INPUT) if any(step.perturbation.needs_depth for step in steps) else None
-    shared: dict[str, Any] = {"Reference Width": graph.input(REFERENCE_INPUT), "Encoded": True, "Depth": depth_m}
+    shared: dict[str, Any] = {"Reference Width": graph.input(REFERENCE_INPUT), "Encoded": not lit, "Depth": depth_m}
     result = image if steps else graph.clamp(image)
     for step, group in zip(steps, groups, strict=True):
         inputs: dict[str, Any] = {"Image": result}
@@ -81,8 +85,9 @@ def build_written(steps: Sequence[Step[ColourPerturbation]]) -> Graph:
             elif item.name not in inputs:
                 inputs[item.name] = graph.input(replace(item, name=socket_of(step, item.name)))
         result = graph.group(group, inputs).out("Image", "color")
-    graph.output("Image", result, description="The perturbed frame, encoded")
-    graph.output("Bytes", _one_number(result), "float", "Its bytes in one number")
+    graph.output("Image", result, description=f"The perturbed frame, {'linear' if lit else 'encoded'}")
+    if not lit:
+        graph.output("Bytes", _one_number(result), "float", "Its bytes in one number")
     return flat(graph)
 
 

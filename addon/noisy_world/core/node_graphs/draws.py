@@ -52,9 +52,9 @@ def divided(graph: Graph) -> Divided | None:
 
 
 def pooled(
-    chains: Mapping[str, Sequence[Step[ColourPerturbation]]],
+    chains: Mapping[str, Sequence[Step[ColourPerturbation]]], *, lit: bool = False
 ) -> Iterator[tuple[tuple[str, ...], Graph | Divided]]:
-    """Return chains of equal groups together, each time with the group.
+    """Return chains of equal groups together, each time with the group. lit: as `build_written` says.
 
     It is divided where several chains name one stream: they draw the same random images, which are then made once.
     """
@@ -64,7 +64,7 @@ def pooled(
         streams = tuple(step.stream for step in steps)
         equal.setdefault((what, None if None in streams else streams), []).append(name)
     for (_, streams), names in equal.items():
-        graph = build_written(chains[names[0]])
+        graph = build_written(chains[names[0]], lit=lit)
         parted = divided(graph) if streams and len(names) > 1 else None
         yield tuple(names), parted or graph
 

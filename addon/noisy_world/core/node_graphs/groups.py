@@ -7,7 +7,7 @@ takes and gives encoded values.
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 from ..errors import NoisyWorldError
@@ -48,7 +48,8 @@ class Canvas:
     width_px, height_px: of the input image, one number each. scale: pixels of the input image per pixel at the
     reference width. position_px: each pixel's column and row (x, y, 0) at the reference width, whole numbers, from the
     upper left. drift_frames: how many frames a kept pattern has moved on. depth_m: planar depth, 0 = void, in a group
-    that asks for it. white: the brightest encoded value that there is; 1, or far beyond where nothing is clipped.
+    that asks for it. white: the brightest encoded value that there is; 1, or far beyond where nothing is clipped. lit:
+    1 where nothing is clipped, as the image is light of any brightness, else 0.
     camera: how it stands and moves, in a group that asks for motion.
     """
 
@@ -63,6 +64,7 @@ class Canvas:
     drift_frames: Value = 0.0
     depth_m: Socket | None = None
     white: Socket | float = 1.0
+    lit: Socket | float = 0.0
     camera: CameraSockets | None = None
 
     def random(self, purpose: int, position: Value = (0.0, 0.0, 0.0)) -> Socket:
@@ -93,13 +95,18 @@ class Canvas:
 
 
 def build_group(
-    perturbation: ColourPerturbation, capacity: Mapping[str, float] | None = None, *, bare: bool = False
+    perturbation: ColourPerturbation,
+    capacity: Mapping[str, float] | None = None,
+    *,
+    bare: bool = False,
+    lit: bool = False,
 ) -> Graph:
     """Describe the node group of a perturbation of colour.
 
     capacity: for each parameter that the number of nodes depends on, the largest value to serve; by default that of
     the perturbation. bare: as the generator uses it, with the definition's own sockets only: without severity and mask,
-    and always clipped. Raises NoisyWorldError where the perturbation has no group.
+    and always clipped. lit: for linear light, so never clipped, where it is bare. Raises NoisyWorldError where the
+    perturbation has no group.
     """
     if perturbation.build is None:
         raise NoisyWorldError(f"{perturbation.name}: has no node group; the backend reference carries it out")
@@ -121,20 +128,20 @@ def build_group(
     timing = timing_sockets(graph, perturbation)
     camera = camera_sockets(graph) if perturbation.uses_motion else None
     reference, encoded = graph.input(REFERENCE_INPUT), graph.input(ENCODED_INPUT)
-    light = Light(image, encoded, None if bare else graph.input(CLIP_INPUT))
+    light = Light(image, encoded, not lit if bare else graph.input(CLIP_INPUT))
     share = mask
     if severity is not None and override is not None and mask is not None:
         with graph.section("Severity"):
             given |= by_severity(perturbation, severity, override, given)
             share = strength(severity, override, mask)
-    source = light.to_linear() if perturbation.linear else light.to_encoded()
+    source = _given(light, perturbation)
     with graph.section("Size"):
         canvas = _timed(_canvas(source, reference, depth_m, light.clip), perturbation, timing)
         canvas = replace(canvas, camera=camera)
         scaled = {key: _in_pixels_and_degrees(perturbation, key, value, canvas) for key, value in given.items()}
     with graph.section(perturbation.label):
         result = perturbation.build(canvas, scaled, served)
-    given_back = light.from_linear(result, share) if perturbation.linear else light.from_encoded(result, share)
+    given_back = _given_back(light, perturbation)(result, share)
     with graph.section(BACK):
         graph.output("Image", graph.choose(enabled, given_back, image), description="The perturbed frame")
     return graph
@@ -143,6 +150,20 @@ def build_group(
 def group_name(perturbation: ColourPerturbation) -> str:
     """Return the name of a perturbation's group."""
     return title(perturbation.label)
+
+
+def _given(light: Light, perturbation: ColourPerturbation) -> Socket:
+    """Return the image as a perturbation works on it."""
+    if perturbation.linear:
+        return light.to_linear()
+    return light.to_average() if perturbation.averages else light.to_encoded()
+
+
+def _given_back(light: Light, perturbation: ColourPerturbation) -> Callable[[Socket, Socket | None], Socket]:
+    """Return what gives a perturbation's result back as the image was given."""
+    if perturbation.linear:
+        return light.from_linear
+    return light.from_average if perturbation.averages else light.from_encoded
 
 
 def _parameters(
@@ -163,7 +184,7 @@ def _in_pixels_and_degrees(perturbation: ColourPerturbation, name: str, value: S
     return value * canvas.scale if unit == "px" else value * (180 / math.pi) if unit == "deg" else value
 
 
-def _canvas(image: Socket, reference: Socket, depth_m: Socket | None, clip: Socket | None) -> Canvas:
+def _canvas(image: Socket, reference: Socket, depth_m: Socket | None, clip: Socket | bool) -> Canvas:
     graph = image.graph
     size = graph.node("CompositorNodeImageInfo", {"Image": image}).out("Resolution", "vector")
     width, height = size.x, size.y
@@ -174,8 +195,11 @@ def _canvas(image: Socket, reference: Socket, depth_m: Socket | None, clip: Sock
     flipped = graph.vector(0.5, height - 0.5)
     centre = graph.math("MULTIPLY_ADD", pixel, (1.0, -1.0, 0.0), flipped)
     position = graph.math("FLOOR", graph.math("DIVIDE", centre, graph.vector(scale, scale, 1.0)), label="Position")
-    white = 1.0 if clip is None else graph.choose(clip, 1.0, BRIGHTEST, "float")
-    return Canvas(graph, image, width, height, scale, position, depth_m=depth_m, white=white)
+    if isinstance(clip, bool):
+        white, lit = (1.0, 0.0) if clip else (BRIGHTEST, 1.0)
+    else:
+        white, lit = (graph.choose(clip, *ends, "float") for ends in ((1.0, BRIGHTEST), (0.0, 1.0)))
+    return Canvas(graph, image, width, height, scale, position, depth_m=depth_m, white=white, lit=lit)
 
 
 def _timed(canvas: Canvas, perturbation: ColourPerturbation, timing: Mapping[str, Socket]) -> Canvas:

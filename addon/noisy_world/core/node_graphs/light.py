@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A group's image at its input and output: scene-linear or encoded, clipped or not.
 
-The encoding is sRGB's. Above 1 its power goes on, below 0 its straight line, so light comes back as it was.
+The encoding is sRGB's. Above 1 its power goes on, so light comes back as it was; what a group gives is never negative.
 """
 
 from dataclasses import dataclass
@@ -9,18 +9,20 @@ from dataclasses import dataclass
 from .graph import Graph, Socket
 
 BACK = "From encoded colour"
+DARK = (0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True)
 class Light:
     """A group's image and how it is given.
 
-    encoded: whether it is encoded already. clip: whether what is brighter than white is cut off; None: always.
+    encoded: whether it is encoded already. clip: whether what is brighter than white is cut off; what is darker than
+    black always is.
     """
 
     image: Socket
     encoded: Socket
-    clip: Socket | None = None
+    clip: Socket | bool = True
 
     def to_encoded(self) -> Socket:
         """Return the image's encoded colour; an image that is encoded already is not converted."""
@@ -34,6 +36,29 @@ class Light:
         graph = self.image.graph
         with graph.section("To linear light"):
             return graph.choose(self.encoded, convert(graph, self.image, "sRGB", "Linear Rec.709"), self.image)
+
+    def to_average(self) -> Socket:
+        """Return the image as it is where light is not clipped, else encoded: for what only averages."""
+        if self.clip is False:
+            return self.image
+        if self.clip is True:
+            return self.to_encoded()
+        graph, coded = self.image.graph, self.to_encoded()
+        with graph.section("To light or encoded colour"):
+            return graph.choose(self.clip, coded, self.image)
+
+    def from_average(self, result: Socket, share: Socket | None = None) -> Socket:
+        """Return averages of what `to_average` gives as the image was given. share: as in `from_encoded`."""
+        if self.clip is True:
+            return self.from_encoded(result, share)
+        graph = self.image.graph
+        with graph.section(BACK):
+            light = self._with_alpha(graph, self._mixed(graph.math("MAXIMUM", result, DARK), share))
+        if self.clip is False:
+            return light
+        coded = self.from_encoded(result, share)
+        with graph.section(BACK):
+            return graph.choose(self.clip, coded, light)
 
     def from_encoded(self, result: Socket, share: Socket | None = None) -> Socket:
         """Return encoded colour as the image was given: linear light with its alpha, or encoded.
@@ -51,14 +76,16 @@ class Light:
         graph = self.image.graph
         with graph.section(BACK):
             back = self._mixed(self.clipped(convert(graph, result, "Linear Rec.709", "sRGB")), share)
-            light = result if self.clip is None else self.clipped(result)
+            light = result if self.clip is True else self.clipped(result)
             return graph.choose(self.encoded, back, self._with_alpha(graph, self._mixed(light, share)))
 
     def clipped(self, value: Socket) -> Socket:
-        """Return values clipped to [0, 1], if they are to be."""
+        """Return values clipped to [0, 1], if they are to be; else those below 0 alone."""
         graph = value.graph
-        clamped = graph.clamp(value)
-        return clamped if self.clip is None else graph.choose(self.clip, clamped, value)
+        if self.clip is True:
+            return graph.clamp(value)
+        lit = graph.math("MAXIMUM", value, DARK)
+        return lit if self.clip is False else graph.choose(self.clip, graph.clamp(value), lit)
 
     def _mixed(self, result: Socket, share: Socket | None) -> Socket:
         return result if share is None else result.graph.blend(self.image, result, share)

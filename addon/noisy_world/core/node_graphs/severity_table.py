@@ -25,18 +25,26 @@ def by_severity(
     between = graph.math("FRACT", level)
     found: dict[str, Socket] = {}
     for names in batched(perturbation.severities, 3):
-        lower, upper = (_looked_up(perturbation, names, end) for end in ends)
-        value = graph.blend(lower, upper, between)
+        tables = {None: perturbation.severities, **perturbation.other_severities}
+        at: dict[str | None, Socket] = {}
+        for switch, table in tables.items():
+            lower, upper = (_looked_up(perturbation, table, names, end) for end in ends)
+            at[switch] = graph.blend(lower, upper, between)
+        value = at[None]
+        for switch in perturbation.other_severities:
+            value = graph.choose(own[switch], at[switch], value, value.kind)
         for name, at_level in zip(names, (value,) if len(names) == 1 else (value.x, value.y, value.z), strict=False):
             whole = graph.math("FLOOR", at_level + 0.5) if name in perturbation.counts else at_level
             found[name] = graph.choose(override, own[name], whole, own[name].kind)
     return found
 
 
-def _looked_up(perturbation: Perturbation, names: Sequence[str], level: Socket) -> Socket:
+def _looked_up(
+    perturbation: Perturbation, table: Mapping[str, Sequence[float]], names: Sequence[str], level: Socket
+) -> Socket:
     """Return the values of up to three parameters at a whole level: one number, or a vector."""
     rows = [
-        [socket_value(perturbation, name, float(perturbation.severities[name][place])) for name in names]
+        [socket_value(perturbation, name, float(table[name][place])) for name in names]
         for place in range(len(SEVERITIES))
     ]
     items: list[Value] = [row[0] if len(names) == 1 else tuple((*row, 0.0, 0.0)[:3]) for row in rows]

@@ -30,6 +30,8 @@ Stage: TypeAlias = Literal["motion", "exposure", ColourStage, "depth", "pairing"
 
 STAGES: tuple[Stage, ...] = ("motion", "exposure", "environment", "lens", "sensor", "post", "depth", "pairing")
 COLOUR_STAGES: tuple[ColourStage, ...] = ("environment", "lens", "sensor", "post")
+LIGHT_STAGES: tuple[ColourStage, ...] = ("environment", "lens")
+"""Those before a sensor: on lit frames they act on scene-linear light, before the view transform."""
 
 Temporal: TypeAlias = Literal["fresh", "fixed", "drift"]
 """How a random pattern changes from frame to frame: drawn anew, kept, or moved smoothly."""
@@ -67,7 +69,8 @@ class FrameContext:
     stamp, seconds. intrinsics: of the camera that took the image. Both are None only where a caller of the library did
     not give them. motion: of the camera, for perturbations that say uses_motion, None where its path is unknown.
     read_rgb, read_depth_m: read the other clean image of the same moment, as `rgb` and `depth_m` say.
-    chosen_by: the identifiers of the stream that chooses the frame's severity, where they are not `identifiers`.
+    chosen_by: the identifiers of the stream that chooses the frame's severity, where they are not `identifiers`. lit:
+    whether the image is light of any brightness, as of a lit scene, and was not clipped to [0, 1].
 
     Two contexts are equal if their index, identifiers and temporal are, since these decide the random numbers.
     """
@@ -81,6 +84,7 @@ class FrameContext:
     read_rgb: Callable[[], NDArray[np.float32]] | None = field(default=None, compare=False, repr=False)
     read_depth_m: Callable[[], NDArray[np.float32]] | None = field(default=None, compare=False, repr=False)
     chosen_by: Identifiers | None = field(default=None, compare=False)
+    lit: bool = field(default=False, compare=False)
 
     def stream(self, *purpose: str) -> np.random.Generator:
         """Return the generator of this frame."""
@@ -144,7 +148,8 @@ It is recorded in frames.jsonl.
 ColourApply: TypeAlias = Callable[[NDArray[np.float32], Any, FrameContext], NDArray[np.float32]]
 """(H, W, 3) float32 RGB, sRGB-encoded, in [0, 1]; parameters; context -> a new array of the same shape and type.
 
-The input is not changed. The result may lie outside [0, 1]: the caller clips it.
+The input is not changed. The result may lie outside [0, 1]: the caller clips it. On lit frames environment and lens are
+given light of any brightness, encoded by the same curve, which goes on above 1; what `averages` gets light itself.
 """
 
 BytesApply: TypeAlias = Callable[[NDArray[np.uint8], Any, FrameContext], NDArray[np.uint8]]
@@ -175,15 +180,18 @@ PairingApply: TypeAlias = Callable[[int, Any, SequenceContext], NDArray[np.int64
 class Perturbation:
     """What all kinds share; a perturbation is one of the five kinds below.
 
-    name: as in presets: small letters, digits and underscores. label: as in panels. stage: in the order of propagation.
-    order: its rank inside the stage; ours are even, and names decide between equal ones. parameters: a
+    name: as in presets: small letters, digits and underscores. label: as in panels. stage: in the order of
+    propagation. order: its rank inside the stage; ours are even, and names decide between equal ones. parameters: a
     frozen dataclass of `schema.key` fields with defaults, each a float, an int, a bool or a Literal of texts.
     severities: for each parameter that severity sets, its value at severities 1 to 5; {} if severity sets none.
     source: of those values. temporals: the values that `temporal` may have; () for a pattern that is not random.
-    natural_temporal: the one that looks as it does in the world, which an artist is offered first; by default drift,
-    where it has that. counts: parameters that are whole numbers, which a fractional severity rounds. version: raised
-    when equal parameters give other results, so that datasets of before do not grow. distribution: the installed
-    package that brought it, set when it is found; None for our own.
+    natural_temporal: the one that looks as it does in the world, which an artist is offered first; by default
+    drift, where it has that. counts: parameters that are whole numbers, which a fractional severity rounds.
+    implied: for a parameter that only counts with a value of another one, that one and the value, which it has
+    where the first is given and it is not. other_severities: by a parameter that is a bool, the table that holds
+    where it is true, of the same parameters. version: raised when equal parameters give other results, so that
+    datasets of before do not grow. distribution: the installed package that brought it, set when it is found; None
+    for our own.
 
     Raises ValueError for a name, parameters, severities or a natural_temporal that are not as described, and for a
     parameter with the name of a key that every perturbation has in a preset.
@@ -199,6 +207,8 @@ class Perturbation:
     temporals: tuple[Temporal, ...] = ()
     natural_temporal: Temporal | None = None
     counts: frozenset[str] = frozenset()
+    implied: Mapping[str, tuple[str, Any]] = field(default_factory=dict)
+    other_severities: Mapping[str, Mapping[str, Sequence[float]]] = field(default_factory=dict)
     version: int = 1
     distribution: Distribution | None = None
 
@@ -212,6 +222,8 @@ class Perturbation:
         for name, values in self.severities.items():
             if name not in known or len(values) != len(SEVERITIES):
                 raise ValueError(f"{self.name}: {name} has to be a parameter with {len(SEVERITIES)} severities")
+        if any(table.keys() != self.severities.keys() for table in self.other_severities.values()):
+            raise ValueError(f"{self.name}: each of other_severities has to have the parameters of severities")
         own = [*(RESERVED[:3] if self.severities else ()), *(RESERVED[3:] if self.temporals else ())]
         if taken := sorted(known.intersection(own)):
             raise ValueError(f"{self.name}: a parameter may not be called {taken[0]}, a key of every perturbation")
@@ -223,6 +235,10 @@ class Perturbation:
         """How its pattern changes where nothing else is said to an artist. Raises IndexError where nothing is drawn."""
         return self.natural_temporal or ("drift" if "drift" in self.temporals else self.temporals[0])
 
+    def table_of(self, given: Mapping[str, Any]) -> Mapping[str, Sequence[float]]:
+        """Return the table of severities that holds where some parameters are given."""
+        return next((table for name, table in self.other_severities.items() if given.get(name)), self.severities)
+
     def at_severity(self, severity: float, **given: Any) -> Any:
         """Return the parameters at a severity, interpolated linearly in the table; `given` override them.
 
@@ -232,7 +248,7 @@ class Perturbation:
         if not SEVERITIES[0] <= severity <= SEVERITIES[-1]:
             raise ValueError(f"severity is {severity}, but has to be 0 or from 1 to 5")
         values: dict[str, Any] = {}
-        for name, table in self.severities.items():
+        for name, table in self.table_of(given).items():
             value = float(np.interp(severity, SEVERITIES, table))
             values[name] = math.floor(value + 0.5) if name in self.counts else value
         return replace(self.parameters(), **(values | given))
@@ -287,17 +303,18 @@ class ExposurePerturbation(Perturbation):
 class ColourPerturbation(Perturbation):
     """Acts on a colour image; several of the same name may act after one another.
 
-    stage: environment, lens, sensor or post. apply: the reference execution. apply_bytes: the same on bytes, used where
-    it is the only step on a frame. build: the same definition as a compositor node group, or None. capacity: for each
-    parameter that the number of its nodes depends on, the largest value that the group serves by default. needs_depth:
-    the context holds the frame's depth, and the group has an input for it. repeatable: the result depends on image,
-    parameters, intrinsics and depth alone, so that sequences which do the same to a frame share a file; it draws
-    nothing and does not look at the frame's number or stamp. linear: `build` is given and gives linear light, of any
-    brightness, so that what is brighter than 1 stays so. uses_motion: `apply` looks at the camera's motion, where the
-    context has it, and the group has inputs for it. goes_with_camera: a fixed pattern does. by_camera: of the group's
-    parameters, what a known camera decides. repeats: tells of which parameters it is repeatable, and looks at no
-    motion, though it has temporals. grain: each pixel has noise of its own, which files of images hardly compress;
-    estimates of sizes ask for it.
+    stage: environment, lens, sensor or post. apply: the reference execution. apply_bytes: the same on bytes, used
+    where it is the only step on a frame. build: the same definition as a compositor node group, or None. capacity:
+    for each parameter that the number of its nodes depends on, the largest value that the group serves by default.
+    needs_depth: the context holds the frame's depth, and the group has an input for it. repeatable: the result
+    depends on image, parameters, intrinsics and depth alone, so that sequences which do the same to a frame share a
+    file; it draws nothing and does not look at the frame's number or stamp. linear: `build` is given and gives
+    linear light, of any brightness, so that what is brighter than 1 stays so. averages: it only moves and averages
+    values, so where light is not clipped it works on light itself, as a lens does. uses_motion: `apply` looks at
+    the camera's motion, where the context has it, and the group has inputs for it. goes_with_camera: a fixed
+    pattern does. by_camera: of the group's parameters, what a known camera decides. repeats: tells of which
+    parameters it is repeatable, and looks at no motion, though it has temporals. grain: each pixel has noise of its
+    own, which files of images hardly compress; estimates of sizes ask for it.
 
     Raises ValueError for another stage, and for temporals of what is repeatable.
     """
@@ -309,6 +326,7 @@ class ColourPerturbation(Perturbation):
     needs_depth: bool = False
     repeatable: bool = False
     linear: bool = False
+    averages: bool = False
     uses_motion: bool = False
     goes_with_camera: bool = False
     by_camera: Callable[[Intrinsics], Mapping[str, Any]] | None = None

@@ -25,6 +25,8 @@ from .kinds import (
 
 Kind = TypeVar("Kind", bound=Perturbation)
 
+DEFAULT_SEVERITY = 3.0  # whose values parameters have that are not given
+
 Backend: TypeAlias = Literal["compositor", "reference"]
 
 
@@ -91,9 +93,12 @@ class Step(Generic[Kind]):
 
     def parameters(self, severity: float | None) -> Any:
         """Return the parameters of a severity."""
-        if severity is None:
-            return self.perturbation.parameters(**self.given)
-        return self.perturbation.at_severity(severity, **self.given)
+        implied = dict(value for name, value in self.perturbation.implied.items() if name in self.given)
+        given = {**implied, **self.given}
+        if severity is None and self.perturbation.table_of(given) is self.perturbation.severities:
+            return self.perturbation.parameters(**given)
+        severity = DEFAULT_SEVERITY if severity is None else severity
+        return self.perturbation.at_severity(severity, **given)
 
     def note(self, context: FrameContext, severity: float | None) -> dict[str, Any]:
         """Return a record of what is done to a frame, for frames.jsonl."""

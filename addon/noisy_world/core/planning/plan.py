@@ -16,7 +16,7 @@ from ..geometry import Intrinsics
 from ..messages import Message, PresetKey
 from ..optics import PINHOLE, Optics
 from ..perturbing.execution import chosen_poses, exposure_key, split_motion
-from ..perturbing.kinds import ExposurePerturbation, Identifiers, MotionPerturbation
+from ..perturbing.kinds import LIGHT_STAGES, ExposurePerturbation, Identifiers, MotionPerturbation
 from ..perturbing.reading import Registry, parse_settings
 from ..perturbing.steps import Setting, Step
 from ..presets.names import format_same_folder
@@ -52,6 +52,12 @@ class Render:
     identifiers: Identifiers = ()
     exposure: tuple[Step[ExposurePerturbation], ...] = ()
     optics: Optics = PINHOLE
+
+    @property
+    def acts_on_light(self) -> bool:
+        """Whether a step of a setting acts on the light of a lit scene, before its view transform."""
+        steps = [step for sequence in self.sequences for step in sequence.setting.rgb]
+        return self.scene.source.capabilities.lit and any(step.perturbation.stage in LIGHT_STAGES for step in steps)
 
     @property
     def depth_camera(self) -> Intrinsics:

@@ -29,6 +29,10 @@ if TYPE_CHECKING:  # presets name what packages bring, which import this
     from ..presets.preset import EngineName
 
 
+PERTURBED = "perturbed"
+"""Of a lit source's `hashes`: that environment and lens act on its light before the view transform, as since 0.2."""
+
+
 class SourceFrame(Protocol):
     """A clean frame; an image that was not asked for is None."""
 
@@ -52,6 +56,34 @@ class SourceFrame(Protocol):
         Raises InputError where that file is damaged.
         """
         ...
+
+
+@dataclass(frozen=True)
+class SceneLight:
+    """Colour of a lit frame before its scene's view transform.
+
+    rgb: (H, W, 3) float32, scene-linear (Rec. 709), at least 0, multiplied by alpha, (H, W, 1). encode: light with
+    alpha (H, W, 4) -> display-encoded colour (H, W, 3), float32 in [0, 1], by the scene's view transform. It works in
+    the main thread alone, and until the source gives another frame.
+    """
+
+    rgb: NDArray[np.float32]
+    alpha: NDArray[np.float32]
+    encode: Callable[[NDArray[np.float32]], NDArray[np.float32]]
+
+    def show(self, light: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Return other light of this shape as the frame's would be shown: (H, W, 3), float32 in [0, 1]."""
+        return self.encode(np.concatenate([light, self.alpha], axis=2))
+
+
+def light_of(frame: SourceFrame) -> SceneLight | None:
+    """Return a clean frame's light before the view transform; None of a frame that has no such."""
+    return getattr(frame, "light", None)
+
+
+def depth_behind_glass(frame: SourceFrame) -> NDArray[np.float32] | None:
+    """Return the depth (H, W) of what a clean frame shows through panes, metres; None of a frame without any."""
+    return getattr(frame, "behind_glass_m", None)
 
 
 class ColourAndDepth:
@@ -78,13 +110,17 @@ class RenderedFrame(ColourAndDepth):
     rgb: (H, W, 3) float32, display-encoded (sRGB), nominally [0, 1]; None if not asked for. Void is black.
     depth_m: (H, W) float32, planar depth at the pixel's centre in metres, 0 = void; None if not asked for.
     others: those of other channels that were asked for, by name, as the channels describe them. colour_rays: how many
-    rays the pixels of colour took together; None where that does not follow from what is seen.
+    rays the pixels of colour took together; None where that does not follow from what is seen. light: colour before a
+    view transform, of a lit scene. behind_glass_m: depth as `depth_m`, but of what is seen through panes; None where
+    there are none, or it was not asked for.
     """
 
     rgb: NDArray[np.float32] | None
     depth_m: NDArray[np.float32] | None
     others: Mapping[Modality, NDArray[Any]] = field(default_factory=dict)
     colour_rays: int | None = None
+    light: SceneLight | None = None
+    behind_glass_m: NDArray[np.float32] | None = None
 
     def image(self, modality: Modality) -> NDArray[Any] | None:
         """Return the image of a channel; None if it was not asked for."""
@@ -116,7 +152,8 @@ class SourceCapabilities:
     importers read it, whatever renders it. depth: whether it has any. surface: what is known of the surface that each
     pixel sees, for normals and the like. objects: returns the objects that it shows; None where they are a mesh's
     own. moving: whether anything but the camera may move. instants_only: why it has nothing between its frames; ""
-    where it answers requests for any time.
+    where it answers requests for any time. lit: its frames have scene-linear light before a view transform
+    (`light_of`).
     """
 
     rendered: bool
@@ -128,6 +165,7 @@ class SourceCapabilities:
     objects: Callable[[], Sequence[SceneObject]] | None = None
     moving: bool = False
     instants_only: str = ""
+    lit: bool = False
 
 
 @dataclass(frozen=True)
@@ -135,7 +173,8 @@ class RenderOptions:
     """How sources that render make their frames.
 
     channels: what they give, by name. threads: 0 for as many as the machine has. first_frames: the first frames of the
-    path; a source refuses a path where all of them see nothing, unless there are none here.
+    path; a source refuses a path where all of them see nothing, unless there are none here. through_glass: whether
+    depth is needed of what is seen through panes, too.
     """
 
     near_m: float
@@ -147,6 +186,7 @@ class RenderOptions:
     channels: frozenset[Modality] = COLOUR_AND_DEPTH
     threads: int = 0
     first_frames: tuple[int, ...] = ()
+    through_glass: bool = False
 
     @property
     def rgb(self) -> bool:

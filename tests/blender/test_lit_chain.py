@@ -1,0 +1,166 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Lit frames: environment and lens act on light before the view transform, in both executions and in the preview."""
+
+import sys
+import threading
+
+import cv2
+import numpy as np
+import pytest
+
+bpy = pytest.importorskip("bpy", reason="bpy is not installed")
+
+from group_tools import IDENTIFIERS, by_groups, step_of
+from own_scenes import new_scene, opened, save
+
+from noisy_world.blender.chain_scene import refresh_chain
+from noisy_world.blender.compositor import Compositor
+from noisy_world.blender.render import muted_output
+from noisy_world.blender.scene_inspection import open_file
+from noisy_world.core.datasets.provenance import render_seed
+from noisy_world.core.geometry import Intrinsics
+from noisy_world.core.perturbing.execution import ColourWork
+from noisy_world.core.perturbing.kinds import FrameContext
+from noisy_world.core.presets.preset import read_preset
+from noisy_world.core.progress import PlainProgress
+from noisy_world.pipeline.run import Run
+from noisy_world.planning import make_plan
+
+LAMPS = (4.0, 20.0, 100.0)
+CHAIN = ("fog_depth", "snow_depth", "frost", "lens_drops", "lens_dirt")
+
+
+def lit_hall(folder):
+    """The hall with three lamps in view, each a ball that emits as many times white, shown by AgX."""
+    scene = new_scene(samples=2)
+    for place, strength in enumerate(LAMPS):
+        bpy.ops.mesh.primitive_uv_sphere_add(radius=0.15, location=(place - 1, 3, 0.6))
+        material = bpy.data.materials.new(f"Lamp {strength:g}")
+        shader = material.node_tree.nodes["Principled BSDF"]
+        shader.inputs["Emission Color"].default_value = (1, 1, 1, 1)
+        shader.inputs["Emission Strength"].default_value = strength
+        bpy.context.object.data.materials.append(material)
+    scene.view_settings.view_transform = "AgX"
+    scene.frame_end = 1
+    return save(folder, "lit")
+
+
+def written(folder, settings, backend):
+    (folder / "lit.yaml").write_text(
+        "scenes: [{name: hall, blend: lit.blend}]\n"
+        f"settings: [{{name: clean}}, {settings}]\n"
+        f"render: {{backend: {backend}}}\noutput: {{image: png, modalities: [rgb]}}\n"
+    )
+    out = folder / f"out-{backend}"
+    preset = read_preset(folder / "lit.yaml")
+    Run(make_plan(preset), out, progress=PlainProgress(sys.stderr), stop=threading.Event()).make_dataset()
+    return {path.parts[-4]: cv2.imread(str(path))[..., ::-1] for path in out.glob("*/hall/results/frame*.png")}
+
+
+def test_what_the_viewports_compositor_shows_is_written(tmp_path):
+    lit_hall(tmp_path)
+    steps = ", ".join(f"{{{name}: {{severity: 3}}}}" for name in CHAIN)
+    images = written(tmp_path, f"{{name: storm, perturb: [{steps}]}}", "compositor")
+    assert np.abs(images["storm"].astype(int) - images["clean"]).mean() > 5
+    with opened(tmp_path / "lit.blend", rgb=False, depth=False) as (_, _, intrinsics):
+        pass
+    open_file(str(tmp_path / "lit.blend"))
+    scene = bpy.context.scene
+    scene.cycles.seed, scene.render.dither_intensity = render_seed(0), 0
+    scene.render.compositor_device, scene.render.compositor_precision = "CPU", "FULL"
+    chain = [step_of(name, severity=3) for name in CHAIN]
+    refresh_chain(scene, chain, (0, "hall", "storm"), index_of=lambda _: 0, intrinsics=intrinsics, lit=True)
+    scene.render.filepath = str(tmp_path / "shown.png")
+    scene.render.image_settings.file_format, scene.render.image_settings.color_mode = "PNG", "RGB"
+    with muted_output():
+        bpy.ops.render.render(write_still=True)
+    shown = cv2.imread(str(tmp_path / "shown.png"))[..., ::-1]
+    difference = np.abs(shown.astype(int) - images["storm"])
+    print("preview against written", difference.max(), difference.mean())
+    assert difference.max() <= 1
+
+
+def street_light():
+    """Scene-linear light (H, W, 3) with small lamps, and depth (H, W) with a sky."""
+    rng = np.random.default_rng(1)
+    light = (0.3 * rng.random((48, 64, 3)) ** 2 + 0.02).astype(np.float32)
+    for place, strength in enumerate(LAMPS):
+        light[20 + 8 * place : 23 + 8 * place, 12 + 18 * place : 15 + 18 * place] = strength
+    depth_m = np.tile(np.linspace(2, 60, 64, dtype=np.float32), (48, 1))
+    depth_m[:12] = 0
+    return light, depth_m
+
+
+def test_both_executions_give_the_same_light_of_any_brightness():
+    light, depth_m = street_light()
+    height, width = depth_m.shape
+    camera = Intrinsics(width, height, 50.0, 50.0, (width - 1) / 2, (height - 1) / 2)
+    names = ("fog_depth", "haze", "lens_dirt", "lens_drops", "defocus_blur", "defocus_depth")
+    chains = {name: [step_of(name, severity=3)] for name in names}
+    with Compositor((width, height), chains, width, camera, lit=True) as compositor:
+        found, _ = compositor.evaluate(light, dict.fromkeys(names, (5, IDENTIFIERS)), depth_m)
+    where = FrameContext(5, IDENTIFIERS, intrinsics=camera, read_depth_m=lambda: depth_m)
+    for name, steps in chains.items():
+        wanted = ColourWork.of(steps, where).on_light(light)
+        relative = np.abs(found[name] - wanted) / wanted
+        print(name, relative.max())
+        assert relative.max() < 1e-3, name
+        assert min(found[name].min(), wanted.min()) >= 0, name
+
+
+def test_a_lens_spreads_light_itself_so_a_lamp_stays_a_lamp():
+    light = np.full((21, 21, 3), 0.1, np.float32)
+    light[10, 10] = 100
+    (step,) = [step_of("defocus_blur", radius_px=4, alias_sigma_px=0)]
+    made = ColourWork.of([step], FrameContext(0, IDENTIFIERS)).on_light(light)
+    rows, columns = np.mgrid[-10:11, -10:11]
+    disk = rows**2 + columns**2 <= 16
+    assert np.abs(made[disk] - (0.1 + 99.9 / disk.sum())).max() < 1e-4  # as bright as the disk has pixels
+    assert np.abs(made[~disk] - 0.1).max() < 1e-4
+
+
+def test_sensors_act_on_what_the_view_transform_shows(tmp_path):
+    lit_hall(tmp_path)
+    noise, fog = "{speckle_noise: {severity: 2}}", "{fog_depth: {visibility_m: 1.0e5}}"
+    settings = f"{{name: noise, stream: s, perturb: [{noise}]}}, {{name: both, stream: s, perturb: [{fog}, {noise}]}}"
+    images = written(tmp_path, settings, "reference")
+    both = images["both"].astype(int)
+    assert np.abs(both - images["noise"]).max() <= 1  # fog that nobody sees: the same noise on the same display values
+    assert np.abs(both - images["clean"]).mean() > 3
+
+
+def test_a_group_outdoors_takes_the_other_table(tmp_path):
+    light, depth_m = street_light()
+    table = {severity: step_of("fog_depth", severity=severity, outdoors=True) for severity in (1, 2, 5)}
+    nodes = {f"s{severity}": ("fog_depth", {"Severity": severity, "Outdoors": True}) for severity in table}
+    found = by_groups(nodes, light, tmp_path, depth_m=depth_m)
+    for severity, step in table.items():
+        wanted = ColourWork.of([step], FrameContext(0, IDENTIFIERS, read_depth_m=lambda: depth_m)).on_light(light)
+        assert np.abs(found[f"s{severity}"] / wanted - 1).max() < 1e-3
+
+
+@pytest.mark.parametrize("shader", ["glass", "principled"])
+def test_weather_sees_through_glass_and_the_sensor_does_not(tmp_path, shader):
+    scene = new_scene(samples=1)
+    scene.frame_end = 1
+    bpy.ops.mesh.primitive_plane_add(size=1, location=(0.2, 1.5, 0), rotation=(np.pi / 2, 0, 0))
+    material = bpy.data.materials.new("Pane")
+    bpy.context.object.data.materials.append(material)
+    nodes, links = material.node_tree.nodes, material.node_tree.links
+    if shader == "glass":
+        links.new(nodes.new("ShaderNodeBsdfGlass").outputs[0], nodes["Material Output"].inputs["Surface"])
+    else:
+        nodes["Principled BSDF"].inputs["Transmission Weight"].default_value = 1
+    path = save(tmp_path, "pane")
+    with opened(path, through_glass=True) as (session, paths, _):
+        frame = session.frame(paths.request(0))
+        again = session.frame(paths.request(0))
+    bpy.data.objects.remove(bpy.data.objects["Plane"])
+    with opened(save(tmp_path, "open")) as (session, paths, _):
+        free_m = session.frame(paths.request(0)).depth_m
+    pane = frame.depth_m < free_m - 0.1
+    assert 0.05 < pane.mean() < 0.9
+    assert np.abs(frame.behind_glass_m / free_m - 1).max() < 1e-5
+    assert np.array_equal(frame.behind_glass_m, again.behind_glass_m)
+    assert np.array_equal(frame.rgb, again.rgb)
+    assert np.array_equal(frame.depth_m, again.depth_m)
