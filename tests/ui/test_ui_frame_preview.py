@@ -1,47 +1,28 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The pictures in the image editor: the generator's bytes, following the sliders without rendering again."""
 
-import json
 import time
-from dataclasses import replace
 
 import bpy
 import cv2
 import numpy as np
 import pytest
-from analytic import box_mesh
-from preview_tools import IDENTIFIERS, SIZE, add, cycles_scene, steps_of
+from preview_tools import IDENTIFIERS, SIZE, add, cycles_scene, pixels, steps_of
 from worlds import generate, path_poses, write_world
 
 from noisy_world.blender.chain_scene import shown_chain
 from noisy_world.blender.compositor import Compositor
-from noisy_world.blender.scene import add_mesh
-from noisy_world.blender.own_still import OwnStill
 from noisy_world.blender.still import render_stills
-from noisy_world.blender.still_process import StillRequest, read_frames
 from noisy_world.blender.typed import fcurves_of
 from noisy_world.core.errors import NoisyWorldError
 from noisy_world.core.datasets.images import rgb_bytes
-from noisy_world.core.geometry import Intrinsics
 from noisy_world.core.perturbing.execution import perturb_depth, perturb_rgb
 from noisy_world.core.perturbing.kinds import FrameContext
 from noisy_world.core.datasets.overview import colour_depth
-from noisy_world.ui import frame_preview, operators, presets, preview, runs, stills, world
+from noisy_world.ui import frame_preview, operators, presets, preview, stills, world
 
 
 pytestmark = pytest.mark.usefixtures("registered")
-
-
-@pytest.fixture
-def room(scene):
-    cycles_scene((0, 0, 0))
-    add_mesh(scene, box_mesh((-2, -3, 0), (2, 3, 2.5)), "Room", decoding="shader")
-    scene.camera.location = (0, 0, 1.5)
-    scene.camera.rotation_euler = (1.5, 0, 0.3)
-    scene.camera.keyframe_insert("rotation_euler", frame=0)
-    scene.camera.rotation_euler = (1.5, 0, 1.3)
-    scene.camera.keyframe_insert("rotation_euler", frame=9)
-    return scene
 
 
 @pytest.fixture
@@ -55,21 +36,6 @@ def renders(monkeypatch):
 
     monkeypatch.setattr(stills, "render_stills", render)
     return made
-
-
-@pytest.fixture
-def editor():
-    bpy.ops.wm.read_factory_settings()
-    area = max(bpy.context.window.screen.areas, key=lambda area: area.width * area.height)
-    area.type = "IMAGE_EDITOR"
-    return area
-
-
-def pixels(image):
-    width, height = image.size
-    values = np.empty(width * height * 4, np.float32)
-    image.pixels.foreach_get(values)
-    return np.rint(255 * values.reshape(height, width, 4)[::-1, :, :3]).astype(np.uint8)
 
 
 def clean_rgb(scene, frame):
@@ -136,54 +102,6 @@ def widen(scene):
 
 def deviate(scene):
     scene.noisy_world.deviation_translation_m = 0.1
-
-
-def test_a_frame_rendered_in_the_background_is_the_one_that_is_rendered_here(room):
-    """With the preview's chain shown, which the copy of the file holds too."""
-    add(room, "fog_depth", severity=5.0)
-    room.noisy_world.preview = True
-    preview.flush()
-    room.frame_set(4)
-    run = runs.start_still(room, stills.request_of(room, {4, 7}))
-    assert runs.active_still() == run
-    assert not bpy.ops.noisy_world.preview_frame.poll()
-    run.background.wait()
-    assert (run.background.phase, run.background.fraction) == ("finished", 1.0), run.background.error
-    found = read_frames(run.folder)
-    run.tidy()
-    assert sorted(found) == [4, 7]
-    for index, frame in found.items():
-        here = stills.rendered(room, index)
-        assert np.array_equal(frame.rgb, here.rgb)
-        assert np.array_equal(frame.depth_m, here.depth_m)
-
-
-def test_a_frame_of_this_scene_is_asked_for_as_it_is_rendered_here():
-    camera = Intrinsics(8, 6, 7.1, 7.3, 3.5, 2.5)
-    c2w = np.eye(4)
-    c2w[0, 3] = 0.1
-    still = OwnStill(2.5, c2w, False, camera, (0.1, 30.0), "eevee", 3, 11, True, 0.4)
-    request = StillRequest("Scene", {3: still, 4: replace(still, c2w=None, clip_m=None, engine=None)})
-    back = StillRequest.of(json.loads(json.dumps(request.content())))
-    assert np.array_equal(back.stills[3].c2w, c2w)
-    assert replace(back.stills[3], c2w=None) == replace(still, c2w=None)
-    assert back.stills[4] == request.stills[4]
-    assert replace(back, stills={}) == replace(request, stills={})
-
-
-def test_rendering_stops_at_once_and_the_picture_stays(editor, scene):
-    cycles_scene((0.1, 0.2, 0.05))
-    assert bpy.ops.noisy_world.preview_frame() == {"FINISHED"}
-    before = pixels(editor.spaces.active.image)
-    run = runs.start_still(scene, stills.request_of(scene, {5}))
-    began_s = time.monotonic()
-    run.background.cancel()
-    run.background.wait()
-    assert time.monotonic() - began_s < 2.0
-    assert run.background.phase == "stopped"
-    run.tidy()
-    assert not run.folder.exists()
-    assert np.array_equal(pixels(editor.spaces.active.image), before)
 
 
 def test_the_picture_follows_the_sliders_without_rendering_again(editor, scene, renders):

@@ -12,17 +12,20 @@ import pytest
 from panel_tools import settings, straight, use_files
 
 from noisy_world.blender.chain_scene import shown_chain
+from noisy_world.blender.still_process import read_frames
 from noisy_world.core.errors import InputError
 from noisy_world.core.presets.preset import RenderSpec
 from noisy_world.ui import (
     document,
     frame_preview,
     excluded,
+    first_look,
     own_objects,
     preview,
     runs,
     scene_copy,
     stills,
+    view_depth,
     apply_preset,
     described,
     paths,
@@ -86,6 +89,14 @@ def test_what_is_previewed_is_what_is_written_from_a_copy_that_is_kept(hall, tmp
     depth_m = stills.rendered(hall, 2).depth_m
     assert about.startswith("Frame 2: ")
     assert names() == there
+    background = runs.start_still(hall, stills.request_of(hall, {2}))
+    background.background.wait()
+    (elsewhere,) = read_frames(background.folder).values()
+    background.tidy()
+    here = frame_preview.still_of(hall, 2)
+    assert np.array_equal(elsewhere.rgb, here.rgb)
+    assert np.array_equal(elsewhere.light.show(elsewhere.light.rgb), here.light.show(here.light.rgb))
+    assert np.array_equal(elsewhere.depth_m, depth_m)
     assert bpy.ops.noisy_world.generate() == {"FINISHED"}
     run = run_of(hall)
     copy = tmp_path / "out_scene.blend"
@@ -232,15 +243,15 @@ def test_a_view_of_an_engine_that_gives_no_depth_is_shown_by_eevee(hall):
     space = next(area for area in bpy.context.window.screen.areas if area.type == "VIEW_3D").spaces.active
     at = SimpleNamespace(scene=hall, space_data=space)
     space.shading.type = "RENDERED"
-    assert preview.lacks_depth(at)
+    assert view_depth.lacks_depth(at)
     bpy.ops.noisy_world.add_step(perturbation="fog")
-    assert preview._reading_depth(hall) == ()
+    assert view_depth.reading_depth(hall) == ()
     bpy.ops.noisy_world.add_step(perturbation="fog_depth")
-    assert preview._reading_depth(hall) == ("Fog by Depth",)
-    preview.show_by_eevee(hall, space.shading)
+    assert view_depth.reading_depth(hall) == ("Fog by Depth",)
+    view_depth.show_by_eevee(hall, space.shading)
     assert (space.shading.type, space.shading.use_scene_lights, space.shading.use_scene_world) == ("MATERIAL", 1, 1)
     assert hall.render.engine == "CYCLES"
-    assert not preview.lacks_depth(at)
+    assert not view_depth.lacks_depth(at)
 
 
 def test_embree_is_offered_only_where_it_is(hall, monkeypatch):
@@ -265,3 +276,30 @@ def test_a_cube_beside_a_loaded_mesh_is_named_and_may_become_the_dataset(tmp_pat
     settings().mesh_source = "SCENE"
     assert excluded.sentence(bpy.context.scene) == ""
     assert excluded.shows_dataset(bpy.context.scene)
+
+
+def test_a_file_of_ones_own_begins_with_this_scene_and_a_panel_in_use_stays(tmp_path):
+    scene = bpy.context.scene  # Blender's default scene
+    first_look.begin(scene)
+    assert not first_look.is_used(scene)
+    assert settings().mesh_source == "ROOM"
+    bpy.ops.mesh.primitive_plane_add()
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "plane.blend"))
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "plane.blend"))
+    assert (settings().mesh_source, settings().trajectory_source, settings().use_clean) == ("SCENE", "CAMERA", False)
+    bpy.ops.wm.read_factory_settings()
+    settings().seed = 4  # a panel that was used for the embedded room, which it names by default
+    bpy.ops.mesh.primitive_plane_add()
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "used.blend"))
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "used.blend"))
+    assert settings().mesh_source == "ROOM"
+
+
+def test_clean_frames_are_asked_for(hall):
+    bpy.ops.noisy_world.add_step(perturbation="fog")
+    assert [item["name"] for item in document.to_document(settings())["settings"]] == ["perturbed"]
+    settings().use_clean = True
+    assert [item["name"] for item in document.to_document(settings())["settings"]] == ["clean", "perturbed"]
+    settings().use_clean = False
+    settings().steps[0].enabled = False
+    assert [item["name"] for item in document.to_document(settings())["settings"]] == ["clean"]

@@ -10,18 +10,20 @@ import re
 import traceback
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import bpy
 import numpy as np
+from numpy.typing import NDArray
 
 from ..core.errors import NoisyWorldError
 from ..core.geometry import Intrinsics
-from ..core.planning.source import RenderedFrame
+from ..core.planning.source import RenderedFrame, SceneLight
 from ..core.progress import JsonProgress
 from .chain_scene import hide_chain, shown_chain
-from .own_still import OwnStill, render_own_still
+from .own_still import OwnStill, render_own_still, shown_by
 from .scene_inspection import open_file, show_scene
 from .still import render_stills
 
@@ -75,10 +77,40 @@ def write_request(request: StillRequest, folder: Path) -> None:
 
 
 def read_frames(folder: Path) -> dict[int, RenderedFrame]:
-    """Return the frames that `main` has written into a folder, by the source frame's number."""
+    """Return the frames that `main` has written into a folder, by the source frame's number.
+
+    Light of the open file's scene is shown as that scene shows it.
+    """
+    request = _read_request(folder)
     with np.load(folder / FRAMES) as held:
-        indices = {int(name.partition("/")[0]) for name in held.files}
-        return {index: RenderedFrame(held[f"{index}/rgb"], held[f"{index}/depth_m"]) for index in indices}
+        images = {name: held[name] for name in held.files}
+    return {index: _frame(request, index, still, images) for index, still in request.stills.items()}
+
+
+def _read_request(folder: Path) -> StillRequest:
+    return StillRequest.of(json.loads((folder / REQUEST).read_text(encoding="utf-8")))
+
+
+def _images_of(index: int, frame: RenderedFrame) -> dict[str, NDArray[np.float32]]:
+    """Return the arrays of a frame by their names in the file."""
+    light = frame.light
+    found = {
+        "rgb": frame.rgb, "depth_m": frame.depth_m, "behind_glass_m": frame.behind_glass_m,
+        "light": None if light is None else light.rgb, "alpha": None if light is None else light.alpha,
+    }  # fmt: skip
+    return {f"{index}/{name}": image for name, image in found.items() if image is not None}
+
+
+def _frame(
+    request: StillRequest, index: int, still: OwnStill | None, images: Mapping[str, NDArray[np.float32]]
+) -> RenderedFrame:
+    """Return the frame that `_images_of` gave the arrays of."""
+    light = None
+    if still is not None and f"{index}/light" in images:
+        encode = partial(shown_by, request.scene, still.frame)
+        light = SceneLight(images[f"{index}/light"], images[f"{index}/alpha"], encode)
+    glass_m = images.get(f"{index}/behind_glass_m")
+    return RenderedFrame(images[f"{index}/rgb"], images[f"{index}/depth_m"], light=light, behind_glass_m=glass_m)
 
 
 def main(folder: str) -> None:
@@ -98,7 +130,7 @@ def main(folder: str) -> None:
 
 
 def _render(folder: Path, progress: JsonProgress) -> None:
-    request = StillRequest.of(json.loads((folder / REQUEST).read_text(encoding="utf-8")))
+    request = _read_request(folder)
     open_file(str(folder / COPY))
     scene = bpy.data.scenes[request.scene]
     show_scene(scene)
@@ -113,9 +145,7 @@ def _render(folder: Path, progress: JsonProgress) -> None:
             frame = render_own_still(scene, still)
         else:
             (frame,) = render_stills(scene, [index], empty=request.empty)
-        assert frame.rgb is not None
-        assert frame.depth_m is not None
-        images |= {f"{index}/rgb": frame.rgb, f"{index}/depth_m": frame.depth_m}
+        images |= _images_of(index, frame)
         counted.reach(number, 0.0)
     with (folder / FRAMES).open("wb") as file:
         np.savez(file, **images)

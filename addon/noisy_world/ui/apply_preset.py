@@ -102,6 +102,7 @@ def _apply(panel: Any, preset: Preset, wanted: str) -> None:
         if chosen.name != CLEAN:
             panel.setting_name = chosen.name
         _apply_steps(panel, chosen)
+        panel.use_clean = any(item.name == CLEAN for item in found)
         panel.preset_settings = "\n".join(item.name for item in found)
 
 

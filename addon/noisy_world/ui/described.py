@@ -105,6 +105,7 @@ _CHOICES = {
     "drop": ("Drop", "Leave the frame out"),
     "keep": ("Keep", "Keep the frame, and write no pose for it"),
     "require": ("Refuse", "Frames without a pose end the run"),
+    "images": ("Plain Images", "PNG or JPEG images in the order of their names, without depth and poses"),
     "none": ("No Poses", "Look for no poses at all: a recording without ground truth"),
 }
 """Label and tooltip of every value that a field chooses from."""

@@ -55,7 +55,7 @@ TRAJECTORY = {
 
 
 def to_document(panel: Any, folder: Path | None = None) -> dict[str, Any]:
-    """Return the preset that the panel describes: one scene, the settings clean and, with perturbations, one more.
+    """Return the preset that the panel describes: one scene, clean where it is asked for, and with perturbations.
 
     Paths are absolute, or relative to `folder` if they are inside it.
     """
@@ -70,7 +70,7 @@ def to_document(panel: Any, folder: Path | None = None) -> dict[str, Any]:
             **({"engine": engine_of(panel), "samples": panel.samples} if source.gives_render(panel) else {}),
             "backend": panel.backend,
         },
-        "settings": [{"name": CLEAN}, *([{"name": panel.setting_name, "perturb": perturb}] if perturb else [])],
+        "settings": settings_of(panel, perturb),
         "output": {
             "layout": panel.layout,
             "image": panel.image,
@@ -81,6 +81,14 @@ def to_document(panel: Any, folder: Path | None = None) -> dict[str, Any]:
             "overview": panel.overview,
         },
     }
+
+
+def settings_of(panel: Any, perturb: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Return the settings that the panel describes: clean alone where nothing is perturbed."""
+    clean: list[dict[str, Any]] = [{"name": CLEAN}]
+    if not perturb:
+        return clean
+    return [*(clean if panel.use_clean else []), {"name": panel.setting_name, "perturb": perturb}]
 
 
 def engine_of(panel: Any) -> EngineName:

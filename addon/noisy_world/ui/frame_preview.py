@@ -3,8 +3,6 @@
 
 import time
 from collections import OrderedDict
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import Any, Literal, TypeAlias
 
@@ -13,33 +11,27 @@ import numpy as np
 from bpy.app.handlers import persistent
 from numpy.typing import NDArray
 
-from ..blender.still_process import read_frames
-from ..blender.typed import layout_of, override, set_pixels, size_px
+from ..blender.typed import override, set_pixels, size_px
 from ..core.datasets.depth_range import scale_that_holds
 from ..core.datasets.images import as_bytes, grey_bytes
 from ..core.datasets.overview import colour_depth
 from ..core.errors import NoisyWorldError
 from ..core.perturbing.execution import perturb_depth
-from ..core.perturbing.kinds import DepthPerturbation, PairingPerturbation
 from ..core.perturbing.steps import Setting
 from ..core.planning.sequence import Sequence, Shown, lay_out
 from ..core.planning.source import RenderedFrame
-from ..perturbations import registry
 from ..pipeline.clean_frame import Camera, CleanFrame
 from ..pipeline.colour import colour_of
 from . import excluded, footage, runs, this_scene
 from .document import format_of, identifiers_of, intrinsics_of, recorded, steps_of
-from .following import Following, redraw
-from .long_text import write
-from .operators import CANCELLED, DONE, UNDOABLE, OnScene, guarded
+from .handlers import Handlers
 from .paths import clean_stamps_s
 from .properties import panel_of
 from .shown_motion import camera_at
-from .stills import beside, check_depth, path_frames, rendered, request_of
+from .stills import beside, check_depth, path_frames, rendered
 
 Kind: TypeAlias = Literal["COLOUR", "DEPTH"]
 
-BUTTONS: dict[Kind, str] = {"COLOUR": "Preview Frame", "DEPTH": "Preview Depth"}
 PICTURES: dict[Kind, str] = {"COLOUR": "Noisy World Color", "DEPTH": "Noisy World Depth"}
 STILLS_KEPT = 4  # rendered frames of a scene; chosen: desynchronisation sliders move between neighbours
 CHANGES_PICTURE = (bpy.types.Camera, bpy.types.Light, bpy.types.Material, bpy.types.World)
@@ -69,12 +61,13 @@ def still_of(scene: bpy.types.Scene, frame: int) -> RenderedFrame:
     """Return a clean scene frame, which is rendered the first time it is asked for."""
     known = _stills.setdefault(scene.session_uid, OrderedDict())
     if frame not in known:
-        _keep(scene, frame, rendered(scene, frame))
+        keep(scene, frame, rendered(scene, frame))
     known.move_to_end(frame)
     return known[frame]
 
 
-def _keep(scene: bpy.types.Scene, frame: int, still: RenderedFrame) -> None:
+def keep(scene: bpy.types.Scene, frame: int, still: RenderedFrame) -> None:
+    """Keep a clean scene frame that was rendered; the oldest of many is dropped."""
     known = _stills.setdefault(scene.session_uid, OrderedDict())
     known[frame] = still
     known.move_to_end(frame)
@@ -324,6 +317,25 @@ def seconds_taken(scene: bpy.types.Scene) -> float:
     return _took_s.get(scene.session_uid, 0.0)
 
 
+def show_frame(context: bpy.types.Context, scene: bpy.types.Scene, kind: Kind, index: int) -> str:
+    """Show a frame's picture in an image editor and follow it; say what it shows. Raises NoisyWorldError."""
+    image, about = make_picture(scene, kind, index)
+    _followed.setdefault(scene.session_uid, {})[kind] = index
+    _outdated.get(scene.session_uid, set()).discard(kind)
+    open_picture(context, image)
+    return about if excluded.shows_dataset(scene) else f"Your scene, not the dataset's: {about}"
+
+
+def count_of_changes(scene: bpy.types.Scene) -> int:
+    """Return how often a scene's rendered frames were dropped, which tells whether something changed since."""
+    return _changes.get(scene.session_uid, 0)
+
+
+def outdated(scene: bpy.types.Scene) -> set[Kind]:
+    """Return a scene's pictures whose frames would be rendered otherwise by now."""
+    return _outdated.get(scene.session_uid, set())
+
+
 @persistent
 def _on_change(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
     """Drop the rendered frames of a scene in which something was moved, edited or lit differently."""
@@ -352,194 +364,15 @@ def _forget_all(*_: object) -> None:
         kept.clear()
 
 
-# --- the panel's part ---
-
-
-class _Preview(Following, OnScene):
-    """Render the scene's frame in the background, and show it perturbed."""
-
-    bl_options = UNDOABLE
-    kind: Kind
-    _index = 0
-    _began_at = 0  # the count of changes when it was started
-    _area = 0  # the area that it was started from
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        """Tell whether there is a camera to render from, and nothing is rendered yet."""
-        if not super().poll(context):
-            return False
-        if runs.active_still() is not None:
-            cls.poll_message_set("A frame is being rendered: Esc stops that")
-            return False
-        if context.scene.camera is None and not footage.is_shown(panel_of(context.scene)):
-            cls.poll_message_set("The scene has no camera")
-            return False
-        return True
-
-    def execute(self, context: bpy.types.Context) -> set[str]:
-        """Render and show at once, for scripts and for frames that are only read."""
-
-        def work() -> str:
-            scene = context.scene
-            forget(scene)
-            footage.forget()
-            _, index = sequence_of(scene)
-            return show_frame(context, scene, self.kind, index)
-
-        return guarded(self, work)
-
-    def invoke(self, context: bpy.types.Context, _: bpy.types.Event) -> set[str]:
-        """Render while the windows stay usable; the picture that is there stays until the new one comes."""
-        if footage.is_shown(panel_of(context.scene)):
-            return self.execute(context)
-        self._area = 0 if context.area is None else context.area.as_pointer()
-        return self.followed(context) if self.started(context) else CANCELLED
-
-    def begin(self, scene: bpy.types.Scene) -> runs.SceneRun:
-        """Start rendering."""
-        _, self._index = sequence_of(scene)
-        if self.kind == "DEPTH":
-            check_depth(scene)
-        request = request_of(scene, sources_of(scene, self.kind, self._index))
-        run = runs.start_still(scene, request)
-        self._began_at = _changes.get(scene.session_uid, 0)
-        return run
-
-    def take(self, run: runs.SceneRun) -> str:
-        """Show what was rendered, perturbed as the panel says by now."""
-        scene = next((item for item in bpy.data.scenes if item.session_uid == run.scene_uid), None)
-        if scene is None:
-            raise NoisyWorldError("the scene that the frame belongs to is gone")
-        changed = _changes.get(run.scene_uid, 0) != self._began_at
-        for index, still in read_frames(run.folder).items():
-            _keep(scene, index, still)
-        forget_drawn(scene)
-        with _over_area(self._area):
-            about = show_frame(bpy.context, scene, self.kind, self._index)
-        if changed:
-            forget(scene)
-        return about
-
-
-def show_frame(context: bpy.types.Context, scene: bpy.types.Scene, kind: Kind, index: int) -> str:
-    """Show a frame's picture in an image editor and follow it; say what it shows. Raises NoisyWorldError."""
-    image, about = make_picture(scene, kind, index)
-    _followed.setdefault(scene.session_uid, {})[kind] = index
-    _outdated.get(scene.session_uid, set()).discard(kind)
-    open_picture(context, image)
-    return about if excluded.shows_dataset(scene) else f"Your scene, not the dataset's: {about}"
-
-
-@contextmanager
-def _over_area(pointer: int) -> Iterator[None]:
-    """Let the context be that of an area, where it is still there."""
-    windows = bpy.context.window_manager.windows
-    places = ((window, area) for window in windows for area in window.screen.areas if area.as_pointer() == pointer)
-    window, area = next(places, (None, None))
-    if window is None or area is None:
-        yield
-        return
-    region = next(item for item in area.regions if item.type == "WINDOW")
-    with override(window=window, screen=window.screen, area=area, region=region):
-        yield
-
-
-class CancelPreview(bpy.types.Operator):
-    """Stop rendering; the picture that is there stays"""
-
-    bl_idname = "noisy_world.preview_cancel"
-    bl_label = "Cancel"
-    bl_options = {"REGISTER"}
-
-    @classmethod
-    def poll(cls, _: bpy.types.Context) -> bool:
-        """Tell whether a frame is being rendered."""
-        return runs.active_still() is not None
-
-    def execute(self, context: bpy.types.Context) -> set[str]:
-        """Stop it."""
-        run = runs.active_still()
-        if run is None:
-            return CANCELLED
-        run.background.cancel()
-        redraw(context)
-        return DONE
-
-
-class PreviewFrame(_Preview, bpy.types.Operator):
-    """Render this frame in the background and show it in an image editor, perturbed; where the panel's mesh and path \
-are loaded and nothing else is shown, it is as it is written. While Preview is on it follows sliders; Esc stops it"""
-
-    bl_idname = "noisy_world.preview_frame"
-    bl_label = "Preview Frame"
-    kind: Kind = "COLOUR"
-
-
-class PreviewDepth(_Preview, bpy.types.Operator):
-    """Render this frame's depth in the background and show it in an image editor, in colors, as the generator \
-perturbs it; while Preview is on it follows the sliders. Esc stops it"""
-
-    bl_idname = "noisy_world.preview_depth"
-    bl_label = "Preview Depth"
-    kind: Kind = "DEPTH"
-
-
-def has_depth_steps(panel: Any) -> bool:
-    """Tell whether a step acts on depth or on its pairing."""
-    kinds = (DepthPerturbation, PairingPerturbation)
-    return any(step.enabled and isinstance(registry().get(step.perturbation), kinds) for step in panel.steps)
-
-
-def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-    """Draw the buttons, that of depth only if a step acts on it, and whether the frames are the dataset's."""
-    column = layout.column(align=True)
-    draw_progress(column)
-    column.operator(PreviewFrame.bl_idname, icon="IMAGE_DATA")
-    if has_depth_steps(panel_of(context.scene)):
-        column.operator(PreviewDepth.bl_idname, icon="IMAGE_ZDEPTH")
-    if outdated := _outdated.get(context.scene.session_uid):
-        buttons = " and ".join(BUTTONS[kind] for kind in sorted(outdated))
-        write(layout, context, f"The picture is from before a change: {buttons} renders it anew", "INFO")
-    excluded.draw_in_preview(layout, context)
-
-
-def draw_progress(layout: bpy.types.UILayout) -> None:
-    """Draw a bar with a button that stops, while a frame is being rendered."""
-    run = runs.active_still()
-    if run is None:
-        return
-    row = layout.row(align=True)
-    state = run.background
-    said = "Stopping" if state.phase == "stopping" else f"Rendering {state.label or 'frame'}"
-    row.progress(factor=state.fraction, text=said)
-    row.operator(CancelPreview.bl_idname, text="", icon="X")
-
-
-def draw_in_status_bar(header: bpy.types.Header, _: bpy.types.Context) -> None:
-    """Draw the bar in the status bar, too."""
-    if runs.active_still() is not None:
-        row = layout_of(header).row()
-        row.ui_units_x = 10
-        draw_progress(row)
-
-
-STATUS_BAR: Any = draw_in_status_bar  # the stubs give such functions no header
-_register_classes, _unregister_classes = bpy.utils.register_classes_factory((PreviewFrame, PreviewDepth, CancelPreview))
+_HANDLERS = Handlers(depsgraph_update_post=_on_change, load_post=_forget_all)
 
 
 def register() -> None:
-    """Register the operators, and the handlers for changes that make rendered frames out of date."""
-    _register_classes()
-    bpy.types.STATUSBAR_HT_header.append(STATUS_BAR)
-    bpy.app.handlers.depsgraph_update_post.append(_on_change)
-    bpy.app.handlers.load_post.append(_forget_all)
+    """Register the handlers for changes that make rendered frames out of date."""
+    _HANDLERS.add()
 
 
 def unregister() -> None:
     """Unregister them; the pictures stay in the file."""
-    bpy.app.handlers.depsgraph_update_post.remove(_on_change)
-    bpy.app.handlers.load_post.remove(_forget_all)
-    bpy.types.STATUSBAR_HT_header.remove(STATUS_BAR)
-    _unregister_classes()
+    _HANDLERS.remove()
     _forget_all()

@@ -14,13 +14,9 @@ from bpy.app.handlers import persistent
 from ..blender.chain_scene import hide_chain, refresh_chain, set_split, shown_chain
 from ..blender.chain_values import is_edited
 from ..core.errors import NoisyWorldError
-from ..core.labels import title
-from ..core.perturbing.kinds import ColourPerturbation
 from ..core.planning.sequence import Sequence
-from ..perturbations import registry
-from . import frame_preview, properties, this_scene, views
+from . import frame_preview, preview_buttons, properties, this_scene, view_depth, views
 from .document import intrinsics_of
-from .excluded import enumerated
 from .long_text import write
 from .operators import DONE, UNDOABLE, OnScene
 from .properties import panel_of
@@ -29,7 +25,6 @@ from .standard_view import UseStandardView, falsified_by, is_working_space_wrong
 from .stills import path_frames
 from .wording import spoken
 
-WORKBENCH = "BLENDER_WORKBENCH"
 DEVICE_CHANGED = "noisy_world_composites_on_processor"
 # Chosen by trying: slower pictures make a slider stick, so they wait for a pause.
 COSTLY_S = 0.5  # pictures that take longer wait for a pause
@@ -37,8 +32,8 @@ PAUSE_S = 0.3  # without a change counts as a pause
 POLL_S = 0.05  # between looks for a pause
 RENDERED_BY = {
     "seed", "scene_name", "setting_name", "deviation_rotation", "deviation_translation_m",
-    "sequence_path", "recorded_poses", "recorded_rate_hz", "undistort", "register_depth", "recorded_camera",
-    "video_path", "video_depth_path", "video_depth_scale_per_m",
+    "sequence_path", "recorded_layout", "recorded_poses", "recorded_rate_hz", "undistort", "register_depth",
+    "recorded_camera", "video_path", "video_depth_path", "video_depth_scale_per_m",
     "mesh_source", "trajectory_source", "lens_source", "render_source", "compositing", "depth_alpha",
     "width_px", "height_px", "fx_px", "fy_px", "cx_px", "cy_px", "near_m", "far_m",
 }  # fmt: skip
@@ -257,64 +252,6 @@ def is_chain_edited(scene: bpy.types.Scene) -> bool:
     return chain is not None and is_edited(chain)
 
 
-# --- depth ---
-
-
-class ShowByEevee(OnScene, bpy.types.Operator):
-    """Show this view by EEVEE, with the scene's own lights and world: of Cycles and Workbench Blender's compositor \
-is given no depth in a view. What is rendered and written stays as it is"""
-
-    bl_idname = "noisy_world.show_by_eevee"
-    bl_label = "Show by EEVEE"
-    bl_options = {"REGISTER"}
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        """Tell whether this view has no depth, and EEVEE can draw it."""
-        if not super().poll(context):
-            return False
-        if not lacks_depth(context):
-            cls.poll_message_set("This view has depth, or shows no compositing")
-            return False
-        if _stays_workbench(context.scene):
-            cls.poll_message_set("The scene is rendered by Workbench, whose views EEVEE cannot draw: use Preview Frame")
-            return False
-        return True
-
-    def execute(self, context: bpy.types.Context) -> set[str]:
-        """Show it."""
-        show_by_eevee(context.scene, context.space_data.shading)
-        return DONE
-
-
-def show_by_eevee(scene: bpy.types.Scene, shading: bpy.types.View3DShading) -> None:
-    """Let a view be drawn by EEVEE, lit as the scene is. A dataset of the panel's mesh does not ask for the engine."""
-    if scene.render.engine == WORKBENCH:
-        scene.render.engine = "BLENDER_EEVEE"
-        shading.type = "RENDERED"
-        return
-    shading.type = "MATERIAL"
-    shading.use_scene_lights = shading.use_scene_world = True
-
-
-def lacks_depth(context: bpy.types.Context) -> bool:
-    """Tell whether the view in use composites, and is drawn by an engine that gives its compositor no depth."""
-    space = context.space_data
-    rendered = isinstance(space, bpy.types.SpaceView3D) and views.shading_of(space).type == "RENDERED"
-    return rendered and context.scene.render.engine != "BLENDER_EEVEE"
-
-
-def _stays_workbench(scene: bpy.types.Scene) -> bool:
-    return scene.render.engine == WORKBENCH and this_scene.is_shown(panel_of(scene))
-
-
-def _reading_depth(scene: bpy.types.Scene) -> tuple[str, ...]:
-    """Return the names of the panel's perturbations that read depth."""
-    known = (registry().get(step.perturbation) for step in panel_of(scene).steps if step.enabled)
-    found = (item for item in known if isinstance(item, ColourPerturbation) and item.needs_depth)
-    return tuple(dict.fromkeys(title(item.label) for item in found))
-
-
 # --- the panel's part ---
 
 
@@ -328,7 +265,7 @@ def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     row.prop(panel, "preview_split", slider=True)
     if panel.preview:
         _draw_state(layout, context)
-    frame_preview.draw(layout, context)
+    preview_buttons.draw(layout, context)
 
 
 def _draw_state(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
@@ -339,13 +276,10 @@ def _draw_state(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     if space is not None and space.type == "VIEW_3D" and not views.is_shaded(space):
         write(layout, context, "This view shows it in Material Preview and Rendered shading", "INFO")
         row = layout.row(align=True)
-        if scene.render.engine != WORKBENCH:  # which has no such shading
+        if scene.render.engine != view_depth.WORKBENCH:  # which has no such shading
             row.prop_enum(space.shading, "type", "MATERIAL", text="Material")
         row.prop_enum(space.shading, "type", "RENDERED")
-    if lacks_depth(context) and (names := _reading_depth(scene)):
-        text = f"This view has no depth, so it does not show {enumerated(names)} as in the dataset; EEVEE's has one"
-        write(layout, context, text, "ERROR")
-        layout.operator(ShowByEevee.bl_idname, icon="SHADING_RENDERED")
+    view_depth.draw(layout, context)
     if is_chain_edited(scene):
         write(layout, context, "Edited in the compositor: Generate takes the values of this list instead", "ERROR")
         layout.operator(ResetChain.bl_idname, icon="LOOP_BACK")
@@ -374,7 +308,7 @@ def _draw_state(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
 
 # --- registration ---
 
-CLASSES = (ResetChain, ShowByEevee, UseStandardView)
+CLASSES = (ResetChain, view_depth.ShowByEevee, UseStandardView)
 _register_classes, _unregister_classes = bpy.utils.register_classes_factory(CLASSES)
 _HANDLERS = ("undo_post", "redo_post", "load_post")
 
@@ -384,6 +318,7 @@ def register() -> None:
     _register_classes()
     views.register(_touch_view)
     frame_preview.register()
+    preview_buttons.register()
     properties.LISTENERS.append(touch)
     for name in _HANDLERS:
         getattr(bpy.app.handlers, name).append(_touch_all)
@@ -406,6 +341,7 @@ def unregister() -> None:
         if scene.library is None:
             hide(scene)
     views.give_back_all()
+    preview_buttons.unregister()
     frame_preview.unregister()
     views.unregister()
     _unregister_classes()
