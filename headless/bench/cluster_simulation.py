@@ -39,7 +39,7 @@ class Work:
 
     core_s: float = 49.5 * 3600.0  # docs/cost.md: Cycles, reference
     files: float = 4e6
-    size_bytes: float = 1.24e12  # docs/cost.md
+    size_bytes: float = 1.13e12  # docs/cost.md
     shards: int = 0
     spread: float = 0.15
     start_s: float = 8.0

@@ -6,9 +6,10 @@
 
 Makes N frames of one scene, spread over its path, in all settings, in this process and a temporary folder, once for
 each engine, and writes cost.md and cost.json. OpenCV uses one thread, so that what it does is counted where it is asked
-for. Loading is taken once for each scene; everything else grows with the frames. "Rendering" is all that the writing
-threads do not do: with the compositor, its work too. Processor time depends on what else the machine does: where two
-threads share a core, or caches, the same work takes up to twice as long. Compare neighbours in time.
+for. Loading, with making node groups, is taken once for each scene; everything else grows with the frames. "Rendering"
+is all that the writing threads do not do: with the compositor, its work too. Processor time depends on what else the
+machine does: where two threads share a core, or caches, the same work takes up to twice as long. Compare neighbours in
+time.
 """
 
 import argparse

@@ -39,6 +39,7 @@ fi
 can_cache || set -- --no-cache-dir "$@"
 rm -f "$folder/.installed"
 : >"$folder/.unfinished"
-"$folder/bin/python" -m pip install --quiet --disable-pip-version-check "$@" ||
+# Python compiles what is imported, a fifth of what is installed; to compile all of it takes longer than to unpack it.
+"$folder/bin/python" -m pip install --no-compile --quiet --disable-pip-version-check "$@" ||
   complain "the packages of $folder could not be installed, for the reason above; the next make begins anew"
 rm -f "$folder/.unfinished"

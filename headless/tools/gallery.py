@@ -33,7 +33,7 @@ from noisy_world.perturbations import registry
 from noisy_world.pipeline.clean_frame import CleanFrame
 from noisy_world.pipeline.frame_maker import render_options
 from noisy_world.planning import make_plan
-from tools.showcase import DEMO, FRAME, SEED, demo_frame, perturbed, shown_perturbations
+from tools.showcase import DEMO, FRAME, SEED, demo_camera, demo_frame, perturbed, shown_perturbations
 
 Tiles: TypeAlias = list[NDArray[np.uint8]]
 
@@ -49,7 +49,7 @@ TILE_PX = (280, 158)  # like the rest below, chosen for a picture 852 pixels wid
 DETAIL_PX = (200, 330)  # column and row of the part's upper left corner
 SAMPLE_PX = (560, 317)  # the clean frame, to try things on
 GAP_PX = 6
-JPEG = (cv2.IMWRITE_JPEG_QUALITY, 74, cv2.IMWRITE_JPEG_OPTIMIZE, 1, cv2.IMWRITE_JPEG_PROGRESSIVE, 1)  # 1 MB in all
+JPEG = (cv2.IMWRITE_JPEG_QUALITY, 62, cv2.IMWRITE_JPEG_OPTIMIZE, 1, cv2.IMWRITE_JPEG_PROGRESSIVE, 1)  # 1 MB in all
 EDGE = 0.05  # of depth: a jump by this share
 EDGE_RGB, GROUND = (255, 140, 0), 255
 
@@ -61,7 +61,7 @@ def main(arguments: list[str]) -> int:
     folder = parser.parse_args(arguments).folder
     folder.mkdir(parents=True, exist_ok=True)
     rgb, depth_m = demo_frame()
-    tiles = dict(chain(of_colour(rgb, depth_m), of_depth(depth_m), of_sequences()))
+    tiles = dict(chain(of_colour(rgb, depth_m), of_depth(rgb, depth_m), of_sequences()))
     shown = rgb_bytes(rgb)
     tiles["clean"] = [whole(shown), detail(shown), whole_depth(depth_m, far_m=float(depth_m.max()))]
     for name, row in tiles.items():
@@ -81,12 +81,13 @@ def of_colour(rgb: NDArray[np.float32], depth_m: NDArray[np.float32]) -> Iterato
         yield item.name, [view(item)(made[item.name, severity]) for severity in SEVERITIES]
 
 
-def of_depth(depth_m: NDArray[np.float32]) -> Iterator[tuple[str, Tiles]]:
+def of_depth(rgb: NDArray[np.float32], depth_m: NDArray[np.float32]) -> Iterator[tuple[str, Tiles]]:
     """Yield the name and the tiles of each perturbation of depth."""
     far_m = float(depth_m.max())
+    beside = {"rgb": np.clip(rgb, 0, 1), "intrinsics": demo_camera(), "seed": SEED, "frame": FRAME}
     for item in registry().values():
         if isinstance(item, DepthPerturbation):
-            made = [apply(depth_m, item.name, severity=value, seed=SEED, frame=FRAME) for value in SEVERITIES]
+            made = [apply(depth_m, item.name, severity=value, **beside) for value in SEVERITIES]
             yield item.name, [whole_depth(each_m, far_m) for each_m in made]
 
 

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from noisy_world.blender.compositor import Compositor
+from noisy_world.core.geometry import Intrinsics
 from noisy_world.core.perturbing.kinds import ColourPerturbation
 from noisy_world.core.perturbing.reading import parse_steps
 from noisy_world.core.perturbing.steps import Step
@@ -27,6 +28,11 @@ SEED = 1
 def shown_perturbations() -> list[ColourPerturbation]:
     """Return the perturbations of colour that have a node group, in the order of propagation."""
     return [item for item in registry().values() if isinstance(item, ColourPerturbation) and item.build]
+
+
+def demo_camera() -> Intrinsics:
+    """Return the demo's camera."""
+    return make_plan(read_preset(DEMO, ["settings=[{name: clean}]"])).renders[0].camera
 
 
 def demo_frame() -> tuple[NDArray[np.float32], NDArray[np.float32]]:

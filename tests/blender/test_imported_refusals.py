@@ -5,17 +5,19 @@ import base64
 import json
 import os
 import struct
+from functools import partial
 
 import numpy as np
 import pytest
 
 bpy = pytest.importorskip("bpy", reason="bpy is not installed")
 
+import refusals
 import rooms_in_formats as rooms
 from cases import cases
 from importing import import_here
 
-from noisy_world.core.errors import InputError, MissingDependencyError
+from noisy_world.core.errors import MissingDependencyError
 from noisy_world.blender.importing import images, parts, program, usd_layers
 from noisy_world.sources import imported_meshes
 from noisy_world.sources.mesh_reading import files_of_mesh, forget_meshes, read_mesh
@@ -29,13 +31,7 @@ def _imports_here(monkeypatch, capfd):
     import_here(monkeypatch, capfd)
 
 
-def refusal(path):
-    with pytest.raises(InputError) as caught:
-        read_mesh(path)
-    text = str(caught.value)
-    assert "\n" not in text
-    assert text.startswith(f"{path}: ")
-    return text.removeprefix(f"{path}: ")
+refusal = partial(refusals.refusal, read_mesh)
 
 
 def changed(folder, **keys):

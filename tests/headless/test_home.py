@@ -8,7 +8,7 @@ import pytest
 from stored_sequences import write_euroc
 from worlds import generate_here, write_box_ply, write_world
 
-from noisy_world.cli import export_mesh
+from noisy_world.cli import command, export_mesh
 from noisy_world.cli.entry import Entry
 from noisy_world.core.errors import InputError
 from noisy_world.core.home import split_home, with_home
@@ -79,7 +79,7 @@ def test_a_user_who_is_not_there_is_an_error_at_the_key(home, tmp_path, scene, k
         find_scenes(read_preset(preset))
 
 
-def test_what_the_command_line_names(home, tmp_path):
+def test_what_the_command_line_names(home, tmp_path, capsys):
     pytest.importorskip("bpy", reason="bpy is not installed")
     write_world(home, frames=1)
     done = generate_here("~/preset.yaml", "--out", "~/out", "--set", "scenes.0.trajectory.file=~/traj.txt")
@@ -90,6 +90,10 @@ def test_what_the_command_line_names(home, tmp_path):
         refused = generate_here(*arguments, check=False)
         assert refused.returncode == 2
         assert "there is no user 'nobody-of-this-name' here" in refused.stderr.splitlines()[-1]
+    for arguments in ([GONE], ["--set", "seed=1", GONE]):
+        with pytest.raises(SystemExit):
+            command.main(["evaluate", "--systems", "rgbd_odometry", *arguments])
+        assert "there is no user 'nobody-of-this-name' here" in capsys.readouterr().err.splitlines()[-1]
     assert sorted(tmp_path.rglob("*")) == before
     write_box_ply(home / "box.ply")
     assert export_mesh.main(["~/box.ply", "~/copy.ply"], Entry("export_mesh.py", ())) == 0

@@ -125,6 +125,21 @@ def test_what_an_earlier_version_made_otherwise_stays_as_it_is(made, tmp_path, p
     assert marks(there) == before
 
 
+def test_a_dataset_of_jpegs_from_before_they_had_tables_of_their_own_stays_as_it_is(tmp_path):
+    preset, out = world(tmp_path / "world"), tmp_path / "out"
+    change(preset, {"output.image": "jpg"})
+    run(preset, out)
+    manifest = json.loads((out / "manifest.json").read_text())
+    assert manifest["identity"]["output"].pop("huffman") == "perturbed noise"
+    (out / "manifest.json").write_text(json.dumps(manifest))
+    before = marks(out)
+    with pytest.raises(StorageError) as error:
+        run(preset, out)
+    problem = "made before noisy JPEG images had Huffman tables of their own, so bytes of equal images would differ"
+    assert str(error.value) == f"{out}: holds another dataset: {problem}; {REMEDY}"
+    assert marks(out) == before
+
+
 def test_a_dataset_of_another_version_is_refused_and_replaced(tmp_path):
     preset, out = world(tmp_path / "world"), tmp_path / "out"
     run(preset, out)

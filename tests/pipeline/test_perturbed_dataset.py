@@ -3,6 +3,8 @@
 
 import sys
 import threading
+import time
+from contextlib import contextmanager
 
 import cv2
 import fake_session
@@ -10,8 +12,9 @@ import numpy as np
 import pytest
 from many_settings import COUNT, image, numbers, records, run
 from shard_workers import workers_here
-from worlds import content
+from worlds import content, write_world
 
+from noisy_world.core.datasets import images
 from noisy_world.core.datasets.images import encode_colour
 from noisy_world.core.perturbing.reading import parse_steps
 from noisy_world.core.perturbing.kinds import FrameContext
@@ -20,6 +23,8 @@ from noisy_world.core.presets.preset import read_preset
 from noisy_world.core.progress import PlainProgress
 from noisy_world.core.schema import ConfigPath
 from noisy_world.perturbations import registry
+from noisy_world.pipeline import frame_maker
+from noisy_world.pipeline.colour import colour_of
 from noisy_world.pipeline.run import Run
 
 pytestmark = pytest.mark.usefixtures("no_blender")
@@ -206,3 +211,29 @@ def test_storing_adds_no_visible_perturbation():
     smooth = cv2.GaussianBlur(rng.integers(0, 256, (120, 160, 3)).astype(np.uint8), (0, 0), 3)
     stored = cv2.imdecode(np.frombuffer(encode_colour(smooth, "jpg"), np.uint8), cv2.IMREAD_COLOR)[..., ::-1]
     assert cv2.PSNR(smooth, np.ascontiguousarray(stored)) > 48
+
+
+def test_what_is_made_once_for_a_scene_counts_as_loading(tmp_path, monkeypatch):
+    @contextmanager
+    def slowly(*asked):
+        end_s = time.process_time() + 0.4
+        while time.process_time() < end_s:
+            pass
+        with colour_of(*asked) as made:
+            yield made
+
+    monkeypatch.setattr(frame_maker, "colour_of", slowly)
+    preset = write_world(tmp_path / "world", frames=1, size=(8, 6), settings=[{"name": "clean"}])
+    report = run(preset, tmp_path / "out")
+    assert report.processor_s["loading"] >= 0.4 > report.processor_s["rendering"]
+
+
+def test_a_clean_image_has_the_usual_huffman_tables_however_noisy_it_is(tmp_path, monkeypatch):
+    monkeypatch.setattr(images, "NOISY", -1)
+    settings = [{"name": "clean"}, {"name": "noise", "perturb": [{"gaussian_noise": None}]}]
+    preset = write_world(tmp_path / "world", frames=1, size=(40, 32), settings=settings, output={"image": "jpg"})
+    run(preset, tmp_path / "out")
+    # Annex K.3 of ITU-T T.81: how many codes of the luminance's DC coefficients have 1, 2 and more bits.
+    usual = bytes([0, 1, 5, 1, 1, 1, 1, 1, 1, 0, 0, 0, 0, 0, 0, 0])
+    found = [usual in image(tmp_path / "out", name, "frame", 0, "jpg").read_bytes() for name in ("clean", "noise")]
+    assert found == [True, False]

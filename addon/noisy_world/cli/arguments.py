@@ -2,6 +2,7 @@
 """The command line of `generate`."""
 
 import argparse
+import math
 from collections.abc import Callable
 from pathlib import Path
 
@@ -115,6 +116,16 @@ def add_executor_options(
     parser.add_argument("--worker", action="store_true", help=argparse.SUPPRESS)
 
 
+def add_isolate_option(parser: argparse.ArgumentParser) -> None:
+    """Add --isolate, which keeps systems apart."""
+    parser.add_argument(
+        "--isolate",
+        choices=["none", "bubblewrap"],
+        default="none",
+        help="keep systems apart, so that each reaches its own folder alone; bubblewrap has to be installed",
+    )
+
+
 def add_progress_option(parser: argparse.ArgumentParser) -> None:
     """Add what says who hears how a run goes on."""
     parser.add_argument(
@@ -126,6 +137,16 @@ def add_progress_option(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def settle_overrides(parser: argparse.ArgumentParser, options: argparse.Namespace, subject: str) -> None:
+    """Put the overrides into one list; --set takes every word after it, so the last may be the subject, a path."""
+    options.overrides = [text for group in options.overrides for text in group]
+    if getattr(options, subject) is None and options.overrides and "=" not in options.overrides[-1]:
+        try:
+            setattr(options, subject, path(options.overrides.pop()))
+        except argparse.ArgumentTypeError as error:
+            parser.error(str(error))
+
+
 def settled(
     parser: argparse.ArgumentParser,
     options: argparse.Namespace,
@@ -135,12 +156,7 @@ def settled(
 
     known: tells whether no preset is needed. Exits with a usage line where one is needed and none is named.
     """
-    options.overrides = [text for group in options.overrides for text in group]
-    if options.preset is None and options.overrides and "=" not in options.overrides[-1]:
-        try:
-            options.preset = path(options.overrides.pop())  # --set takes every word after it, so it took the preset too
-        except argparse.ArgumentTypeError as error:
-            parser.error(str(error))
+    settle_overrides(parser, options, "preset")
     if options.preset is None and getattr(options, "ray", None) not in (None, "auto"):
         options.preset, options.ray = path(options.ray), "auto"  # --ray PRESET: the word after it is the preset
     if options.preset is None and not known(options):
@@ -163,6 +179,17 @@ def positive(text: str) -> int:
     if not text.isdecimal() or int(text) < 1:
         raise argparse.ArgumentTypeError(f"{text!r} has to be a whole number from 1 up")
     return int(text)
+
+
+def number(text: str, what: str, holds: Callable[[float], bool]) -> float:
+    """Parse a finite number. what: "a number, 0 or more"; holds: tells whether it is."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not (math.isfinite(value) and holds(value)):
+        raise argparse.ArgumentTypeError(f"{text!r} has to be {what}")
+    return value
 
 
 def out_folder(options: argparse.Namespace) -> Path:

@@ -5,7 +5,14 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from .arguments import add_executor_options, add_progress_option, add_set_option, positive
+from .arguments import (
+    add_executor_options,
+    add_isolate_option,
+    add_progress_option,
+    add_set_option,
+    positive,
+    settle_overrides,
+)
 from .ending import ended
 from .entry import Entry
 from .parser import Parser
@@ -70,14 +77,15 @@ def parse_arguments(arguments: list[str], entry: Entry) -> argparse.Namespace:
     )
     add_set_option(parser)
     add_part_options(parser)
+    parser.add_argument(
+        "--rest-of",
+        metavar="DIR",
+        type=folder,
+        help="do what the record of this study in DIR lacks; 'report' puts both together",
+    )
     parser.add_argument("--keep", action="store_true", help="keep the sequences, in DIR/kept")
     parser.add_argument("--maps", action="store_true", help="score maps too; where a system makes none, one is fused")
-    parser.add_argument(
-        "--isolate",
-        choices=["none", "bubblewrap"],
-        default="none",
-        help="keep systems apart, so that each reaches its own folder alone; bubblewrap has to be installed",
-    )
+    add_isolate_option(parser)
     message = "sequences that are evaluated at once (default: the processors)"
     add_executor_options(parser, "sequence", None, message, cpus=1)
     parser.add_argument(
@@ -88,9 +96,7 @@ def parse_arguments(arguments: list[str], entry: Entry) -> argparse.Namespace:
     parser.add_argument("--dry-run", action="store_true", help="print what would be evaluated, and do nothing")
     add_progress_option(parser)
     options = parser.parse_args(arguments)
-    options.overrides = [text for group in options.overrides for text in group]
-    if options.subject is None and options.overrides and "=" not in options.overrides[-1]:
-        options.subject = path(options.overrides.pop())  # --set takes every word after it, so it took the preset too
+    settle_overrides(parser, options, "subject")
     if not options.worker:
         if options.subject is None:
             parser.error("name a preset, presets/study.yaml for instance, or a folder of sequences")

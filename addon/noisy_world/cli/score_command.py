@@ -7,6 +7,7 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from .arguments import number
 from .ending import ended
 from .entry import Entry, say
 from .metric_table import metric_lines
@@ -177,17 +178,8 @@ def _picture(text: str) -> Path:
 
 
 def _positive(text: str) -> float:
-    number = _not_negative(text)
-    if number == 0.0:
-        raise argparse.ArgumentTypeError(f"{text!r} has to be more than 0")
-    return number
+    return number(text, "a number, more than 0", lambda value: value > 0.0)
 
 
 def _not_negative(text: str) -> float:
-    try:
-        number = float(text)
-    except ValueError:
-        number = math.nan
-    if not (math.isfinite(number) and number >= 0.0):
-        raise argparse.ArgumentTypeError(f"{text!r} has to be a number, 0 or more")
-    return number
+    return number(text, "a number, 0 or more", lambda value: value >= 0.0)

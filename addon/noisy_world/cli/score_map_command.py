@@ -3,10 +3,10 @@
 
 import argparse
 import json
-import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from .arguments import number
 from .ending import ended
 from .entry import Entry, say
 from .metric_table import metric_lines
@@ -239,10 +239,4 @@ def _count(text: str) -> int:
 
 
 def _length(text: str) -> float:
-    try:
-        number = float(text)
-    except ValueError:
-        number = math.nan
-    if not (math.isfinite(number) and number > 0):
-        raise argparse.ArgumentTypeError(f"{text!r} has to be a number of metres, more than 0")
-    return number
+    return number(text, "a number of metres, more than 0", lambda value: value > 0.0)

@@ -7,18 +7,21 @@ import threading
 from collections import Counter
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
+from pathlib import Path
 
 from ..core.datasets.storage import FolderLock
+from ..core.errors import StorageError
 from ..core.extras import need
 from ..core.machine import available_threads
 from ..core.planning.estimate import size_text
 from ..core.progress import Progress
 from ..evaluation.report import NEEDED as REPORT_NEEDS
 from ..evaluation.study.cases import Case
-from ..evaluation.study.identity import write_study_identity
+from ..evaluation.study.identity import why_not, write_study_identity
 from ..evaluation.study.made_origin import MadeOrigin
 from ..evaluation.study.order import StudyOrder
-from ..evaluation.study.results import STUDY
+from ..evaluation.study.record import StudyRecord, read_record
+from ..evaluation.study.results import STUDY, ResultsFolder
 from ..evaluation.study.study import Study
 from ..evaluation.study.summary import NEEDED as SUMMARY_NEEDS
 from ..evaluation.study.tables import write_tables
@@ -35,13 +38,22 @@ LARGEST_SHARE = 0.25  # of the free disk, that the clean frames of a scene may t
 def evaluate(order: StudyOrder, options: argparse.Namespace, entry: Entry) -> int:
     """Evaluate what an order says, and print the outcome. Raises NoisyWorldError."""
     progress, stop = listener(options.progress)
+    record = None if options.rest_of is None else _record_of(options.rest_of)
+    if record is not None:
+        order = replace(order, elsewhere=tuple(run.name for run in record.runs))
     study = Study(order, stop=stop)
+    if record is not None and (problem := why_not(dict(record.study), study.identity)):
+        remedy = "name another with --rest-of"
+        raise StorageError(f"is of another study: {problem}", file=options.rest_of, remedy=remedy)
     if options.dry_run:
         _print_plan(study)
     for system in study.systems.values():
         check_system(system)
     _need_packages(study, options, entry)
     if options.dry_run:
+        return 0
+    if not any(map(study.runs_of, study.origin.frames)):
+        print(f"{options.rest_of} has all of these runs; nothing is left to do")
         return 0
     if isinstance(study.origin, MadeOrigin):
         need_blender(study.origin.whole, entry)
@@ -55,6 +67,14 @@ def evaluate(order: StudyOrder, options: argparse.Namespace, entry: Entry) -> in
         study.results.tidy(alone=True)
         lock.release()
     return _tell_outcome(study, report=not options.no_report)
+
+
+def _record_of(folder: Path) -> StudyRecord:
+    results = ResultsFolder(folder)
+    try:
+        return read_record(results)
+    finally:
+        results.tidy()
 
 
 def _need_packages(study: Study, options: argparse.Namespace, entry: Entry) -> None:

@@ -5,7 +5,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from .arguments import add_progress_option, add_set_option, positive, settled
+from .arguments import add_isolate_option, add_progress_option, add_set_option, number, positive, settled
 from .ending import ended
 from .entry import Entry
 from .parser import Parser
@@ -89,24 +89,13 @@ def _parse(arguments: list[str], entry: Entry) -> argparse.Namespace:
     )
     add_set_option(parser)
     add_part_options(parser, ("scenes",))  # the preset's settings are not used
-    parser.add_argument(
-        "--isolate",
-        choices=["none", "bubblewrap"],
-        default="none",
-        help="keep the system apart, so that it reaches its own folder alone; bubblewrap has to be installed",
-    )
+    add_isolate_option(parser)
     add_progress_option(parser)
     return settled(parser, parser.parse_args(arguments))
 
 
 def _share(text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = 0.0
-    if not 0.0 < value < 1.0:
-        raise argparse.ArgumentTypeError(f"{text!r} has to be a number between 0 and 1, 0.15 for instance")
-    return value
+    return number(text, "a number between 0 and 1, 0.15 for instance", lambda value: 0.0 < value < 1.0)
 
 
 def _do(options: argparse.Namespace, entry: Entry) -> int:

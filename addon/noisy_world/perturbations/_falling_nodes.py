@@ -15,12 +15,15 @@ from ..core.node_graphs.graph import Graph, GroupInput, Socket, Value
 from ..core.node_graphs.groups import Canvas
 from ._air_light_nodes import air_nodes, kept_sky
 from ._falling_tile import DENSITY, EXCESS, LEVELS, TILE, UNITS, shells
+from ._falling_widths import area_and_width
 from ._particles import NEAR_M
 from ._precipitation import EXTINCTION_EFFICIENCY
-from ._streaks import LEAST_WIDTH_PX, MOST_OPAQUE, SOFTNESS
+from ._sheet_nodes import SIZES, seen_through_sheets
+from ._streaks import MOST_OPAQUE, SOFTNESS
 from ._void import SKY_M
 
 _GOLDEN = (math.sqrt(5) - 1) / 2
+HIDDEN = 1e9  # nearness of what hides all
 
 
 @dataclass(frozen=True)
@@ -95,7 +98,14 @@ def build_falling(canvas: Canvas, given: Mapping[str, Socket], laws: Laws) -> So
         extinction = count_m3 * scale_mm * scale_mm * (EXTINCTION_EFFICIENCY * math.pi / 2 * 1e-6)
         veil = graph.math("MULTIPLY_ADD", integral, seen_to_m, distance_m - limit_m) * extinction
         seen = graph.math("EXPONENT", veil * kept_sky(canvas, given) * -1.0)
+    drifts = canvas.drifts > 0.0
+    with graph.section("Streaks in the world"):
+        speeds = {sizes: laws.speed(graph, measured_mm * sizes.typical) * given["fall"] for sizes in SIZES}
+        kept = shared | {"Nearness": graph.choose(drifts, nearness, HIDDEN, "float")}
+        seen = seen * seen_through_sheets(canvas, given, kept, speeds)
     with graph.section("Streaks"):
+        # What drifts is in the world. Of shells and sheets, those not used see a single number, which costs nothing.
+        shared |= {"Nearness": graph.choose(drifts, HIDDEN, nearness, "float")}
         part = _shell_graph(laws)
         for number, shell in enumerate(shells()):
             start = canvas.random(number) * graph.vector(float(UNITS), float(UNITS))
@@ -183,7 +193,7 @@ def _shell_graph(laws: Laws) -> Graph:
         per_m = graph.math("DIVIDE", 1.0, taken["Seen to"])
         nearness = graph.math("DIVIDE", per_m, depth, label="1 / its depth in metres")
         large = graph.math("MULTIPLY_ADD", own - level, EXCESS, depth, label="Its diameter, of the mean one's")
-        area, width_px = _area_and_width(graph, taken, large, nearness)
+        area, width_px = area_and_width(graph, taken, large, nearness)
         aside_px, ahead_px = _run(graph, taken, fallen - taken["Own"], direction, nearness)
         length_px = graph.math("SQRT", graph.math("MULTIPLY_ADD", aside_px, aside_px, ahead_px * ahead_px))
     with graph.section("Its streak"):
@@ -270,13 +280,3 @@ def _run(
     aside = graph.math("MULTIPLY_ADD", direction.y, right, direction.x * down * -1.0) * open_px
     # Never quite at rest, so that it has a direction.
     return aside, graph.math("MULTIPLY_ADD", direction.x, right, direction.y * down) * open_px + 1e-4
-
-
-def _area_and_width(graph: Graph, taken: Taken, large: Socket, nearness: Socket) -> tuple[Socket, Socket]:
-    """Return the square of a particle's size on the image, and its streak's width, blurred by the lens, in pixels."""
-    size_px = large * (taken["Mean"] * taken["Focal length"] * 1e-3) * nearness
-    aperture_px = taken["Aperture"] * taken["Focal length"]
-    blur_px = (nearness - graph.math("DIVIDE", 1.0, taken["Focus"])) * aperture_px
-    area = graph.math("MULTIPLY", size_px, size_px)
-    wide = graph.math("SQRT", graph.math("MULTIPLY_ADD", blur_px, blur_px, area))
-    return area, graph.math("MAXIMUM", wide, LEAST_WIDTH_PX)

@@ -6,7 +6,7 @@ off, which a Kolmogorov-Smirnov test detects from some 1e10 samples on. The oute
 """
 
 import math
-from functools import cache
+from functools import cache, lru_cache
 from statistics import NormalDist
 from typing import TypeVar
 
@@ -50,3 +50,9 @@ def normal_quantiles() -> NDArray[np.float64]:
     density = np.array([0.0, *map(math.exp, exponents.tolist())]) / math.sqrt(math.tau)
     lower = np.diff(density) * -CODES  # the mean between a and b is (pdf(a) - pdf(b)) / P(a < z < b)
     return np.concatenate([lower, -lower[::-1]])
+
+
+@lru_cache(maxsize=16)
+def scaled_normal(sigma: float) -> NDArray[np.float32]:
+    """Return (CODES,): the quantiles of a normal number with this standard deviation."""
+    return (normal_quantiles() * sigma).astype(np.float32)

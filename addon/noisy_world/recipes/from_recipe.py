@@ -318,7 +318,9 @@ class FrameOfRecipe(Frame):
     @property
     def rgb(self) -> NDArray[np.uint8]:
         """Colour (H, W, 3), RGB, encoded and decoded. Raises InputError where Blender's compositor makes it."""
-        return self.rgb_uncompressed if self._format.image == "png" else _decoded(self.rgb_bytes())
+        if self._format.image == "png":
+            return self.rgb_uncompressed
+        return _decoded(self._coloured().rgb_to_decode(self._format))
 
     @property
     def rgb_uncompressed(self) -> NDArray[np.uint8]:

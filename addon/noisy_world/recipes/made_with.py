@@ -5,10 +5,11 @@ from collections.abc import Mapping
 from typing import Any
 
 from ..core.datasets.differences import was_is
-from ..core.datasets.provenance import base_versions, processor
+from ..core.datasets.provenance import HUFFMAN, base_versions, processor
 from ..core.errors import one_line
 
 BOUND = "pixels may differ by 1/255, and by more where noise falls on the other side of a threshold"
+TABLES = "noisy JPEG images have other Huffman tables than the recipe's, for the same pixels"
 
 
 def made_otherwise(recipe: Mapping[str, Any], here: Mapping[str, Any]) -> str:
@@ -26,6 +27,14 @@ def made_otherwise(recipe: Mapping[str, Any], here: Mapping[str, Any]) -> str:
     if other := _processor(recipe["processor"], here["processor"]):
         parts.append(other)
     return one_line(f"made with others than the recipe: {'; '.join(parts)}: {BOUND}") if parts else ""
+
+
+def written_otherwise(recipe: Mapping[str, Any], here: Mapping[str, Any]) -> str:
+    """Return in a line what makes other files of a dataset than a recipe's, "" where nothing does. Both: identities."""
+    found = made_otherwise(recipe, here)
+    if here["output"].get(HUFFMAN) == recipe["output"].get(HUFFMAN):
+        return found
+    return "; ".join([*([found] if found else []), TABLES])
 
 
 def _processor(there: Mapping[str, Any], here: Mapping[str, Any]) -> str:

@@ -17,7 +17,7 @@ from ..storage.dataset_files import DatasetFiles, SequenceFiles, files_of
 from .digests import block_digests, block_slice, blocks_of, series_of, short_of_hex
 from .findings import DAMAGED, EXTRA, MISSING, NOT_COMPARABLE, OTHER, Findings, FolderFindings
 from .frame_numbers import FrameNumbers
-from .made_with import made_otherwise
+from .made_with import written_otherwise
 from .recipe import Digests, Recipe, SequenceDigests
 
 
@@ -30,7 +30,7 @@ def verify(recipe: Recipe, dataset: Path | str, progress: Progress, stop: thread
     files = files_of(dataset)
     state = files.state
     here = state.identity
-    findings = Findings("" if here is None else made_otherwise(recipe.identity, here))
+    findings = Findings("" if here is None else written_otherwise(recipe.identity, here))
     known = state.finished if state.manifest is not None else state.sequences
     there = {name for name in recipe.sequences if files.has(name)}
     findings.missing = sorted(known & set(recipe.sequences) - there)

@@ -16,6 +16,7 @@ from bpy.app.handlers import persistent
 from ..blender.chain_scene import own_compositing
 from . import footage, this_scene, world
 from .described import LISTENERS
+from .handlers import Handlers
 from .long_text import write
 from .own_objects import own_object
 from .properties import panel_of
@@ -219,25 +220,20 @@ def _forget_all(*_: object) -> None:
     _changed.clear()
 
 
-_HANDLERS = (
-    (bpy.app.handlers.depsgraph_update_post, _on_change),
-    (bpy.app.handlers.undo_post, _forget_all),
-    (bpy.app.handlers.redo_post, _forget_all),
-    (bpy.app.handlers.load_post, _forget_all),
+_HANDLERS = Handlers(
+    depsgraph_update_post=_on_change, undo_post=_forget_all, redo_post=_forget_all, load_post=_forget_all
 )
 
 
 def register() -> None:
     """Register the listener to the panel and the handlers that notice changes."""
     LISTENERS.append(_on_panel_change)
-    for handlers, handler in _HANDLERS:
-        handlers.append(handler)
+    _HANDLERS.add()
 
 
 def unregister() -> None:
     """Unregister them."""
-    for handlers, handler in _HANDLERS:
-        handlers.remove(handler)
+    _HANDLERS.remove()
     if _on_panel_change in LISTENERS:
         LISTENERS.remove(_on_panel_change)
     _forget_all()

@@ -17,6 +17,7 @@ from ..core.errors import NoisyWorldError
 from ..core.planning.sequence import Sequence
 from . import frame_preview, preview_buttons, properties, this_scene, view_depth, views
 from .document import intrinsics_of
+from .handlers import Handlers
 from .long_text import write
 from .operators import DONE, UNDOABLE, OnScene
 from .properties import panel_of
@@ -310,7 +311,7 @@ def _draw_state(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
 
 CLASSES = (ResetChain, view_depth.ShowByEevee, UseStandardView)
 _register_classes, _unregister_classes = bpy.utils.register_classes_factory(CLASSES)
-_HANDLERS = ("undo_post", "redo_post", "load_post")
+_HANDLERS = Handlers(undo_post=_touch_all, redo_post=_touch_all, load_post=_touch_all, depsgraph_update_post=_on_keys)
 
 
 def register() -> None:
@@ -320,9 +321,7 @@ def register() -> None:
     frame_preview.register()
     preview_buttons.register()
     properties.LISTENERS.append(touch)
-    for name in _HANDLERS:
-        getattr(bpy.app.handlers, name).append(_touch_all)
-    bpy.app.handlers.depsgraph_update_post.append(_on_keys)
+    _HANDLERS.add()
     # Later, as Blender's data cannot be accessed while add-ons are registered.
     bpy.app.timers.register(_resume, first_interval=0.0)
 
@@ -332,9 +331,7 @@ def unregister() -> None:
     for timer in (_follow, _resume):
         if bpy.app.timers.is_registered(timer):
             bpy.app.timers.unregister(timer)
-    for name in _HANDLERS:
-        getattr(bpy.app.handlers, name).remove(_touch_all)
-    bpy.app.handlers.depsgraph_update_post.remove(_on_keys)
+    _HANDLERS.remove()
     if touch in properties.LISTENERS:
         properties.LISTENERS.remove(touch)
     for scene in bpy.data.scenes:

@@ -18,6 +18,7 @@ from ..blender.chain_values import LEFT_AT
 from ..core.datasets.storage import storage_errors
 from ..core.errors import StorageError
 from .described import tell
+from .handlers import Handlers
 from .output_place import output_folder
 from .owned import OURS
 from .properties import panel_of
@@ -233,22 +234,15 @@ def _forget(*_: object) -> None:
     _copies.clear()
 
 
-_HANDLERS = (
-    (bpy.app.handlers.depsgraph_update_post, _on_change),
-    (bpy.app.handlers.undo_post, _count),
-    (bpy.app.handlers.redo_post, _count),
-    (bpy.app.handlers.load_post, _forget),
-)
+_HANDLERS = Handlers(depsgraph_update_post=_on_change, undo_post=_count, redo_post=_count, load_post=_forget)
 
 
 def register() -> None:
     """Register the handlers that notice changes."""
-    for handlers, handler in _HANDLERS:
-        handlers.append(handler)
+    _HANDLERS.add()
 
 
 def unregister() -> None:
     """Unregister them."""
-    for handlers, handler in _HANDLERS:
-        handlers.remove(handler)
+    _HANDLERS.remove()
     _forget()

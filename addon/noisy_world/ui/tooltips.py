@@ -14,7 +14,69 @@ _FALLING = {
     "frame_rate_hz": "Lower: with the pattern Drift, particles move further from frame to frame",
 }
 
+_DEVICE = {
+    "device": "Whose values are taken where a field is below 0",
+    "noise": "Higher: everything random is stronger; 0 leaves rounding and holes",
+    "focal_px": "Higher: the sensor's own image has more pixels to a degree, so depth gets better",
+    "baseline_m": "Higher: depth gets better, and the shadows beside things wider",
+    "step_px": "Higher: far depth is in larger steps",
+    "shift_px": "Higher: edges get more ragged",
+    "min_m": "Higher: more of what is near has no depth",
+    "max_m": "Lower: more of what is far has no depth",
+}
+
 SEEN: dict[str, dict[str, str]] = {
+    "axial_noise": _DEVICE
+    | {
+        "from_m": "Higher: noise begins to grow further away",
+        "offset_m": "Higher: everything gets rougher by the same",
+        "linear": "Higher: what is far gets rougher",
+        "quadratic_per_m": "Higher: what is far gets much rougher",
+        "steep": "Higher: surfaces seen at a glancing angle get rougher",
+        "lateral_px": "Higher: edges get more ragged",
+        "lateral_steep_px": "Higher: edges of surfaces seen at an angle get more ragged",
+    },
+    "lidar": _DEVICE
+    | {
+        "rows": "Higher: more rows of points",
+        "below_deg": "Higher: rows reach further down",
+        "above_deg": "Higher: rows reach further up",
+        "azimuth_step_deg": "Higher: fewer points in a row",
+        "sigma_m": "Higher: surfaces get rougher, at any distance",
+        "step_m": "Higher: ranges are in larger steps",
+    },
+    "redwood": _DEVICE
+    | {
+        "product_px_m": "Higher: depth gets better",
+        "sigma_px": "Higher: far surfaces get rougher",
+    },
+    "stereo": _DEVICE
+    | {
+        "sigma_px": "Higher: far surfaces get rougher",
+        "search_px": "Lower: more of what is near has no depth",
+        "least_contrast": "Higher: more plain walls have no depth; 0: none is lost",
+        "pattern": "Higher: plain walls have depth further away",
+        "speckle": "Higher: the borders of holes get more ragged",
+    },
+    "structured_light": _DEVICE
+    | {
+        "sigma_px": "Higher: steps of depth get more ragged",
+        "window_px": "Higher: larger thin things have no depth",
+        "least_share": "Higher: corners and thin things lose more",
+    },
+    "time_of_flight": _DEVICE
+    | {
+        "frequency_mhz": "Higher: depth gets better, and begins again at 0 sooner",
+        "unambiguous_m": "Lower: what is far comes back as near",
+        "electrons": "Higher: less noise, and what is near gets too bright",
+        "ambient_electrons": "Higher: more noise, as in sunlight",
+        "read_electrons": "Higher: more noise where it is dark or far",
+        "contrast": "Higher: less noise",
+        "least_electrons": "Higher: more of what is dark or far has no depth",
+        "most_electrons": "Lower: more of what is bright and near has no depth",
+        "spread": "Higher: more pixels hang in the air between near and far",
+        "jump_m": "Lower: wider gaps beside edges; 0: none",
+    },
     "brightness": {"offset": "Higher: the whole picture gets lighter, until bright places are white"},
     "contrast": {"factor": "Lower: the picture gets flatter, toward one gray; above 1 it gets harsher"},
     "defocus_blur": {

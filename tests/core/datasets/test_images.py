@@ -78,11 +78,31 @@ def test_jpeg_adds_nothing_visible():
         assert 10 * np.log10(255**2 / (error**2).mean()) > 40  # chroma subsampling alone brings the noisy one to 18
 
 
+@pytest.mark.parametrize("grey", [False, True])
+def test_noisy_jpegs_have_tables_of_their_own_and_the_same_pixels(grey):
+    rng = np.random.default_rng(0)
+    smooth = cv2.resize(rng.integers(0, 256, (12, 16, 3)).astype(np.uint8), (320, 240), interpolation=cv2.INTER_CUBIC)
+    noisy = np.clip(smooth + rng.normal(0, 20, smooth.shape), 0, 255).astype(np.uint8)
+    for image, fitted in ((smooth, False), (noisy, True)):
+        pixels = image[..., 0].copy() if grey else image
+        data, plain = encode_colour(pixels, "jpg"), encode_colour(pixels, "jpg", fit_tables=False)
+        assert (data != plain) is fitted
+        # Annex K.3 of ITU-T T.81: the codes of the luminance's DC coefficients have these lengths.
+        assert (b"\0\x00\x01\x05\x01\x01\x01\x01\x01\x01" in data) is not fitted
+        assert len(data) < 0.9 * len(plain) or not fitted
+        assert np.array_equal(
+            *(cv2.imdecode(np.frombuffer(file, np.uint8), cv2.IMREAD_COLOR) for file in (data, plain))
+        )
+
+
 def test_one_pixel():
     assert cv2.imdecode(np.frombuffer(encode_colour(np.full((1, 1, 3), 7, np.uint8), "png"), np.uint8), 1).tolist() == [
         [[7] * 3]
     ]
     assert encode_png(np.ones((1, 1), np.uint16))
+    assert cv2.imdecode(np.frombuffer(encode_colour(np.full((1, 2), 7, np.uint8), "jpg"), np.uint8), 0).tolist() == [
+        [7] * 2
+    ]
 
 
 def test_names_sort_as_numbers():

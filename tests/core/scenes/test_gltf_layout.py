@@ -3,11 +3,10 @@
 
 import copy
 
-import pytest
+import refusals
 import rooms_in_formats as rooms
 from cases import cases
 
-from noisy_world.core.errors import InputError
 from noisy_world.core.scenes.gltf_file import read_gltf_header
 
 HUGE = 10**30
@@ -24,12 +23,8 @@ def document(sparse=False):
 
 def refusal(folder, whole, blob):
     (folder / "a.glb").write_bytes(rooms.glb(whole, blob))
-    with pytest.raises(InputError) as caught:
-        read_gltf_header(folder / "a.glb")
-    said = str(caught.value)
-    assert said.isprintable()
-    assert said.startswith(f"{folder / 'a.glb'}: ")
-    assert len(said) < len(str(folder)) + 200
+    said = refusals.refusal(read_gltf_header, folder / "a.glb")
+    assert len(said) < 190
     return said
 
 

@@ -3,8 +3,10 @@
 
 import json
 import os
+from functools import partial
 
 import pytest
+import refusals
 from cases import cases
 
 from noisy_world.core.errors import InputError
@@ -50,13 +52,7 @@ def fbx(folder, name):
     return folder / "a.fbx"
 
 
-def refusal(path):
-    with pytest.raises(InputError) as caught:
-        check_mesh(path)
-    said = str(caught.value)
-    assert said.startswith(f"{path}: ")
-    assert said.isprintable()
-    return said
+refusal = partial(refusals.refusal, check_mesh)
 
 
 @cases("name", AWAY)

@@ -74,6 +74,15 @@ def test_two_groups_of_one_scene_have_welchs_interval():
     assert exact == pytest.approx(np.array(mean_interval(first)) - 2.0, rel=1e-12)
 
 
+def test_the_mean_of_these_scenes_has_welchs_degrees_of_freedom():
+    # By hand: variances 1/2 and 9/2 of two values each, so 1/16 and 9/16 of the mean's, with f + 2 = 3 for each.
+    freedom = 0.625**2 / ((0.0625**2 + 0.5625**2) / 3.0) - 2.0
+    assert 1.6 < freedom < 1.7
+    low, high = here_interval([[0.0, 1.0], [5.0, 8.0]])
+    assert (low + high) / 2.0 == pytest.approx(3.5)
+    assert high - 3.5 == pytest.approx(stats.t.ppf(0.975, freedom) * np.sqrt(0.625), rel=1e-9)
+
+
 def test_a_bootstrap_of_scenes_agrees_with_the_closed_form_of_a_mean():
     values = np.array([1.0, 4.0, 2.0, 8.0, 3.0])
 
@@ -98,7 +107,9 @@ def test_intervals_hold_the_truth_as_often_as_they_say():
         assert coverage("normal", scenes, SETS, rng) == pytest.approx(0.95, abs=WITHIN), scenes
         assert geometric_coverage(scenes, SETS, rng) == pytest.approx(0.95, abs=WITHIN), scenes
         assert here_coverage(scenes, SETS, rng) == pytest.approx(0.95, abs=WITHIN), scenes
-        assert here_coverage(scenes, SETS, rng, errors=True) == pytest.approx(0.95, abs=WITHIN), scenes
+        for seeds in (2, 3):
+            held = here_coverage(scenes, SETS, rng, errors=True, seeds=seeds)
+            assert held == pytest.approx(0.95, abs=WITHIN), (scenes, seeds)
     for kind in ("success often", "success at times"):
         assert coverage(kind, 3, 200, rng) >= 0.95 - WITHIN
     assert ratio_coverage(5, 250, rng, resamples=200) == pytest.approx(0.95, abs=0.04)

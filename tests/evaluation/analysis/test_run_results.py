@@ -25,7 +25,7 @@ def table(rows=RUNS):
     runs = pd.DataFrame(rows, columns=["scene", "setting", "ate_rmse_m", "tracked_share", "failure"])
     runs = runs.assign(perturbation=runs["setting"], mode="static", severity=3, seed=1, repeat=1, system="mine")
     tracks = (runs["tracked_share"] >= 0.8) & runs["ate_rmse_m"].notna()
-    runs = runs.assign(outcome="finished", success_auc=(1.0 - runs["ate_rmse_m"]).where(tracks, 0.0))
+    runs = runs.assign(outcome="finished", success_auc=(1.0 - runs["ate_rmse_m"]).clip(0.0).where(tracks, 0.0))
     return runs.assign(**{"paper.ate_m": runs["ate_rmse_m"].fillna(1.0)})
 
 

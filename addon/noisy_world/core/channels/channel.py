@@ -52,7 +52,7 @@ class ImageFormat(Protocol):
         """What other channels are stored as, by name, where that is not their default."""
         ...
 
-    def encode_rgb(self, rgb: NDArray[Any]) -> bytes:
+    def encode_rgb(self, rgb: NDArray[Any], *, fit_tables: bool = True) -> bytes:
         """Encode colour."""
         ...
 
@@ -135,6 +135,10 @@ class Channel(ABC):
                 return encode_npy(pixels)
             case _:
                 return encode_png(self.steps_of(pixels))
+
+    def encode_clean(self, pixels: NDArray[Any], written: ImageFormat) -> bytes:
+        """Return a clean image, which many sequences may link, as a file of the dataset: by default as `encode`."""
+        return self.encode(pixels, written)
 
     def steps_of(self, pixels: NDArray[Any]) -> NDArray[np.uint16]:
         """Return an image as 16-bit values, as a PNG holds them: by default these themselves, where it is uint16."""

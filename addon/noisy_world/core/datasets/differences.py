@@ -23,7 +23,7 @@ from ..planning.source_paths import source_paths
 from ..presets.names import format_same_folder
 from ..scenes.recentring import recentring_m
 from ..trajectories.sensor_paths import SensorPaths
-from .provenance import BETWEEN, CHANNELS, KEYS, path_sha256
+from .provenance import BETWEEN, CHANNELS, HUFFMAN, KEYS, path_sha256
 
 ELSEWHERE = (Action.OTHER_FOLDER, Action.OVERWRITE)
 ANOTHER_FOLDER = either(*ELSEWHERE)
@@ -110,6 +110,9 @@ def _common(key: str, there: Any, here: Any) -> str:
     name = IN_PRESET.get(key, key)
     if key == "rig":
         return f"{name}: the sensors have other poses on the robot than in the dataset"
+    if key == "output":
+        tables = "made before noisy JPEG images had Huffman tables of their own, so bytes of equal images would differ"
+        return first_difference({**there, HUFFMAN: None}, {**here, HUFFMAN: None}, name) or tables
     return first_difference(there, here, name) or name
 
 

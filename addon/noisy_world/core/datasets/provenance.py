@@ -47,6 +47,7 @@ CONVENTIONS = {
 KEYS = "keys"  # those of a preset that decide bytes by their own values
 CHANNELS = "channels"  # of a scene: the files that say what the values of its channels mean
 BETWEEN = "between_sha256"  # of a path, where a setting looks between its poses
+HUFFMAN = "huffman"  # of the output: which JPEG images have Huffman tables of their own; none in datasets of before
 GREY = {"rgb": "grey, 8 bits: 0.299 R + 0.587 G + 0.114 B of sRGB-encoded values (ITU-R BT.601); void is black"}
 
 
@@ -128,6 +129,7 @@ def _output(format_: OutputFormat) -> dict[str, Any]:
         "depth_beyond": format_.depth_beyond,
         "modalities": sorted(format_.modalities),
         **({"formats": formats} if formats else {}),
+        **({HUFFMAN: "perturbed noise"} if coloured and format_.image == "jpg" else {}),
     }
 
 

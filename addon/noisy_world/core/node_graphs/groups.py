@@ -47,9 +47,10 @@ class Canvas:
     image: encoded, in [0, 1], or linear light of any brightness, as the perturbation says; its alpha has no meaning.
     width_px, height_px: of the input image, one number each. scale: pixels of the input image per pixel at the
     reference width. position_px: each pixel's column and row (x, y, 0) at the reference width, whole numbers, from the
-    upper left. drift_frames: how many frames a kept pattern has moved on. depth_m: planar depth, 0 = void, in a group
-    that asks for it. white: the brightest encoded value that there is; 1, or far beyond where nothing is clipped. lit:
-    1 where nothing is clipped, as the image is light of any brightness, else 0.
+    upper left. drift_frames: how many frames a kept pattern has moved on. drifts: 1 where it moves at all.
+    depth_m: planar depth, 0 = void, in a group that asks for it. white: the brightest encoded value that there is; 1,
+    or far beyond where nothing is clipped. lit: 1 where nothing is clipped, as the image is light of any brightness,
+    else 0.
     camera: how it stands and moves, in a group that asks for motion.
     """
 
@@ -62,6 +63,7 @@ class Canvas:
     seed: Socket | None = None
     key: Socket | None = None
     drift_frames: Value = 0.0
+    drifts: Value = 0.0
     depth_m: Socket | None = None
     white: Socket | float = 1.0
     lit: Socket | float = 0.0
@@ -211,5 +213,6 @@ def _timed(canvas: Canvas, perturbation: ColourPerturbation, timing: Mapping[str
     states: dict[str, Value] = dict.fromkeys(perturbation.temporals, 1.0)
     if "pattern" in timing:
         states |= zip(perturbation.temporals, graph.chosen(timing["pattern"]), strict=True)
-    drift = now * states["drift"] if "drift" in states else 0.0
-    return replace(canvas, seed=timing["seed"], key=now * states.get("fresh", 0.0), drift_frames=drift)
+    drifts = states.get("drift", 0.0)
+    drift = now * drifts if "drift" in states else 0.0
+    return replace(canvas, seed=timing["seed"], key=now * states.get("fresh", 0.0), drift_frames=drift, drifts=drifts)

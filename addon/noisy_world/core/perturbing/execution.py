@@ -10,11 +10,9 @@ from numpy.typing import NDArray
 
 from ..datasets.images import as_bytes, as_float, rgb_bytes
 from ..errors import NoisyWorldError
-from ..linear_light import decoded, encoded
 from ..trajectories.trajectory import Trajectory
 from .exposing import TakenImages
 from .kinds import (
-    LIGHT_STAGES,
     ColourPerturbation,
     DepthPerturbation,
     ExposurePerturbation,
@@ -254,11 +252,6 @@ class ColourWork(_ImageWork[ColourPerturbation]):
         """Whether it is a single step that works on bytes: float colour is then rounded before it, as its file is."""
         return len(self.active) == 1 and self.active[0][0].perturbation.apply_bytes is not None
 
-    @property
-    def acts_on_light(self) -> bool:
-        """Whether a step acts before a sensor, so on lit frames before the view transform."""
-        return any(step.perturbation.stage in LIGHT_STAGES for step, _, _ in self.active)
-
     def on(self, rgb: NDArray[Any]) -> NDArray[np.uint8] | None:
         """Do it to a colour image as `perturb_rgb` says; None where it is the identity."""
         if not self.active:
@@ -267,22 +260,11 @@ class ColourWork(_ImageWork[ColourPerturbation]):
             ((step, context, severity),) = self.active
             assert step.perturbation.apply_bytes is not None, "it takes bytes"
             return step.perturbation.apply_bytes(as_bytes(rgb), step.parameters(severity), context)
-        return _on_encoded(self.active, as_float(rgb))
-
-    def on_light(self, rgb: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Do what acts before a sensor to scene-linear light (H, W, 3), of any brightness; return light."""
-        for step, context, severity in self.active:
-            if step.perturbation.stage in LIGHT_STAGES:
-                rgb = perturb_light(step, rgb, severity, context)
-        return rgb
-
-    def after_light(self, shown: NDArray[np.float32]) -> NDArray[np.uint8]:
-        """Do the rest to what the view transform has made of `on_light`: (H, W, 3), display-encoded in [0, 1]."""
-        late = tuple(item for item in self.active if item[0].perturbation.stage not in LIGHT_STAGES)
-        return _on_encoded(late, shown)
+        return on_encoded(self.active, as_float(rgb))
 
 
-def _on_encoded(active: Active[ColourPerturbation], image: NDArray[np.float32]) -> NDArray[np.uint8]:
+def on_encoded(active: Active[ColourPerturbation], image: NDArray[np.float32]) -> NDArray[np.uint8]:
+    """Carry out steps on (H, W, 3), encoded, float32 in [0, 1], and round once at the end."""
     for number, (step, context, severity) in enumerate(active):
         if number:
             np.clip(image, 0.0, 1.0, out=image)
@@ -311,22 +293,6 @@ def perturb_colour(
         raise TypeError(f"{step.perturbation.name} needs the frame's depth")
     made = step.perturbation.apply(rgb, step.parameters(severity), context)
     return _checked_image(step, made, rgb)
-
-
-def perturb_light(
-    step: Step[ColourPerturbation], light: NDArray[np.float32], severity: float | None, context: FrameContext
-) -> NDArray[np.float32]:
-    """Carry out one step on scene-linear light (H, W, 3) float32, of any brightness; the result is at least 0.
-
-    What only averages works on light itself; the others as ever, on encoded values, by sRGB's curve, which goes on
-    above 1.
-    """
-    context = replace(context, lit=True)
-    if step.perturbation.averages:
-        made = perturb_colour(step, light, severity, context)
-    else:
-        made = decoded(perturb_colour(step, encoded(light), severity, context))
-    return np.maximum(made, np.float32(0))
 
 
 # --- depth ---

@@ -7,8 +7,8 @@ A perturbation is one file with a `PERTURBATION`. Presets, panels, sockets, `--l
 import math
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import MISSING, dataclass, field, fields, is_dataclass, replace
-from typing import Any, Literal, TypeAlias, get_args, get_origin, get_type_hints
+from dataclasses import dataclass, field, fields, replace
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +20,7 @@ from ..trajectories.frame_request import Shutter
 from ..trajectories.motion import CameraMotion
 from ..trajectories.trajectory import Trajectory
 from .exposing import ExposureApply
+from .parameter_rules import check_parameters
 
 Identifiers: TypeAlias = tuple[str | int, ...]
 """Identifiers of random streams: the preset's seed, scene, setting; then the perturbation and its occurrence."""
@@ -215,7 +216,7 @@ class Perturbation:
     def __post_init__(self) -> None:
         if not re.fullmatch(r"[a-z][a-z0-9_]*", self.name):
             raise ValueError(f"{self.name!r} is no name: small letters, digits and underscores, a letter first")
-        _check_parameters(self.name, self.parameters)
+        check_parameters(self.name, self.parameters)
         if self.stage not in STAGES:
             raise ValueError(f"{self.name}: stage is {self.stage!r}, but has to be one of {', '.join(STAGES)}")
         known = {item.name for item in fields(self.parameters)}
@@ -380,21 +381,6 @@ KINDS: tuple[type[Perturbation], ...] = (
 )
 SEQUENCE_KINDS = (MotionPerturbation, ExposurePerturbation, PairingPerturbation)
 """The kinds that act on a whole sequence: a setting has each of their perturbations at most once, at one severity."""
-
-
-def _check_parameters(name: str, parameters: type) -> None:
-    if not (isinstance(parameters, type) and is_dataclass(parameters)):
-        raise ValueError(f"{name}: parameters has to be a dataclass")
-    hints = get_type_hints(parameters)
-    for item in fields(parameters):
-        if "key" not in item.metadata or item.default is MISSING:
-            raise ValueError(f"{name}: the parameter {item.name} has to be a key(...) with a default")
-        hint = hints[item.name]
-        chosen = get_origin(hint) is Literal and all(isinstance(value, str) for value in get_args(hint))
-        if hint not in (float, int, bool) and not chosen:
-            raise ValueError(
-                f"{name}: the parameter {item.name} has to be a float, an int, a bool or a Literal of texts"
-            )
 
 
 def _check_no_temporals(perturbation: Perturbation) -> None:

@@ -15,6 +15,9 @@ from .ply_file import DAMAGED
 
 _NUMBER = rb"[-+]?(?:[0-9]++\.?[0-9]*+|\.[0-9]++)(?:[eE][-+]?[0-9]++)?"
 _WORD = re.compile(rb"[^ \t\r\n\f\v]++")
+_IS_NUMBER = re.compile(_NUMBER).fullmatch
+_IS_NO_FINITE = re.compile(rb"[-+]?(?:nan|inf(?:inity)?)", re.IGNORECASE).fullmatch
+_HAS_COMMA = re.compile(rb"[-+]?[0-9]*+,[0-9]++").fullmatch
 _BLANKS = rb"[ \t\f\v]"
 _OF_NUMBERS = b"0123456789+-.eE, \t\r\n"
 _LARGE = re.compile(rb"[0-9]{29}|[eE]\+?0*+[1-9][0-9]")  # all smaller numbers are below 1e38, and float32 holds them
@@ -89,12 +92,14 @@ def _error(path: Path, data: bytes, text: bytes, start: int, *, least: int, what
     words = _WORD.findall(text[start : len(text) if end < 0 else end].split(b"#", 1)[0])
     words = words[:3] if data[start - 6 : start].strip() == b"vertex" else words
     for word in words:
+        if _IS_NUMBER(word) and not _LARGE.search(word):
+            continue
         shown = repr(word[:40].decode("utf-8", "replace"))
-        if re.fullmatch(rb"[-+]?(?:nan|inf(?:inity)?)", word, re.IGNORECASE):
+        if _IS_NO_FINITE(word):
             return InputError(path, f"a {what} is NaN or infinite", where=where, remedy=DAMAGED)
-        if re.fullmatch(rb"[-+]?[0-9]*+,[0-9]++", word):
+        if _HAS_COMMA(word):
             return InputError(path, f"{shown} is not a number", where=where, remedy="write a decimal point")
-        if not re.fullmatch(_NUMBER, word):
+        if not _IS_NUMBER(word):
             return InputError(path, f"{shown} is not a number", where=where, remedy=DAMAGED)
         if _too_large([word]):
             return InputError(path, f"{shown} is too large for float32", where=where, remedy=DAMAGED)

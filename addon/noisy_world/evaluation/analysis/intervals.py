@@ -79,32 +79,49 @@ def share_interval(shares: ArrayLike, runs: float = np.inf) -> Interval:
 def here_interval(groups: Sequence[ArrayLike]) -> Interval:
     """A group of values for each scene, one a seed -> the interval of the mean over these very scenes, for other seeds.
 
-    Satterthwaite's degrees of freedom (1946), as each scene has a variance of its own. None where a scene has a single
-    value, or where no scene's values differ.
+    Each scene has a variance of its own. Welch's degrees of freedom (Biometrika 34, 1947), between those of one scene
+    and of all: with two or three seeds a scene, Satterthwaite's are too few, and hold the truth in 98 %. None where a
+    scene has a single value, or where no scene's values differ.
     """
-    return difference_here_interval(groups, [])
+    parts = _parts(groups)
+    if not parts:
+        return NONE
+    variances, freedoms = _of_mean(parts, len(groups))
+    total = float(np.sum(variances))
+    if not total > 0.0:
+        return NONE
+    freedom = total**2 / float(np.sum(variances**2 / (freedoms + 2.0))) - 2.0
+    freedom = float(np.clip(freedom, np.min(freedoms), np.sum(freedoms)))
+    return _around(float(np.mean([np.mean(part) for part in parts])), _quantile_t(freedom) * np.sqrt(total))
 
 
 def difference_here_interval(groups: Sequence[ArrayLike], others: Sequence[ArrayLike]) -> Interval:
     """As here_interval, of the mean over scenes of the difference of two groups of each scene.
 
-    others: as many as groups, or none. Groups with a single value there count as exact.
+    others: as many as groups. Groups with a single value there count as exact. Satterthwaite's degrees of freedom
+    (1946), as in Welch's test.
     """
-    samples = [np.asarray(group, dtype=np.float64) for group in groups]
-    subtracted = [np.asarray(group, dtype=np.float64) for group in others]
-    if not samples or any(len(sample) < 2 for sample in samples):
+    samples, subtracted = _parts(groups), [np.asarray(group, dtype=np.float64) for group in others]
+    if not samples:
         return NONE
-    scenes = len(samples)
-    parts = [sample for sample in (*samples, *subtracted) if len(sample) > 1]
-    variances = np.array([np.var(part, ddof=1) / len(part) for part in parts]) / scenes**2
-    freedoms = np.array([len(part) - 1 for part in parts])
+    variances, freedoms = _of_mean([*samples, *(part for part in subtracted if len(part) > 1)], len(samples))
     total = float(np.sum(variances))
     if not total > 0.0:
         return NONE
-    mean = float(np.mean([np.mean(sample) for sample in samples]))
-    if subtracted:
-        mean -= float(np.mean([np.mean(sample) for sample in subtracted]))
+    mean = float(np.mean([np.mean(sample) for sample in samples]) - np.mean([np.mean(part) for part in subtracted]))
     return _around(mean, _quantile_t(total**2 / float(np.sum(variances**2 / freedoms))) * np.sqrt(total))
+
+
+def _parts(groups: Sequence[ArrayLike]) -> list[Float64]:
+    """Return the groups as arrays; none where one has a single value, whose spread is not known."""
+    parts = [np.asarray(group, dtype=np.float64) for group in groups]
+    return [] if any(len(part) < 2 for part in parts) else parts
+
+
+def _of_mean(parts: Sequence[Float64], scenes: int) -> tuple[Float64, Float64]:
+    """Return what each part adds to the variance of the mean over scenes, and its degrees of freedom."""
+    variances = np.array([np.var(part, ddof=1) / len(part) for part in parts]) / scenes**2
+    return variances, np.array([len(part) - 1.0 for part in parts])
 
 
 def bootstrap_interval(

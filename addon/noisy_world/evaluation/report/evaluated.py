@@ -12,6 +12,7 @@ from ..analysis.run_table import SUCCESS, SUCCESS_OVER_CLEAN
 from ..metrics import PROTOCOLS
 from ..metrics.rotation_order import WRONG_DEG
 from ..metrics.success import IS_INCOMPLETE, LEAST_TRACKED
+from ..study.record import VERSIONS
 from .labels import column_of
 from .paper_conditions import CLEAN
 from .reading import KEY, Results, read_object, records
@@ -118,7 +119,9 @@ def _system(results: Results, system: str) -> str:
     said.append(f"{int(runs['incomplete'].sum())} incomplete")
     repeats = int(runs["repeat"].nunique())
     said.append(f"{repeats} repeats, as its results differ from run to run" if repeats > 1 else "one repeat")
-    versions: dict[str, set[str]] = {}
+    of_record = results.study.get(VERSIONS)
+    told = of_record.get(system) if isinstance(of_record, Mapping) else None
+    versions = {str(name): {str(version)} for name, version in (told if isinstance(told, Mapping) else {}).items()}
     for run in records(runs.drop_duplicates("setting").head(LONGEST_LIST)):
         path = results.run_folder(run) / "run.json"
         systems = read_object(path).get("versions") if path.is_file() else None

@@ -26,6 +26,7 @@ from .tables import NOTHING, Table, shown
 
 if TYPE_CHECKING:
     from .figures.drawing import Picture
+    from .run_pictures import FramePicture
 
 SCORE = "success_auc"
 RUN_COLUMNS = (
@@ -54,7 +55,7 @@ def gather(results: Results, analyses: Analyses) -> Contents:
             tables=[settings_table(results, analyses["spread"])],
         ),
         Section("runs", "Single runs", _RUNS, _run_pictures(results, missing), tables=[_runs_table(results)]),
-        Section("frames", "Where it went wrong", _FRAMES, frames=worst_frames(results, missing)),
+        Section("frames", "Where it went wrong", _FRAMES, frames=_frames(results, missing)),
     ]
     if beside is not None:
         sections.append(Section("paper", "Beside the paper", notes(beside, paper), tables=[beside]))
@@ -123,7 +124,13 @@ def _cell(ranked: Ranked) -> tuple[float, str]:
 
 
 def _run_pictures(results: Results, missing: list[str]) -> "list[Picture]":
+    if results.of_record:
+        return []
     return [picture for draw in (path_picture, time_picture) if (picture := draw(results, missing))]
+
+
+def _frames(results: Results, missing: list[str]) -> "list[FramePicture]":
+    return [] if results.of_record else worst_frames(results, missing)
 
 
 def _runs_table(results: Results) -> Table:

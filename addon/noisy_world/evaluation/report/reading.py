@@ -18,6 +18,7 @@ from ..analysis.over_clean import with_over_clean
 from ..analysis.run_results import complete_runs, with_results
 from ..csv_cells import text_of
 from ..metrics import PAPER_METRICS, PAPER_PREFIX
+from ..study.written import RECORD
 
 if TYPE_CHECKING:
     from pandas import DataFrame, Series
@@ -42,7 +43,8 @@ class Results:
     study: study.json, {} where there is none. runs: a row for each run, in the order of RUN_KEY; texts are never NaN,
     numbers are float64 with NaN where there is none; `result`, `failed` and `incomplete` say what came of it, and the
     columns of OVER_CLEAN_METRICS compare it with clean. sequences: a row for each sequence. missing: a sentence for
-    each thing that the report has to do without.
+    each thing that the report has to do without. of_record: whether it is the record of a study, without what single
+    runs left.
     """
 
     folder: Path
@@ -50,6 +52,7 @@ class Results:
     runs: "DataFrame"
     sequences: "DataFrame"
     missing: tuple[str, ...] = field(default=())
+    of_record: bool = False
 
     @property
     def complete(self) -> "DataFrame":
@@ -90,9 +93,13 @@ def read_results(folder: Path) -> Results:
         missing.append("tables/sequences.csv is not there: nothing is said of what was done to the sequences.")
         sequences = runs[list(SEQUENCE_COLUMNS)].drop_duplicates(list(KEY))
     sequences = sequences.sort_values(list(KEY), kind="stable", ignore_index=True, key=_natural)
-    study = _study(folder / "study.json", missing)
+    document = _document(folder / "study.json", missing)
+    study = document.get("study")
+    of_record = document.get("kind") == RECORD
+    if of_record:
+        missing.append("this is a record: paths, errors over time and frames are in the folders of its pieces.")
     missing += _missing_runs(runs, sequences)
-    return Results(folder, study, runs, sequences, tuple(missing))
+    return Results(folder, study if isinstance(study, dict) else document, runs, sequences, tuple(missing), of_record)
 
 
 def read_table(path: Path, needed: Sequence[str]) -> "DataFrame":
@@ -189,13 +196,11 @@ def _numbers(texts: list[str], path: Path, column: str) -> "list[float]":
     return numbers
 
 
-def _study(path: Path, missing: list[str]) -> dict[str, Any]:
+def _document(path: Path, missing: list[str]) -> dict[str, Any]:
     if not path.is_file():
         missing.append("study.json is not there: what was evaluated is told from the tables alone.")
         return {}
-    document = read_object(path)
-    study = document.get("study")
-    return study if isinstance(study, dict) else document
+    return read_object(path)
 
 
 def _missing_runs(runs: "DataFrame", sequences: "DataFrame") -> list[str]:

@@ -16,7 +16,8 @@ class StudyOrder:
     preset's own. repeats: of systems that do not repeat themselves. protocol: whose values and errors come first.
     scenes, settings: names or globs of those that are wanted of a folder; a preset's document says its own. keep:
     whether sequences stay. keep_clean: whether clean frames are kept while a scene is evaluated. maps: whether maps are
-    scored too. isolate: what keeps systems apart whose definition says nothing of it; "none" for nothing.
+    scored too. isolate: what keeps systems apart whose definition says nothing of it; "none" for nothing. elsewhere:
+    names of runs that are not done, as a record of the study has them.
     """
 
     subject: str
@@ -32,6 +33,7 @@ class StudyOrder:
     keep_clean: bool = True
     maps: bool = False
     isolate: str = "none"
+    elsewhere: tuple[str, ...] = ()
 
     @property
     def folder(self) -> Path:
@@ -46,5 +48,5 @@ class StudyOrder:
     def parse(cls, text: str) -> "StudyOrder":
         """Return the order in a line of JSON."""
         values = json.loads(text)
-        listed = {name: tuple(values[name]) for name in ("systems", "seeds", "scenes", "settings")}
+        listed = {name: tuple(values[name]) for name in ("systems", "seeds", "scenes", "settings", "elsewhere")}
         return cls(**{**values, **listed})

@@ -53,13 +53,18 @@ class Study:
             preset, order.seeds, self.results, keep=order.keep, keep_clean=order.keep_clean, stop=self._stop
         )
 
+    @cached_property
+    def _elsewhere(self) -> frozenset[str]:
+        return frozenset(self.order.elsewhere)
+
     def runs_of(self, case: Case) -> list[SystemRun]:
-        """Return the runs on a case: one of a system that repeats itself, several of another."""
-        return [
+        """Return the runs on a case: one of a system that repeats itself, several of another; none from elsewhere."""
+        every = [
             SystemRun(case, system.name, repeat)
             for system in self.systems.values()
             for repeat in range(1, 1 + (1 if system.repeatable else self.order.repeats))
         ]
+        return [run for run in every if run.name not in self._elsewhere]
 
     def missing_runs(self, case: Case) -> list[SystemRun]:
         """Return the runs on a case that are not there."""
@@ -68,7 +73,11 @@ class Study:
     @cached_property
     def missing(self) -> list[Case]:
         """The cases of which something is not there."""
-        return [case for case in self.origin.frames if self.missing_runs(case) or not self.results.is_described(case)]
+        return [
+            case
+            for case in self.origin.frames
+            if self.missing_runs(case) or (self.runs_of(case) and not self.results.is_described(case))
+        ]
 
     def carry_out(self, case: Case, progress: Progress) -> None:
         """Do what of a case is not there: make its sequence, run the systems on it, score them.

@@ -29,7 +29,7 @@ def write_tables(results: ResultsFolder) -> None:
     rows = [_run_row(results, run, conditions, study["protocol"]) for run in results.runs()]
     results.write(results.tables / RUNS, csv_text(rows, run_columns(rows, study["protocol"])))
     described = [_sequence_row(results, case, conditions) for case in results.cases()]
-    results.write(results.tables / SEQUENCES, csv_text(described, _with_others(SEQUENCE_COLUMNS, described)))
+    results.write(results.tables / SEQUENCES, csv_text(described, with_others(SEQUENCE_COLUMNS, described)))
 
 
 CASE_COLUMNS = ("scene", "setting", "perturbation", "mode", "severity", "seed")
@@ -82,7 +82,7 @@ def run_columns(rows: Sequence[Row], protocol: str) -> list[str]:
     strict = [_column(STRICT, name, protocol) for name in METRICS]
     paper = [_column(PAPER, name, protocol) for name in PAPER_METRICS]
     metrics = [*strict, *paper] if protocol == STRICT else [*paper, *strict]
-    return _with_others((*RUN_COLUMNS, *metrics), rows)
+    return with_others((*RUN_COLUMNS, *metrics), rows)
 
 
 def _sequence_row(results: ResultsFolder, case: Case, conditions: _Conditions) -> Row:
@@ -90,17 +90,21 @@ def _sequence_row(results: ResultsFolder, case: Case, conditions: _Conditions) -
     return {**conditions.columns(case), **found}
 
 
-def _with_others(first: Iterable[str], rows: Iterable[Row]) -> list[str]:
+def with_others(first: Iterable[str], rows: Iterable[Row]) -> list[str]:
+    """Return column names: the given ones, then what else the rows have, sorted."""
     known = list(first)
     return [*known, *sorted({name for row in rows for name in row} - set(known))]
 
 
-def csv_text(rows: Iterable[Row], columns: Sequence[str]) -> str:
-    """Return rows as CSV; what is None is an empty cell, a number has all its digits, no text is a formula."""
+def csv_text(rows: Iterable[Row], columns: Sequence[str], *, as_read: bool = False) -> str:
+    """Return rows as CSV; what is None is an empty cell, a number has all its digits, no text is a formula.
+
+    as_read: whether the values are cells of such a table, and stay as they are.
+    """
     text = io.StringIO()
     table = csv.writer(text, lineterminator="\n")
     table.writerow(map(cell_of, columns))
-    table.writerows([[_cell(row.get(name)) for name in columns] for row in rows])
+    table.writerows([[row.get(name, "") if as_read else _cell(row.get(name)) for name in columns] for row in rows])
     return text.getvalue()
 
 

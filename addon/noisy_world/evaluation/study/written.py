@@ -12,15 +12,27 @@ from .results import INDICATORS, SCORES, STUDY, ResultsFolder
 from .scoring import MAP, PAPER, PROTOCOL_NAMES, STRICT
 
 KIND = "study of Noisy World"
+RECORD = "record of a study of Noisy World"
 FORMAT = 1  # version of study.json; raised when its keys change
 ANOTHER = "choose another folder with --out"
 
 
-def read_study(results: ResultsFolder) -> dict[str, Any]:
-    """Return what was evaluated. Raises StorageError where study.json is damaged, or of another version."""
+def is_record(results: ResultsFolder) -> bool:
+    """Tell whether a folder holds the record of a study, which has no runs. Raises StorageError for a damaged file."""
+    content = results.read_json(results.folder / STUDY)
+    return isinstance(content, dict) and content.get("kind") == RECORD
+
+
+def read_study(results: ResultsFolder, kind: str = KIND) -> dict[str, Any]:
+    """Return what was evaluated. kind: KIND or RECORD, what the file has to be of.
+
+    Raises StorageError where study.json is of another kind or version, or damaged.
+    """
     path = results.folder / STUDY
     content = results.read_json(path)
-    if not isinstance(content, dict) or content.get("kind") != KIND or content.get("format") != FORMAT:
+    if kind == KIND and isinstance(content, dict) and content.get("kind") == RECORD:
+        raise StorageError("is the record of a study, without its runs", file=results.folder, remedy=ANOTHER)
+    if not isinstance(content, dict) or content.get("kind") != kind or content.get("format") != FORMAT:
         raise StorageError("is not of this version of Noisy World", file=path, remedy=ANOTHER)
     study: Any = content.get("study")
     if problem := _problem(study):

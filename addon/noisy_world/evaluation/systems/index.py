@@ -154,7 +154,7 @@ class GivenSequence:
             self._give(source, target)
             return
         rgb = self.stored.frame(self.stored.rgb_files.index(source)).rgb
-        write_atomic(target, encode_colour(as_bytes(rgb), image), target.parent)
+        write_atomic(target, encode_colour(as_bytes(rgb), image, fit_tables=False), target.parent)
 
 
 def given_sequence(

@@ -173,11 +173,13 @@ class OutputFormat:
         """Return the text files of a setting by name; of a sequence, where the scenes' cameras differ."""
         return self.layout.setting_texts(camera, self.depth_scale_per_m, optics)
 
-    def encode_rgb(self, rgb: NDArray[Any]) -> bytes:
-        """Encode (H, W, 3) RGB, sRGB-encoded, uint8 or float32 in [0, 1], as a colour image of the dataset."""
-        if self.colour == "grey":
-            return encode_colour(grey_bytes(rgb), self.image)
-        return encode_colour(as_bytes(rgb), self.image)
+    def encode_rgb(self, rgb: NDArray[Any], *, fit_tables: bool = True) -> bytes:
+        """Encode (H, W, 3) RGB, sRGB-encoded, uint8 or float32 in [0, 1], as a colour image of the dataset.
+
+        fit_tables: see `encode_colour`.
+        """
+        pixels = grey_bytes(rgb) if self.colour == "grey" else as_bytes(rgb)
+        return encode_colour(pixels, self.image, fit_tables=fit_tables)
 
     def stored_rgb(self, rgb: NDArray[Any]) -> NDArray[np.uint8]:
         """Return colour (H, W, 3) as an image of the dataset holds it where nothing is lost; grey in each channel."""

@@ -9,14 +9,13 @@ Features are matched between frames that are near in time, and at distances of 2
 (TUM, camera-to-world, the registered frames, in a scale of its own) and frames.csv.
 """
 
-import argparse
-import json
 import sys
+from argparse import ArgumentParser, Namespace
 from pathlib import Path
 
 import numpy as np
 import pycolmap  # pyright: ignore[reportMissingImports] - of the other environment
-from frame_files import rigid, tum_text
+from frame_files import carry_out, rigid, write_estimate
 
 FEATURES = 2000  # chosen: COLMAP's own 8192 are for photographs of some megapixels
 NEIGHBOURS = 6  # chosen, of COLMAP's own 10: a frame's neighbours look nearly the same
@@ -27,31 +26,17 @@ CENTRE_PX = 0.5  # COLMAP's pixels have their centres at halves
 
 def main(arguments: list[str]) -> int:
     """Run the command line and return the exit status."""
-    if arguments[:1] == ["--versions"]:
-        said = {"pycolmap": pycolmap.__version__, "numpy": np.__version__}
-        print(json.dumps(said | {"python": ".".join(map(str, sys.version_info[:3]))}))
-        return 0
-    parser = argparse.ArgumentParser(prog="colmap_mono.py", description="Reconstruct a sequence by COLMAP.")
-    parser.add_argument("frames", type=Path, help="the index of the frames")
-    parser.add_argument("out", type=Path, help="the folder to write into")
-    options = parser.parse_args(arguments)
-    run(json.loads(options.frames.read_text(encoding="utf-8")), options.out)
-    return 0
+    parser = ArgumentParser(prog="colmap_mono.py", description="Reconstruct a sequence by COLMAP.")
+    return carry_out(arguments, parser, lambda: {"pycolmap": pycolmap.__version__, "numpy": np.__version__}, run)
 
 
-def run(index: dict, out: Path) -> None:
+def run(index: dict, out: Path, _: Namespace) -> None:
     """Reconstruct the frames, then write where their cameras were."""
     images = linked(index, out / "images")
     database = out / "database.db"
     match(index["camera"], images, out / "images", database)
     poses = reconstructed(images, out, database)
-    rows = [
-        f"{frame['index']},{frame['stamp_s']!r},{'tracked' if frame['index'] in poses else 'lost'}\n"
-        for frame in index["frames"]
-    ]
-    (out / "frames.csv").write_text("index,stamp_s,state\n" + "".join(rows), encoding="utf-8")
-    stamps_s = np.array([frame["stamp_s"] for frame in index["frames"]])
-    (out / "trajectory.txt").write_text(tum_text(stamps_s, poses), encoding="utf-8")
+    write_estimate(out, index, poses)
 
 
 def linked(index: dict, folder: Path) -> dict[str, int]:

@@ -1,8 +1,36 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Reading images and writing poses, shared by the programs in this folder."""
+"""The command line, reading images and writing estimates, shared by the programs in this folder."""
+
+import json
+import sys
+from argparse import ArgumentParser, Namespace
+from collections.abc import Callable
+from pathlib import Path
 
 import cv2
 import numpy as np
+
+
+def carry_out(
+    arguments: list[str],
+    parser: ArgumentParser,
+    versions: Callable[[], dict[str, str]],
+    run: Callable[[dict, Path, Namespace], None],
+) -> int:
+    """Carry out `FRAMES OUT [options]` or `--versions`, and return the exit status.
+
+    parser: has the program's own options. versions: says those of what runs. run: is given the index of the frames, the
+    folder to write into and the options; it has one thread of OpenCV.
+    """
+    if arguments[:1] == ["--versions"]:
+        print(json.dumps(versions() | {"python": ".".join(map(str, sys.version_info[:3]))}))
+        return 0
+    parser.add_argument("frames", type=Path, help="the index of the frames")
+    parser.add_argument("out", type=Path, help="the folder to write into")
+    options = parser.parse_args(arguments)
+    cv2.setNumThreads(1)
+    run(json.loads(options.frames.read_text(encoding="utf-8")), options.out, options)
+    return 0
 
 
 def read_image(path: str, mode: int) -> np.ndarray:
@@ -11,6 +39,17 @@ def read_image(path: str, mode: int) -> np.ndarray:
     if image is None:
         raise SystemExit(f"{path}: is no image")
     return image
+
+
+def write_estimate(out: Path, index: dict, poses: dict[int, np.ndarray]) -> None:
+    """Write trajectory.txt (TUM) and frames.csv: poses (4, 4), c2w, of the tracked frames; all others are lost."""
+    rows = [
+        f"{frame['index']},{frame['stamp_s']!r},{'tracked' if frame['index'] in poses else 'lost'}\n"
+        for frame in index["frames"]
+    ]
+    (out / "frames.csv").write_text("index,stamp_s,state\n" + "".join(rows), encoding="utf-8")
+    stamps_s = np.array([frame["stamp_s"] for frame in index["frames"]])
+    (out / "trajectory.txt").write_text(tum_text(stamps_s, poses), encoding="utf-8")
 
 
 def rigid(rotation: np.ndarray, position: np.ndarray) -> np.ndarray:

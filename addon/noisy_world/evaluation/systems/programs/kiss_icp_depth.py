@@ -8,15 +8,14 @@ It sees no colour and is never lost: every frame with points has a pose, true or
 camera-to-world) and frames.csv; a frame with too few points is lost.
 """
 
-import argparse
-import json
 import sys
+from argparse import ArgumentParser, Namespace
 from importlib.metadata import version
 from pathlib import Path
 
 import cv2
 import numpy as np
-from frame_files import read_image, tum_text
+from frame_files import carry_out, read_image, write_estimate
 from kiss_icp.config import KISSConfig  # pyright: ignore[reportMissingImports] - of the other environment
 from kiss_icp.config.config import (  # pyright: ignore[reportMissingImports]
     AdaptiveThresholdConfig,
@@ -37,20 +36,16 @@ FEWEST_POINTS = 500
 
 def main(arguments: list[str]) -> int:
     """Run the command line and return the exit status."""
-    if arguments[:1] == ["--versions"]:
-        said = {name: version(name) for name in ("kiss-icp", "numpy")}
-        print(json.dumps(said | {"opencv": cv2.__version__, "python": ".".join(map(str, sys.version_info[:3]))}))
-        return 0
-    parser = argparse.ArgumentParser(prog="kiss_icp_depth.py", description="Run KISS-ICP on the depth of a sequence.")
-    parser.add_argument("frames", type=Path, help="the index of the frames")
-    parser.add_argument("out", type=Path, help="the folder to write into")
-    options = parser.parse_args(arguments)
-    cv2.setNumThreads(1)
-    run(json.loads(options.frames.read_text(encoding="utf-8")), options.out)
-    return 0
+    parser = ArgumentParser(prog="kiss_icp_depth.py", description="Run KISS-ICP on the depth of a sequence.")
+    return carry_out(arguments, parser, versions, run)
 
 
-def run(index: dict, out: Path) -> None:
+def versions() -> dict[str, str]:
+    """Return the versions of what runs."""
+    return {name: version(name) for name in ("kiss-icp", "numpy")} | {"opencv": cv2.__version__}
+
+
+def run(index: dict, out: Path, _: Namespace) -> None:
     """Show all frames to the system, then write what it estimated."""
     odometry = KissICP(
         KISSConfig(
@@ -63,17 +58,13 @@ def run(index: dict, out: Path) -> None:
         )
     )
     rays = rays_of(index["camera"])
-    rows, poses = [], {}
+    poses = {}
     for frame in index["frames"]:
         points_m = points_of(read_image(frame["depth"], cv2.IMREAD_UNCHANGED) / index["depth_scale_per_m"], rays)
-        tracked = len(points_m) >= FEWEST_POINTS
-        if tracked:
+        if len(points_m) >= FEWEST_POINTS:
             odometry.register_frame(points_m, np.zeros(len(points_m)))
             poses[frame["index"]] = odometry.last_pose.copy()
-        rows.append(f"{frame['index']},{frame['stamp_s']!r},{'tracked' if tracked else 'lost'}\n")
-    (out / "frames.csv").write_text("index,stamp_s,state\n" + "".join(rows), encoding="utf-8")
-    stamps_s = np.array([frame["stamp_s"] for frame in index["frames"]])
-    (out / "trajectory.txt").write_text(tum_text(stamps_s, poses), encoding="utf-8")
+    write_estimate(out, index, poses)
 
 
 def rays_of(camera: dict) -> np.ndarray:

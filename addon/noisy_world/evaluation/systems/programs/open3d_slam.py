@@ -8,17 +8,16 @@ Each frame's depth is aligned with what the model looks like from the frame befo
 are closed. Writes trajectory.txt (TUM, camera-to-world, the tracked frames), frames.csv and, with --map, map.ply.
 """
 
-import argparse
 import importlib.util
-import json
 import sys
+from argparse import ArgumentParser, Namespace
 from importlib.metadata import distribution, version
 from pathlib import Path
 from types import ModuleType
 
 import cv2
 import numpy as np
-from frame_files import read_image, tum_text
+from frame_files import carry_out, read_image, write_estimate
 
 VOXEL_M = 0.01  # chosen: a room in 1 GB
 BLOCKS = 40_000
@@ -33,18 +32,15 @@ LEAST_WEIGHT = 3.0  # of a voxel that is in the map, Open3D's own
 
 def main(arguments: list[str]) -> int:
     """Run the command line and return the exit status."""
-    if arguments[:1] == ["--versions"]:
-        open3d()
-        print(json.dumps({"open3d": version("open3d-cpu"), "python": ".".join(map(str, sys.version_info[:3]))}))
-        return 0
-    parser = argparse.ArgumentParser(prog="open3d_slam.py", description="Run Open3D's dense SLAM on a sequence.")
-    parser.add_argument("frames", type=Path, help="the index of the frames")
-    parser.add_argument("out", type=Path, help="the folder to write into")
+    parser = ArgumentParser(prog="open3d_slam.py", description="Run Open3D's dense SLAM on a sequence.")
     parser.add_argument("--map", action="store_true", help="write the model as map.ply")
-    options = parser.parse_args(arguments)
-    cv2.setNumThreads(1)
-    run(json.loads(options.frames.read_text(encoding="utf-8")), options.out, with_map=options.map)
-    return 0
+    return carry_out(arguments, parser, versions, run)
+
+
+def versions() -> dict[str, str]:
+    """Return the version of Open3D, which has to load."""
+    open3d()
+    return {"open3d": version("open3d-cpu")}
 
 
 def open3d() -> ModuleType:
@@ -123,21 +119,17 @@ class Dense:
         return self._o3d.core.Tensor(np.ascontiguousarray(array))
 
 
-def run(index: dict, out: Path, *, with_map: bool) -> None:
+def run(index: dict, out: Path, options: Namespace) -> None:
     """Show all frames to the system, then write what it estimated."""
     dense = Dense(index)
-    rows: list[str] = []
     poses: dict[int, np.ndarray] = {}
     for frame in index["frames"]:
         colour = read_image(frame["colour"], cv2.IMREAD_COLOR)[..., ::-1]
         pose = dense.track(colour, read_image(frame["depth"], cv2.IMREAD_UNCHANGED))
-        rows.append(f"{frame['index']},{frame['stamp_s']!r},{'lost' if pose is None else 'tracked'}\n")
         if pose is not None:
             poses[frame["index"]] = pose
-    (out / "frames.csv").write_text("index,stamp_s,state\n" + "".join(rows), encoding="utf-8")
-    stamps_s = np.array([frame["stamp_s"] for frame in index["frames"]])
-    (out / "trajectory.txt").write_text(tum_text(stamps_s, poses), encoding="utf-8")
-    if with_map:
+    write_estimate(out, index, poses)
+    if options.map:
         dense.write_map(out / "map.ply")
 
 

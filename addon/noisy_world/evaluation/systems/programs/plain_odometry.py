@@ -9,41 +9,25 @@ without any of the care that others take. docs/examples/odometry.py is the same 
 trajectory.txt (TUM, camera-to-world, the tracked frames) and frames.csv.
 """
 
-import argparse
-import json
 import sys
+from argparse import ArgumentParser, Namespace
 from pathlib import Path
 
 import cv2
 import numpy as np
-from frame_files import read_image, tum_text
+from frame_files import carry_out, read_image, write_estimate
 
 
 def main(arguments: list[str]) -> int:
     """Run the command line and return the exit status."""
-    if arguments[:1] == ["--versions"]:
-        said = {"numpy": np.__version__, "opencv": cv2.__version__, "python": ".".join(map(str, sys.version_info[:3]))}
-        print(json.dumps(said))
-        return 0
-    parser = argparse.ArgumentParser(prog="plain_odometry.py", description="Chain OpenCV's odometry along a sequence.")
-    parser.add_argument("frames", type=Path, help="the index of the frames")
-    parser.add_argument("out", type=Path, help="the folder to write into")
-    options = parser.parse_args(arguments)
-    cv2.setNumThreads(1)
-    run(json.loads(options.frames.read_text(encoding="utf-8")), options.out)
-    return 0
+    parser = ArgumentParser(prog="plain_odometry.py", description="Chain OpenCV's odometry along a sequence.")
+    return carry_out(arguments, parser, lambda: {"numpy": np.__version__, "opencv": cv2.__version__}, run)
 
 
-def run(index: dict, out: Path) -> None:
+def run(index: dict, out: Path, _: Namespace) -> None:
     """Show all frames to the tracker, then write what it estimated."""
     poses = track(index)
-    rows = [
-        f"{frame['index']},{frame['stamp_s']!r},{'tracked' if frame['index'] in poses else 'lost'}\n"
-        for frame in index["frames"]
-    ]
-    (out / "frames.csv").write_text("index,stamp_s,state\n" + "".join(rows), encoding="utf-8")
-    stamps_s = np.array([frame["stamp_s"] for frame in index["frames"]])
-    (out / "trajectory.txt").write_text(tum_text(stamps_s, poses), encoding="utf-8")
+    write_estimate(out, index, poses)
 
 
 def track(index: dict) -> dict[int, np.ndarray]:

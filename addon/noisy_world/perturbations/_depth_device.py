@@ -1,0 +1,41 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Depth sensors as tables: what is below 0 among the parameters of a model is taken from its device's table."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any, TypeVar
+
+from ..core.geometry import Intrinsics
+from ..core.perturbing.kinds import FrameContext
+from ..core.schema import key
+
+P = TypeVar("P")
+
+Devices = Mapping[str, Mapping[str, float]]
+"""By a device's name the values of the parameters that are its own."""
+
+NOISE_SEVERITIES = (0.25, 0.5, 1.0, 2.0, 4.0)  # times the device's: halved and doubled around it
+
+
+def of_device(meaning: str, maximum: float, unit: str = "") -> Any:
+    """Return the field of a number that is the device's where it is below 0, as by default."""
+    return key(f"{meaning}; below 0: the device's", default=-1.0, unit=unit, minimum=-1, maximum=maximum)
+
+
+def noise_of_device() -> Any:
+    """Return the field of the number that all noise of a device is multiplied by, which severity sets."""
+    return key("random errors, times the device's", default=NOISE_SEVERITIES[2], minimum=0, maximum=100)
+
+
+def filled(parameters: P, devices: Devices) -> P:
+    """Return parameters with the values of their `device` where theirs are below 0."""
+    given: Any = parameters
+    own = devices[given.device]
+    return replace(given, **{name: value for name, value in own.items() if getattr(given, name) < 0})
+
+
+def camera_of(context: FrameContext, name: str) -> Intrinsics:
+    """Return the camera of a depth image. Raises TypeError, naming the model, where it is not known."""
+    if context.intrinsics is None:
+        raise TypeError(f"{name} needs the camera's intrinsics: rays and disparities follow from them")
+    return context.intrinsics

@@ -1,0 +1,78 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Redwood's model of the first Kinect, as Open3D and Habitat have it, without its table of distortion."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.perturbing.kinds import DepthPerturbation, FrameContext
+from ..core.schema import key
+from ._depth_device import NOISE_SEVERITIES, Devices, filled, noise_of_device, of_device
+from ._quantiles import look_up, scaled_normal, uniform_codes
+from ._shifted import shifted_places, taken
+from ._void import quotient, without_void
+
+
+@dataclass(frozen=True)
+class Redwood:
+    """A pixel takes the depth of a place near its own, of every second row and column; disparity is noisy and rounded.
+
+    z becomes B / round(B / z + N(0, sigma)) with B = product / step. With `noise: 0` it is Open3D's deterministic mode.
+    """
+
+    device: Literal["kinect_v1"] = key("the camera whose values are taken", default="kinect_v1")
+    noise: float = noise_of_device()
+    product_px_m: float = of_device("focal length x baseline", 10_000, "px m")
+    step_px: float = of_device("what disparity is rounded to", 8, "px")
+    sigma_px: float = of_device("standard deviation of disparity before that", 8, "px")
+    shift_px: float = of_device("standard deviation of the place, across and down, that a pixel shows", 8, "px")
+    max_m: float = of_device("depth from which on nothing is given", 1000, "m")
+
+
+# Choi, Zhou and Koltun, Robust reconstruction of indoor scenes, 2015; the same in Open3D and habitat-sim.
+DEVICES: Devices = {
+    "kinect_v1": {
+        "product_px_m": 35.130,
+        "step_px": 1 / 8,
+        "sigma_px": 0.027778,
+        "shift_px": 0.25,
+        "max_m": 10.0,
+    }
+}
+
+
+def apply(depth_m: NDArray[np.float32], parameters: Redwood, context: FrameContext) -> NDArray[np.float32]:
+    """Measure (H, W) metres."""
+    own = filled(parameters, DEVICES)
+    depth, valid = without_void(depth_m)
+    shift_px = own.shift_px * own.noise
+    if shift_px > 0:
+        rows, columns = shifted_places(context.pattern_stream("place"), depth.shape, shift_px)
+    else:
+        rows, columns = (np.arange(side, dtype=np.int32) for side in depth.shape)
+        rows = np.broadcast_to(rows[:, None], depth.shape)
+        columns = np.broadcast_to(columns, depth.shape)
+    depth = taken(depth, rows & ~1, columns & ~1)
+    valid &= (depth > 0) & (depth < np.float32(own.max_m))
+    steps = quotient(own.product_px_m / own.step_px, depth, valid)
+    if own.sigma_px * own.noise > 0:
+        codes = uniform_codes(context.pattern_stream("disparity"), depth.shape)
+        steps += look_up(codes, scaled_normal(own.sigma_px * own.noise / own.step_px))
+    np.rint(steps, out=steps)
+    valid &= steps > 0
+    return quotient(own.product_px_m / own.step_px, steps, valid)
+
+
+PERTURBATION = DepthPerturbation(
+    name="redwood",
+    label="Depth sensor: Redwood's Kinect",
+    order=2,
+    parameters=Redwood,
+    severities={"noise": NOISE_SEVERITIES},
+    source="our own: the published errors, halved and doubled; the law: Choi, Zhou and Koltun, 2015",
+    apply=apply,
+    temporals=("fresh", "fixed"),
+    grain=True,
+)

@@ -1,0 +1,137 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A structured-light camera such as the first Kinect: disparity in eighths, a window, and the projector's shadow."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.perturbing.kinds import DepthPerturbation, FrameContext
+from ..core.schema import key
+from ._bands import by_bands
+from ._depth_device import NOISE_SEVERITIES, Devices, camera_of, filled, noise_of_device, of_device
+from ._depth_shadow import shadowed
+from ._quantiles import look_up, scaled_normal, uniform_codes
+from ._shifted import shifted_places, taken
+from ._void import quotient, without_void
+
+LEAST_JUMP_PX = 1.0  # of disparity: less is one surface; chosen
+
+
+@dataclass(frozen=True)
+class StructuredLight:
+    """Disparity is rounded to fractions of a pixel after a little noise, so that far depth has steps.
+
+    Lost is what the projector does not light, by a second ray from its place; pixels whose window shows mostly other
+    surfaces, so that thin things and sharp corners are missing; and what is outside the range. Edges are ragged: each
+    pixel takes the depth of a place near its own. Not modelled: dark and shiny surfaces, sunlight, radial distortion.
+    """
+
+    device: Literal["kinect_v1", "kinect_v1_near"] = key("the camera whose values are taken", default="kinect_v1")
+    noise: float = noise_of_device()
+    focal_px: float = of_device("focal length of the device's image", 10_000, "px")
+    baseline_m: float = of_device("distance from the projector to the camera", 10, "m")
+    step_px: float = of_device("what disparity is rounded to", 8, "px")
+    sigma_px: float = of_device("standard deviation of disparity before that", 8, "px")
+    shift_px: float = of_device("standard deviation of the place, across and down, that a pixel shows", 8, "px")
+    window_px: float = of_device("side of the window that is matched; 0: none", 99, "px")
+    least_share: float = of_device("share of the window that has to show the pixel's own surface", 1)
+    min_m: float = of_device("nearest depth that is given", 1000, "m")
+    max_m: float = of_device("farthest depth that is given", 1000, "m")
+
+
+# f b / step of 351.3 m, an error of a sixth of a step, half a pixel of shift, a window of 9 x 9: ICL-NUIM (simkinect).
+# baseline_m and step_px: BlenSor; so focal_px is 585.5. Ranges: Kinect for Windows SDK. least_share: a guess.
+_KINECT = {"focal_px": 585.5, "baseline_m": 0.075, "step_px": 1 / 8, "sigma_px": 1 / 48, "shift_px": 0.5}
+_KINECT |= {"window_px": 9.0, "least_share": 0.4}
+DEVICES: Devices = {
+    "kinect_v1": _KINECT | {"min_m": 0.8, "max_m": 4.0},
+    "kinect_v1_near": _KINECT | {"min_m": 0.4, "max_m": 3.0},
+}
+
+
+def apply(depth_m: NDArray[np.float32], parameters: StructuredLight, context: FrameContext) -> NDArray[np.float32]:
+    """Measure (H, W) metres; needs the context's intrinsics."""
+    camera = camera_of(context, "structured_light")
+    own = filled(parameters, DEVICES)
+    scale = camera.fx_px / own.focal_px  # this image's pixels in one of the device's
+    product = own.focal_px * own.baseline_m
+    depth, valid = without_void(depth_m)
+    disparity = quotient(product, depth, valid)
+    lit = disparity * (valid & ~shadowed(disparity * np.float32(scale)))
+    lit = _matched(lit, own, scale)
+    if own.shift_px * own.noise > 0:
+        places = shifted_places(context.pattern_stream("place"), depth.shape, own.shift_px * own.noise * scale)
+        lit = taken(lit, *places)
+    valid &= lit > 0
+    if own.sigma_px * own.noise > 0:
+        codes = uniform_codes(context.pattern_stream("disparity"), depth.shape)
+        lit += look_up(codes, scaled_normal(own.sigma_px * own.noise))
+    if own.step_px > 0:
+        # The published code adds half a step before rounding and leaves it there; here it is taken off again.
+        lit *= np.float32(1 / own.step_px)
+        lit += np.float32(0.5)
+        np.rint(lit, out=lit)
+        lit -= np.float32(0.5)
+        lit *= np.float32(own.step_px)
+    valid &= lit > 0
+    measured = quotient(product, lit, valid)
+    measured[(measured < np.float32(own.min_m)) | (measured > np.float32(own.max_m))] = 0
+    return measured
+
+
+def _matched(disparity_px: NDArray[np.float32], own: StructuredLight, scale: float) -> NDArray[np.float32]:
+    """Return disparity (H, W), 0 where too little of the window shows the pixel's own surface.
+
+    Of two surfaces with the mean m and the variance v, the pixel's own, d, has the share v / (v + (d - m)^2), and they
+    are (v + (d - m)^2) / |d - m| apart.
+    """
+    import cv2
+
+    half = round(own.window_px * scale / 2 - 0.5)
+    if half < 1 or own.least_share <= 0:
+        return disparity_px
+    window = (2 * half + 1, 2 * half + 1)
+    count = _blurred((disparity_px > 0).astype(np.float32), window)
+    mean = _blurred(disparity_px, window)
+    squares = np.asarray(cv2.sqrBoxFilter(disparity_px, cv2.CV_32F, window), np.float32).reshape(disparity_px.shape)
+    least = np.float32(own.least_share)
+
+    def kept(
+        own_px: NDArray[np.float32], mean: NDArray[np.float32], squares: NDArray[np.float32], count: NDArray[np.float32]
+    ) -> NDArray[np.float32]:
+        weight = 1 / np.maximum(count, np.float32(1e-6))  # means are over what is known
+        mean = np.multiply(mean, weight, dtype=np.float32)
+        variance = squares * weight
+        variance -= mean * mean
+        np.maximum(variance, 0, out=variance)
+        off = np.abs(own_px - mean)
+        spread = off * off
+        spread += variance
+        # share = count * variance / spread where the two are apart, else count
+        variance *= count
+        two = spread > off * np.float32(LEAST_JUMP_PX)
+        enough = np.where(two, variance >= least * spread, count >= least)
+        return own_px * enough
+
+    return by_bands(disparity_px, disparity_px.dtype, kept, mean, squares, count)
+
+
+def _blurred(image: NDArray[np.float32], window: tuple[int, int]) -> NDArray[np.float32]:
+    import cv2
+
+    return np.asarray(cv2.blur(image, window), np.float32).reshape(image.shape)
+
+
+PERTURBATION = DepthPerturbation(
+    name="structured_light",
+    label="Depth sensor: structured light",
+    order=2,
+    parameters=StructuredLight,
+    severities={"noise": NOISE_SEVERITIES},
+    source="our own: the device's errors, halved and doubled; the laws: ICL-NUIM, BlenSor",
+    apply=apply,
+    temporals=("fresh", "fixed"),
+    grain=True,
+)

@@ -1,0 +1,204 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A time-of-flight camera: the phase of modulated light, summed over what a pixel sees, from four noisy samples."""
+
+import math
+from dataclasses import dataclass
+from itertools import product
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.geometry import Intrinsics
+from ..core.linear_light import decoded
+from ..core.perturbing.kinds import DepthPerturbation, FrameContext
+from ..core.schema import key
+from ._depth_device import NOISE_SEVERITIES, Devices, camera_of, filled, noise_of_device, of_device
+from ._incidence import cosine_of_incidence
+from ._quantiles import look_up, scaled_normal, uniform_codes
+from ._void import quotient, without_void
+
+SPEED_OF_LIGHT_M_S = 299_792_458.0
+
+
+@dataclass(frozen=True)
+class TimeOfFlight:
+    """Range is c phase / (4 pi f), of the argument of a sum of phasors: a pixel on an edge shows what is not there.
+
+    The light of a surface goes with its albedo, here the colour's luminance, with the cosine of incidence and with the
+    inverse square of its range. A pixel's phasor is its own and a share of its neighbours'. Four samples of n electrons
+    each, with their shot noise and the read noise, give the phase; further frequencies tell whole turns up to
+    `unambiguous_m`, beyond which range begins again at 0. Lost is what is too dark, too bright, out of range, or beside
+    a jump of depth. Not modelled: light that comes by detours, motion between the samples, the lens's scattering.
+    """
+
+    device: Literal["azure_kinect_nfov", "azure_kinect_nfov_binned", "azure_kinect_wfov"] = key(
+        "the camera and mode whose values are taken", default="azure_kinect_nfov"
+    )
+    noise: float = noise_of_device()
+    frequency_mhz: float = of_device("frequency that the phase is measured at", 10_000, "MHz")
+    unambiguous_m: float = of_device("range that further frequencies tell apart, rounded to turns; 0: one", 10_000, "m")
+    electrons: float = of_device("of a sample, from a white surface at 1 m, head on", 1e9)
+    ambient_electrons: float = of_device("of a sample, from other light", 1e9)
+    read_electrons: float = of_device("standard deviation of reading a sample", 1e6)
+    contrast: float = of_device("modulation contrast of the samples", 1)
+    least_electrons: float = of_device("least amplitude that is taken for a signal", 1e9)
+    most_electrons: float = of_device("what a sample holds; above it nothing is given", 1e9)
+    spread: float = of_device("share of a pixel's light that goes to each neighbour beside, above and below it", 0.25)
+    jump_m: float = of_device(
+        "jump of depth to one of eight neighbours beside which nothing is given; 0: never", 1000, "m"
+    )
+    min_m: float = of_device("nearest depth that is given", 1000, "m")
+    max_m: float = of_device("farthest depth that is given", 1000, "m")
+
+
+# Ranges: Microsoft, Azure Kinect DK hardware specifications. electrons: so that the deviation on a grey of albedo 0.5
+# is 1 mm a metre, as BlenderProc's law; it also has jump_m. All else is a guess.
+_AZURE = {"frequency_mhz": 200.0, "unambiguous_m": 15.0, "electrons": 22_400.0, "ambient_electrons": 0.0}
+_AZURE |= {"read_electrons": 6.0, "contrast": 0.8, "least_electrons": 40.0, "most_electrons": 100_000.0}
+_AZURE |= {"spread": 0.1, "jump_m": 0.8}
+DEVICES: Devices = {
+    "azure_kinect_nfov": _AZURE | {"min_m": 0.5, "max_m": 3.86},
+    "azure_kinect_nfov_binned": _AZURE | {"min_m": 0.5, "max_m": 5.46},
+    "azure_kinect_wfov": _AZURE | {"min_m": 0.25, "max_m": 2.21},
+}
+
+
+def apply(depth_m: NDArray[np.float32], parameters: TimeOfFlight, context: FrameContext) -> NDArray[np.float32]:
+    """Measure (H, W) metres; needs the context's colour and intrinsics."""
+    camera = camera_of(context, "time_of_flight")
+    own = filled(parameters, DEVICES)
+    depth, valid = without_void(depth_m)
+    length = _ray_lengths(camera)
+    range_m = depth * length
+    electrons = _electrons(depth, range_m, own, camera, context.rgb)
+    fine_m = SPEED_OF_LIGHT_M_S / (2e6 * max(own.frequency_mhz, 1e-3))
+    real, imaginary = (_mixed(part, own.spread) for part in _phasor(electrons, range_m, fine_m))
+    mixed = _mixed(electrons, own.spread)
+    deviation = mixed + np.float32(own.ambient_electrons + own.read_electrons**2)
+    deviation *= np.float32(own.noise**2 / 2)
+    np.sqrt(deviation, out=deviation)
+    generator = context.pattern_stream("samples")
+    for part in (real, imaginary):
+        np.multiply(part, np.float32(own.contrast), out=part)
+        noise = look_up(uniform_codes(generator, depth.shape), scaled_normal(1.0))
+        noise *= deviation
+        np.add(part, noise, out=part)
+    found_m = _turned(real, imaginary, fine_m)
+    turns = round(own.unambiguous_m / fine_m)
+    if turns > 1:
+        coarse_m = _coarse(electrons, range_m, own.spread, fine_m, turns * fine_m)
+        found_m += np.rint((coarse_m - found_m) * np.float32(1 / fine_m)) * np.float32(fine_m)
+        found_m = _begun_again(found_m, turns * fine_m)
+    amplitude = real * real + imaginary * imaginary
+    valid &= amplitude >= np.float32(own.least_electrons**2)
+    valid &= mixed <= np.float32(own.most_electrons - own.ambient_electrons)
+    if own.jump_m > 0:
+        valid &= ~_beside_jump(depth, own.jump_m)
+    found_m /= length
+    valid &= (found_m >= np.float32(own.min_m)) & (found_m <= np.float32(own.max_m)) & (found_m > 0)
+    return np.where(valid, found_m, np.float32(0))
+
+
+def _ray_lengths(camera: Intrinsics) -> NDArray[np.float32]:
+    """Return (H, W): the length of each ray whose planar depth is 1."""
+    x = np.square((np.arange(camera.width_px) - camera.cx_px) / camera.fx_px)
+    y = np.square((np.arange(camera.height_px) - camera.cy_px) / camera.fy_px)
+    return np.sqrt((x + 1).astype(np.float32) + y.astype(np.float32)[:, None])
+
+
+def _electrons(
+    depth_m: NDArray[np.float32],
+    range_m: NDArray[np.float32],
+    own: TimeOfFlight,
+    camera: Intrinsics,
+    rgb: NDArray[np.float32],
+) -> NDArray[np.float32]:
+    """Return (H, W): the mean electrons of a sample of each pixel, from its own surface; 0 where void."""
+    import cv2
+
+    grey = np.asarray(cv2.cvtColor(rgb, cv2.COLOR_RGB2GRAY), np.float32).reshape(depth_m.shape)
+    found = decoded(grey)
+    found *= cosine_of_incidence(depth_m, camera)
+    found *= np.float32(own.electrons)
+    return quotient(found, range_m * range_m, range_m > 0)
+
+
+def _phasor(
+    electrons: NDArray[np.float32], range_m: NDArray[np.float32], turn_m: float
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Return real and imaginary part, of any shape. turn_m: the range of a whole turn."""
+    phase = range_m * np.float32(1 / turn_m)
+    phase -= np.floor(phase)
+    phase *= np.float32(math.tau)
+    return np.cos(phase) * electrons, np.sin(phase) * electrons
+
+
+def _mixed(image: NDArray[np.float32], spread: float) -> NDArray[np.float32]:
+    """Return (H, W): of each pixel its own and its share of the neighbours'."""
+    import cv2
+
+    kernel = np.array([spread, 1 - 2 * spread, spread], np.float32)
+    mixed = cv2.sepFilter2D(image, -1, kernel, kernel, borderType=cv2.BORDER_REPLICATE)
+    return np.asarray(mixed, np.float32).reshape(image.shape)
+
+
+def _turned(real: NDArray[np.float32], imaginary: NDArray[np.float32], turn_m: float) -> NDArray[np.float32]:
+    """Return the range of a phasor's argument, in [0, turn_m)."""
+    turns = np.arctan2(imaginary, real)
+    turns *= np.float32(1 / math.tau)
+    turns -= np.floor(turns)
+    turns *= np.float32(turn_m)
+    return turns
+
+
+def _coarse(
+    electrons: NDArray[np.float32], range_m: NDArray[np.float32], spread: float, fine_m: float, whole_m: float
+) -> NDArray[np.float32]:
+    """Return (H, W): the range that a phasor whose turn is whole_m tells, without noise.
+
+    Where ranges are alike, within a part of fine_m, that is the pixel's own.
+    """
+    coarse_m = _begun_again(range_m, whole_m)
+    row, column = np.nonzero(_beside_jump(range_m, fine_m / 8))
+    if spread > 0 and row.size:
+        real, imaginary = np.zeros(row.size, np.float32), np.zeros(row.size, np.float32)
+        for down, right in product((-1, 0, 1), repeat=2):
+            at = (row + down).clip(0, range_m.shape[0] - 1), (column + right).clip(0, range_m.shape[1] - 1)
+            steps = abs(down) + abs(right)
+            share = spread**steps * (1 - 2 * spread) ** (2 - steps)
+            x, y = _phasor(electrons[at] * np.float32(share), range_m[at], whole_m)
+            real += x
+            imaginary += y
+        coarse_m[row, column] = _turned(real, imaginary, whole_m)
+    return coarse_m
+
+
+def _begun_again(range_m: NDArray[np.float32], turn_m: float) -> NDArray[np.float32]:
+    """Return (H, W): ranges in [0, turn_m)."""
+    return range_m - np.floor(range_m * np.float32(1 / turn_m)) * np.float32(turn_m)
+
+
+def _beside_jump(depth_m: NDArray[np.float32], jump_m: float) -> NDArray[np.bool_]:
+    """Return the mask (H, W) of pixels in whose 3 x 3 depths differ by more than this; void is no depth."""
+    import cv2
+
+    around = np.ones((3, 3), np.uint8)
+    farthest = np.asarray(cv2.dilate(depth_m, around), np.float32).reshape(depth_m.shape)
+    known = np.where(depth_m > 0, depth_m, np.float32(1e9))
+    nearest = np.asarray(cv2.erode(known, around), np.float32).reshape(depth_m.shape)
+    return farthest - nearest > np.float32(jump_m)
+
+
+PERTURBATION = DepthPerturbation(
+    name="time_of_flight",
+    label="Depth sensor: time of flight",
+    order=2,
+    parameters=TimeOfFlight,
+    severities={"noise": NOISE_SEVERITIES},
+    source="our own: the device's errors, halved and doubled; the law: derived from four samples of a phase",
+    apply=apply,
+    needs_rgb=True,
+    temporals=("fresh", "fixed"),
+    grain=True,
+)
