@@ -145,8 +145,7 @@ peer-env: .venv-peer/.installed ## an environment with Open3D and pyrender, to c
 
 .venv-peer/.installed: tests/peer/requirements.txt
 	@test -n "$(PYTHON311)" || { echo "make: Open3D needs Python 3.11, which is not here" >&2; exit 1; }
-	$(ENVIRONMENT) "$(PYTHON311)" .venv-peer --only-binary :all: -r $<
-	.venv-peer/bin/python -m pip install --no-compile --quiet --disable-pip-version-check --only-binary :all: --no-deps pyrender==0.1.45
+	$(ENVIRONMENT) "$(PYTHON311)" .venv-peer --only-binary :all: --no-deps -r $<
 	touch $@
 
 corruptions-env: .venv-corruptions/.installed ## an environment with imagecorruptions, to compare with; Python 3.11, a compiler

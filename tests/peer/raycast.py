@@ -10,13 +10,14 @@ Reads the mesh with Open3D's own reader and the poses (Replica layout) with nump
 import sys
 
 import numpy as np
-import open3d as o3d
+from compiled_open3d import open3d
 
 
 def main(mesh_path, poses_path, out_path, *numbers):
     width, height = map(int, numbers[:2])
     fx, fy, cx, cy = map(float, numbers[2:6])
     frames = list(map(int, numbers[6:]))
+    o3d = open3d()
     mesh = o3d.io.read_triangle_mesh(mesh_path)
     faces = np.asarray(mesh.triangles)
     colours = np.asarray(mesh.vertex_colors) * 255

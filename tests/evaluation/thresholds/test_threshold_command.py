@@ -1,14 +1,20 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """`noisy-world threshold` from preset to figure, with a system that bears a delay of three frames."""
 
+import contextlib
 import csv
+import io
 import json
+import os
 import signal
+import subprocess
 import sys
+import time
 
 import pytest
 import yaml
 from study_tools import small_world, write_systems
+from worlds import ROOT
 
 from noisy_world.cli import command
 
@@ -30,6 +36,7 @@ with open(out + "/poses.txt", "w") as file:
 """
 FRAMES = 12
 SEARCH = ("--perturbation", "desync", "--from", "1", "--to", "11")
+TRIALS = "desync.offset/patient.threshold.json"
 
 
 def threshold(*words):
@@ -62,29 +69,67 @@ def search(world, out, *more, system="patient"):
     return threshold(world / "preset.yaml", "--system", world / f"{system}.yaml", *SEARCH, "--out", out, *more)
 
 
-def test_a_threshold_is_found_and_a_search_goes_on(world, tmp_path, capfd):
-    file = tmp_path / "whole/desync.offset/patient.threshold.json"
-    assert search(world, tmp_path / "whole") == 0
-    (said,) = (line for line in capfd.readouterr().out.splitlines() if line.startswith("patient"))
+@pytest.fixture(scope="module")
+def whole(world, tmp_path_factory):
+    """A folder of thresholds with a search that nothing disturbed, and what it printed."""
+    out, said = tmp_path_factory.mktemp("whole") / "out", io.StringIO()
+    with contextlib.redirect_stdout(said):
+        assert search(world, out) == 0
+    return out, said.getvalue()
+
+
+def results_of(out):
+    return {name: (out / name).read_bytes() for name in (TRIALS, "thresholds.csv", "thresholds.svg")}
+
+
+def test_a_threshold_is_found(whole):
+    out, text = whole
+    (said,) = (line for line in text.splitlines() if line.startswith("patient"))
     assert "patient, desync.offset: the threshold is " in said
     assert " frames (95 %: " in said
-    content = json.loads(file.read_text())
+    content = json.loads((out / TRIALS).read_text())
     assert 3 < content["found"]["threshold"] < 4.2
     assert {trial["succeeded"] for trial in content["trials"] if trial["value"] <= 3} == {True}
     assert {trial["succeeded"] for trial in content["trials"] if trial["value"] > 3} == {False}
     assert {trial["outcome"] for trial in content["trials"]} == {"finished", "crashed"}
-    (row,) = csv.DictReader((tmp_path / "whole/thresholds.csv").open(newline=""))
+    (row,) = csv.DictReader((out / "thresholds.csv").open(newline=""))
     assert (row["system"], row["parameter"], row["unit"], row["verdict"]) == ("patient", "offset", "frames", "found")
     assert float(row["mild_end"]) < float(row["threshold"]) < float(row["worst_end"])
-    assert b"<svg" in (tmp_path / "whole/thresholds.svg").read_bytes()
+    assert b"<svg" in (out / "thresholds.svg").read_bytes()
 
-    out = tmp_path / "halves"  # ended after four runs, as by --most, and taken up again
-    assert search(world, out, "--most", 4) == 0
+
+@pytest.mark.skipif(not hasattr(os, "killpg"), reason="needs process groups")
+def test_a_search_that_ended_or_was_killed_goes_on(world, whole, tmp_path, capfd):
+    count = len(json.loads((whole[0] / TRIALS).read_text())["trials"])
+    assert search(world, tmp_path, "--most", 2) == 0
     assert "wider than asked for" in capfd.readouterr().out
-    assert search(world, out) == 0
-    assert (out / "desync.offset/patient.threshold.json").read_bytes() == file.read_bytes()
-    for name in ("thresholds.csv", "thresholds.svg"):
-        assert (out / name).read_bytes() == (tmp_path / "whole" / name).read_bytes()
+    assert made_in(tmp_path) == 2
+
+    words = ["threshold", world / "preset.yaml", "--system", world / "patient.yaml", *SEARCH, "--out", tmp_path]
+    process = subprocess.Popen(
+        [sys.executable, "-m", "noisy_world", *map(str, words)],
+        env=os.environ | {"PYTHONPATH": str(ROOT / "addon")},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        start_new_session=True,
+    )
+    deadline = time.monotonic() + 120
+    while process.poll() is None and time.monotonic() < deadline and made_in(tmp_path) < 4:
+        time.sleep(0.005)
+    assert process.poll() is None, process.communicate()[0]
+    os.killpg(process.pid, signal.SIGKILL)  # with the system's process: in the middle of a run, or between two
+    process.communicate(timeout=60)
+    assert 4 <= made_in(tmp_path) < count
+
+    assert search(world, tmp_path) == 0
+    assert results_of(tmp_path) == results_of(whole[0])
+    assert sorted(path.name for path in tmp_path.iterdir()) == sorted(path.name for path in whole[0].iterdir())
+
+
+def made_in(out):
+    """How many trials a search has written, which it does whole or not at all."""
+    return len(json.loads((out / TRIALS).read_text())["trials"]) if (out / TRIALS).exists() else 0
 
 
 def test_without_a_limit_the_bound_is_said(world, tmp_path, capfd):
