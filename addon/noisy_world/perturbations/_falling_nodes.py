@@ -99,7 +99,7 @@ def build_falling(canvas: Canvas, given: Mapping[str, Socket], laws: Laws) -> So
         veil = graph.math("MULTIPLY_ADD", integral, seen_to_m, distance_m - limit_m) * extinction
         seen = graph.math("EXPONENT", veil * kept_sky(canvas, given) * -1.0)
     with graph.section("Streaks in the world"):
-        drifts = canvas.drifts > 0.0
+        drifts = graph.math("GREATER_THAN", canvas.drifts, 0.0)
         speeds = {sizes: laws.speed(graph, measured_mm * sizes.typical) * given["fall"] for sizes in SIZES}
         kept = shared | {"Nearness": graph.choose(drifts, nearness, HIDDEN, "float")}
     through = seen_through_sheets(canvas, given, kept, speeds)
