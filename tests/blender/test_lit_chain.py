@@ -21,6 +21,7 @@ from noisy_world.core.datasets.provenance import render_seed
 from noisy_world.core.geometry import Intrinsics
 from noisy_world.core.perturbing.execution import ColourWork
 from noisy_world.core.perturbing.kinds import FrameContext
+from noisy_world.core.perturbing.lit import on_light
 from noisy_world.core.presets.preset import read_preset
 from noisy_world.core.progress import PlainProgress
 from noisy_world.pipeline.run import Run
@@ -101,7 +102,7 @@ def test_both_executions_give_the_same_light_of_any_brightness():
         found, _ = compositor.evaluate(light, dict.fromkeys(names, (5, IDENTIFIERS)), depth_m)
     where = FrameContext(5, IDENTIFIERS, intrinsics=camera, read_depth_m=lambda: depth_m)
     for name, steps in chains.items():
-        wanted = ColourWork.of(steps, where).on_light(light)
+        wanted = on_light(ColourWork.of(steps, where), light)
         relative = np.abs(found[name] - wanted) / wanted
         print(name, relative.max())
         assert relative.max() < 1e-3, name
@@ -112,7 +113,7 @@ def test_a_lens_spreads_light_itself_so_a_lamp_stays_a_lamp():
     light = np.full((21, 21, 3), 0.1, np.float32)
     light[10, 10] = 100
     (step,) = [step_of("defocus_blur", radius_px=4, alias_sigma_px=0)]
-    made = ColourWork.of([step], FrameContext(0, IDENTIFIERS)).on_light(light)
+    made = on_light(ColourWork.of([step], FrameContext(0, IDENTIFIERS)), light)
     rows, columns = np.mgrid[-10:11, -10:11]
     disk = rows**2 + columns**2 <= 16
     assert np.abs(made[disk] - (0.1 + 99.9 / disk.sum())).max() < 1e-4  # as bright as the disk has pixels
@@ -135,7 +136,7 @@ def test_a_group_outdoors_takes_the_other_table(tmp_path):
     nodes = {f"s{severity}": ("fog_depth", {"Severity": severity, "Outdoors": True}) for severity in table}
     found = by_groups(nodes, light, tmp_path, depth_m=depth_m)
     for severity, step in table.items():
-        wanted = ColourWork.of([step], FrameContext(0, IDENTIFIERS, read_depth_m=lambda: depth_m)).on_light(light)
+        wanted = on_light(ColourWork.of([step], FrameContext(0, IDENTIFIERS, read_depth_m=lambda: depth_m)), light)
         assert np.abs(found[f"s{severity}"] / wanted - 1).max() < 1e-3
 
 

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from noisy_world.core.perturbing.execution import ColourWork
 from noisy_world.core.perturbing.kinds import FrameContext
+from noisy_world.core.perturbing.lit import on_light
 from noisy_world.core.perturbing.reading import parse_steps
 from noisy_world.core.schema import ConfigPath
 from noisy_world.perturbations import registry
@@ -29,7 +30,7 @@ def dusk_street(lamp=0.0):
 def made(light, depth_m, name, *, lit=True, **values):
     steps = parse_steps([{name: values}], ConfigPath("test"), registry())
     work = ColourWork.of(steps, FrameContext(5, (7, "street", "x"), read_depth_m=lambda: depth_m))
-    return work.on_light(light) if lit else work.on(encoded(light).astype(np.float32))
+    return on_light(work, light) if lit else work.on(encoded(light).astype(np.float32))
 
 
 @pytest.mark.parametrize("name", BY_DEPTH)

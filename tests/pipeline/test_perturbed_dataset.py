@@ -215,11 +215,11 @@ def test_storing_adds_no_visible_perturbation():
 
 def test_what_is_made_once_for_a_scene_counts_as_loading(tmp_path, monkeypatch):
     @contextmanager
-    def slowly(*asked):
+    def slowly(*asked, **keys):
         end_s = time.process_time() + 0.4
         while time.process_time() < end_s:
             pass
-        with colour_of(*asked) as made:
+        with colour_of(*asked, **keys) as made:
             yield made
 
     monkeypatch.setattr(frame_maker, "colour_of", slowly)

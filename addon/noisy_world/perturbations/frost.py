@@ -5,17 +5,20 @@ import hashlib
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.datasets.images import as_float, rgb_bytes
 from ..core.node_graphs.graph import BroughtImage, Kind, Socket, Value
 from ..core.node_graphs.groups import Canvas
 from ..core.perturbing.kinds import ColourPerturbation, FrameContext
 from ..core.regular_files import read_bytes
 from ..core.schema import key
 from . import _ice
-from ._bands import Level, colour_by_bands
+from ._bands import by_bands
+from ._quantiles import look_up
 
 
 @dataclass(frozen=True)
@@ -36,16 +39,38 @@ class Frost:
     )
 
 
-def apply(rgb: NDArray[Level], parameters: Frost, context: FrameContext) -> NDArray[Level]:
+def apply(rgb: NDArray[np.float32], parameters: Frost, context: FrameContext) -> NDArray[np.float32]:
     """Put ice over (H, W, 3)."""
+    ice = _crop(rgb.shape[:2], parameters, context)
+    return by_bands(rgb, rgb.dtype, lambda band, ice_band: _frosted(band, ice_band, parameters), ice)
+
+
+def _frosted(band: NDArray[np.float32], ice: NDArray[np.uint8], parameters: Frost) -> NDArray[np.float32]:
     import cv2
 
-    def frosted(band: NDArray[np.float32], ice: NDArray[np.uint8]) -> NDArray[np.float32]:
-        cold = ice.astype(np.float32)
-        cv2.addWeighted(band, parameters.intensity, cold, parameters.influence / 255, 0.0, dst=cold)
-        return cold
+    cold = ice.astype(np.float32)
+    cv2.addWeighted(band, parameters.intensity, cold, parameters.influence / 255, 0.0, dst=cold)
+    return cold
 
-    return colour_by_bands(rgb, frosted, _crop(rgb.shape[:2], parameters, context))
+
+def apply_bytes(rgb: NDArray[np.uint8], parameters: Frost, context: FrameContext) -> NDArray[np.uint8]:
+    """Put ice over (H, W, 3) bytes by a table that has an entry for every byte of the image with every byte of ice."""
+    ice, table = _crop(rgb.shape[:2], parameters, context), _table(parameters)
+    return by_bands(rgb, rgb.dtype, lambda *parts: look_up(_positions(*parts), table), ice)
+
+
+def _positions(rgb: NDArray[np.uint8], ice: NDArray[np.uint8]) -> NDArray[np.uint16]:
+    """Return the table's indices (H, W, 3): ice x 256 + byte."""
+    import cv2
+
+    flat = [np.ascontiguousarray(part).reshape(len(rgb), -1) for part in (rgb, ice)]
+    return cv2.merge(flat).view("<u2").reshape(rgb.shape)
+
+
+@lru_cache(maxsize=16)
+def _table(parameters: Frost) -> NDArray[np.uint8]:
+    ice, levels = (np.ascontiguousarray(axis) for axis in np.indices((256, 256), np.uint8))
+    return rgb_bytes(_frosted(as_float(levels), ice, parameters))
 
 
 def _crop(size: tuple[int, int], parameters: Frost, context: FrameContext) -> NDArray[np.uint8]:
@@ -142,7 +167,7 @@ PERTURBATION = ColourPerturbation(
     source='paper, table "Specific configurations of the RGB imaging perturbations"; the ice: our own',
     apply=apply,
     version=2,  # float colour is rounded before it
-    apply_bytes=apply,
+    apply_bytes=apply_bytes,
     build=build,
     temporals=("fresh", "fixed", "drift"),
 )
