@@ -256,7 +256,7 @@ def _sheet_graph() -> Graph:
         ]
     with graph.section("The particle in the cell"):
         corners = [graph.math("FLOOR", side) for side in sides]
-        where = graph.vector(*corners, graph.math("MULTIPLY_ADD", slab, AXES, taken["Key"]))
+        where = graph.vector(corners[0], corners[1], graph.math("MULTIPLY_ADD", slab, AXES, taken["Key"]))
         drawn = graph.node("ShaderNodeTexWhiteNoise", {"Vector": where}, {"noise_dimensions": "3D"})
         # Three numbers in one, which takes a sixth of the time: those after the first 8 of its 24 bits, and after 16.
         first = drawn.out("Value", "float")

@@ -42,7 +42,7 @@ class Frost:
 def apply(rgb: NDArray[np.float32], parameters: Frost, context: FrameContext) -> NDArray[np.float32]:
     """Put ice over (H, W, 3)."""
     ice = _crop(rgb.shape[:2], parameters, context)
-    return by_bands(rgb, rgb.dtype, lambda band, part: _frosted(band, part, parameters), ice)
+    return by_bands(rgb, rgb.dtype, lambda band, ice_band: _frosted(band, ice_band, parameters), ice)
 
 
 def _frosted(band: NDArray[np.float32], ice: NDArray[np.uint8], parameters: Frost) -> NDArray[np.float32]:
@@ -56,7 +56,7 @@ def _frosted(band: NDArray[np.float32], ice: NDArray[np.uint8], parameters: Fros
 def apply_bytes(rgb: NDArray[np.uint8], parameters: Frost, context: FrameContext) -> NDArray[np.uint8]:
     """Put ice over (H, W, 3) bytes by a table that has an entry for every byte of the image with every byte of ice."""
     ice, table = _crop(rgb.shape[:2], parameters, context), _table(parameters)
-    return by_bands(rgb, rgb.dtype, lambda band, part: look_up(_positions(band, part), table), ice)
+    return by_bands(rgb, rgb.dtype, lambda *parts: look_up(_positions(*parts), table), ice)
 
 
 def _positions(rgb: NDArray[np.uint8], ice: NDArray[np.uint8]) -> NDArray[np.uint16]:
