@@ -16,7 +16,7 @@ from .document import OWN_FIELDS
 from .offered import line_on
 from .own_objects import own_object
 from .properties import active_step, panel_of
-from .step_list import add_step, may_move, move_entry, remove_entry
+from .step_list import add_own_step, may_move, move_entry, remove_entry
 from .wording import spoken
 
 if TYPE_CHECKING:
@@ -219,7 +219,7 @@ class NoisyWorldAddStep(OnScene, bpy.types.Operator):
         if once and any(step.perturbation == name for step in panel.steps):
             self.report({"ERROR"}, f"{title(registry()[name].label)} is in the list already: it acts only once")
             return CANCELLED
-        add_step(panel, name)
+        add_own_step(panel, name)
         return DONE
 
 

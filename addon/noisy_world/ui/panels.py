@@ -11,7 +11,7 @@ from ..core.datasets.layouts import LAYOUTS
 from ..core.labels import title
 from ..core.perturbing.kinds import Perturbation, Stage
 from ..perturbations import registry
-from . import asset_library, footage, generate, header_presets, operators, paths, preview, tracking, world
+from . import asset_library, camera_link, footage, generate, header_presets, operators, paths, preview, tracking, world
 from .described import CAMERA, DEVIATION, OUTPUT, PERTURBATIONS, SCENE, TRAJECTORY
 from .keyed import without_effect
 from .long_text import write
@@ -270,6 +270,7 @@ class NOISYWORLD_PT_preview(PanelSection, bpy.types.Panel):
         layout = self.fields(context)
         layout.use_property_split = False
         preview.draw(layout, context)
+        camera_link.draw(layout, context)
         asset_library.draw(layout, context)
 
 
