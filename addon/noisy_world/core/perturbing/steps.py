@@ -145,6 +145,11 @@ class Setting:
         return tuple(step for step in steps_of_kind(self.steps, ExposurePerturbation) if step.severity != 0)
 
     @property
+    def measures_travel(self) -> bool:
+        """Whether a step of exposure asks how far what is seen goes on the image, which takes depth."""
+        return any(step.perturbation.measures_travel for step in self.exposure)
+
+    @property
     def rgb(self) -> tuple[Step[ColourPerturbation], ...]:
         """The steps that act on colour."""
         return steps_of_kind(self.steps, ColourPerturbation)

@@ -14,7 +14,8 @@ from ..errors import InputError
 from ..geometry import Intrinsics
 from ..messages import Message, PresetKey
 from ..optics import PINHOLE, Optics
-from ..perturbing.execution import chosen_poses, exposure_key, split_motion
+from ..perturbing.execution import chosen_poses, split_motion
+from ..perturbing.exposures import exposure_key
 from ..perturbing.kinds import LIGHT_STAGES, ExposurePerturbation, Identifiers, MotionPerturbation
 from ..perturbing.reading import Registry, parse_settings
 from ..perturbing.steps import Setting, Step
@@ -81,8 +82,8 @@ class Render:
     @property
     def needed_besides(self) -> frozenset[Modality]:
         """The channels that steps need, whether they are written or not."""
-        needed = (("rgb", self.needs_rgb), ("depth", self.needs_depth))
-        return frozenset(name for name, wanted in needed if wanted)
+        depth = self.needs_depth or any(sequence.setting.measures_travel for sequence in self.sequences)
+        return frozenset(name for name, wanted in (("rgb", self.needs_rgb), ("depth", depth)) if wanted)
 
 
 @dataclass(frozen=True)
@@ -223,7 +224,7 @@ def _renders(plan: Plan, scene: Scene) -> list[Render]:
     shared: list[Sequence] = []
     moved: dict[Hashable, Render] = {}
     for setting in plan.settings:
-        if setting.needs_depth and not scene.source.capabilities.depth:
+        if (setting.needs_depth or setting.measures_travel) and not scene.source.capabilities.depth:
             problem = f"{setting.name} needs depth, and {scene.name} has none"
             raise scene.error(problem, "take that setting out", lacks="depth")
         identifiers = (preset.spec.seed, scene.name, setting.name)
@@ -280,6 +281,10 @@ def _check_exposure(
     if why := scene.source.capabilities.instants_only:
         problem = f"{setting.name}: {exposing} looks between the frames, but {why}"
         raise scene.error(problem, "take that setting out", "render a mesh")
+    bent = [step.perturbation.name for step in setting.exposure if step.perturbation.rays]
+    if bent and not scene.source.capabilities.casts_rays:
+        problem = f"{setting.name}: {bent[0]} casts rays of its own, which this scene does not do"
+        raise scene.error(problem, "take that setting out", Message("use ", PresetKey("render.engine", "embree")))
     apart = [step.perturbation for step in moving if step.perturbation.apply is not None]
     if lone := next((item.name for item in apart if not item.continuous), ""):
         problem = f"{setting.name}: {exposing} looks between the poses, but {lone} moves each pose by itself"
