@@ -25,7 +25,8 @@ from numpy.typing import NDArray
 
 from noisy_world.core.datasets.images import rgb_bytes
 from noisy_world.core.datasets.overview import colour_depth
-from noisy_world.core.perturbing.kinds import ColourPerturbation, DepthPerturbation
+from noisy_world.core.perturbing.kinds import ColourPerturbation, DepthPerturbation, ExposurePerturbation
+from noisy_world.core.planning.exposed import open_render
 from noisy_world.core.planning.source_paths import source_paths
 from noisy_world.core.presets.preset import read_preset
 from noisy_world.perturb import apply
@@ -61,7 +62,7 @@ def main(arguments: list[str]) -> int:
     folder = parser.parse_args(arguments).folder
     folder.mkdir(parents=True, exist_ok=True)
     rgb, depth_m = demo_frame()
-    tiles = dict(chain(of_colour(rgb, depth_m), of_depth(rgb, depth_m), of_sequences()))
+    tiles = dict(chain(of_colour(rgb, depth_m), of_depth(rgb, depth_m), of_sequences(), of_exposures()))
     shown = rgb_bytes(rgb)
     tiles["clean"] = [whole(shown), detail(shown), whole_depth(depth_m, far_m=float(depth_m.max()))]
     for name, row in tiles.items():
@@ -127,6 +128,26 @@ def of_sequences() -> Iterator[tuple[str, Tiles]]:
     yield "motion_deviation", [whole(over(clean, rgbs[f"motion_deviation_{k}"][0])) for k in strengths]
     yield "faster_motion", [whole(over(*rgbs[f"faster_motion_{k}"])) for k in strengths]
     yield "desync", [edged(rgbs[f"desync_{k}"][0], depths_m[f"desync_{k}"]) for k in strengths]
+
+
+def of_exposures() -> Iterator[tuple[str, Tiles]]:
+    """Yield the name and the tiles of each perturbation of exposure; what is only displaced, over the clean frame."""
+    names = [item.name for item in registry().values() if isinstance(item, ExposurePerturbation)]
+    steps = {(name, severity): [{name: {"severity": severity}}] for name in names for severity in SEVERITIES}
+    settings = {"clean": [], **{f"{name}_{severity}": done for (name, severity), done in steps.items()}}
+    document = json.dumps([{"name": name, "perturb": done} for name, done in settings.items()])
+    plan = make_plan(read_preset(DEMO, [f"settings={document}", WALK, "render.engine=embree"]))
+    rgbs: dict[str, NDArray[np.uint8]] = {}
+    first = plan.renders[0]
+    with first.scene.source.prepare(first.camera, print) as prepared:
+        for render in plan.renders:
+            paths = source_paths(plan, render)
+            opened = open_render(prepared, render, paths, render_options(plan, render), print)
+            frame = CleanFrame(WALK_FRAME, opened.frame(paths.request(WALK_FRAME)))
+            rgbs |= {sequence.setting.name: rgb_bytes(frame.float_rgb()) for sequence in render.sequences}
+    for name in names:
+        made = [rgbs[f"{name}_{severity}"] for severity in SEVERITIES]
+        yield name, [whole(over(rgbs["clean"], each) if name == "rolling_shutter" else each) for each in made]
 
 
 # --- tiles ---

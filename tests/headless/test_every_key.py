@@ -59,6 +59,7 @@ CHANGES = {
     "scenes[].trajectory.every": ("mesh", "scenes.0.trajectory.every=2"),
     "scenes[].trajectory.resample_hz": ("mesh", "scenes.0.trajectory.resample_hz=7"),
     "scenes[].rate_hz": ("unstamped", "scenes.0.rate_hz=10"),
+    "scenes[].layout": ("plates", "scenes.0.layout=auto"),
     "scenes[].poses": ("lost", "scenes.0.poses=keep"),
     "scenes[].undistort": ("lens", "scenes.0.undistort=true"),
     "scenes[].register": ("lens", "scenes.0.register=true"),
@@ -82,6 +83,7 @@ CHANGES = {
             "matrix[]": [f"rig.{sensor}={{matrix: {IDENTITY}}}"],
         }.items()
     },
+    "rig.depth.sensor": ("rig", "rig.depth.sensor=choi_2015"),
     "render.engine": ("mesh", "render.engine=embree"),
     "render.backend": ("noisy", "render.backend=compositor"),
     "render.device": ("mesh", "render.device=gpu"),
@@ -188,6 +190,11 @@ def presets(tmp_path_factory):
         "lens": {**bare, "scenes": [{"name": "box", "sequence": "lens"}]},
         "lost": {**bare, "scenes": [{"name": "box", "sequence": "lost"}]},
         "unstamped": {**bare, "scenes": [{"name": "box", "sequence": "unstamped"}]},
+        "plates": {
+            **bare,
+            "scenes": [{"name": "box", "sequence": "tum/rgb", "layout": "images"}],
+            "output": {"layout": "tum", "modalities": ["rgb"]},
+        },
         "video": {**bare, "scenes": [{"name": "box", "video": "walk.avi", "depth": "depth"}]},
         "blend": {**bare, "scenes": [{"name": "box", "blend": "hall.blend", "frames": "1:2"}]},
     }

@@ -25,6 +25,7 @@ from noisy_world.pipeline.run import Run
 
 RGB = [name for name, item in registry().items() if isinstance(item, ColourPerturbation)]
 DEPTH = [name for name, item in registry().items() if isinstance(item, DepthPerturbation)]
+EXPOSURES = {"rolling_shutter", "camera_motion_blur"}
 MIXED = [
     {"gaussian_noise": {"severity": 2, "mode": "dynamic"}},
     {"contrast": {"severity": 3}},
@@ -39,7 +40,7 @@ def test_the_taxonomy_is_whole():
     assert of_depth == {"haze", "fog_depth", "snow_depth", "rain_depth", "defocus_depth"}  # ours, beside the paper's
     assert len({name for name in RGB if registry()[name].source.startswith("paper")}) == 16
     assert len(DEPTH) == 4
-    assert set(registry()) - set(RGB) - set(DEPTH) == {"motion_deviation", "faster_motion", "desync"}
+    assert set(registry()) - set(RGB) - set(DEPTH) == {"motion_deviation", "faster_motion", "desync"} | EXPOSURES
 
 
 @pytest.fixture(scope="module")

@@ -136,6 +136,7 @@ def made(tmp_path_factory):
     settings = [
         {"name": "clean"},
         setting("rolling", 0.03),
+        {"name": "cast", "perturb": [{"rolling_shutter": {"readout_ms": 30}}]},
         setting("rolling_dark", 0.03, {"brightness": {"severity": 2}}),
         setting("faster", 0.03, {"faster_motion": {"factor": 2}}),
         setting("twice", 0.03, {"faster_motion": {"factor": 2}}, {"gaussian_noise": {"severity": 1}}),
@@ -161,7 +162,7 @@ def test_a_camera_twice_as_fast_is_skewed_twice_as_much(made):
 
 def test_what_is_exposed_alike_is_rendered_once(made):
     _, out, report = made
-    assert report.frames_rendered == 2 * COUNT + COUNT // 2
+    assert report.frames_rendered == 3 * COUNT + COUNT // 2
     for frame in range(COUNT):
         names = [out / name / f"box/results/depth{frame:06d}.png" for name in ("rolling", "rolling_dark")]
         assert names[0].samefile(names[1])
@@ -202,12 +203,32 @@ def test_records_say_when_the_rows_were_exposed(made):
     np.testing.assert_allclose(np.loadtxt(out / "rolling/box/traj.txt")[2].reshape(4, 4), poses_at(2 / RATE_HZ))
 
 
+def test_rays_that_are_cast_row_by_row_make_the_same_frames(made):
+    _, out, _ = made
+    for frame in (0, 3, COUNT - 1):
+        assert_shows(steps_of(out, "cast", frame), rolled_m(frame, 0.03))
+        assert np.abs(steps_of(out, "cast", frame).astype(int) - steps_of(out, "rolling", frame)).max() <= 1
+    line = json.loads((out / "cast/box/frames.jsonl").read_text().splitlines()[2])
+    (told,) = line["perturbed"]["exposure"]
+    assert told["shutter"] == {"opens_s": -0.015, "exposure_s": 0.0, "readout_s": 0.03, "direction": "down"}
+    half_s = 0.015 * (1 - 1 / SIZE[1])  # the rows' own moments are in the middle of their parts
+    for name, after_s in (("first", -half_s), ("middle", 0.0), ("last", half_s)):
+        assert told["lines"][name]["after_s"] == pytest.approx(after_s, abs=1e-12)
+        np.testing.assert_allclose(told["lines"][name]["c2w"], poses_at(2 / RATE_HZ + after_s), atol=1e-9)
+
+
+def test_an_engine_that_casts_no_rays_is_refused(tmp_path):
+    preset = world(tmp_path, [{"name": "cast", "perturb": [{"rolling_shutter": {"readout_ms": 30}}]}])
+    with pytest.raises(InputError, match=r"cast: rolling_shutter casts rays of its own.*use render.engine: embree"):
+        run(preset, tmp_path / "out", overrides=["render.engine=cycles"])
+
+
 def test_another_readout_is_never_stale(made, tmp_path):
     preset, out, _ = made
     with pytest.raises(StorageError, match=r"rolling \(readout_s\) was 0.03, is 0.01"):
         run(world(tmp_path, [setting("rolling", 0.01)]), out)
     again = run(preset, out)
-    assert (again.frames_rendered, again.frames_kept) == (0, 2 * COUNT + COUNT // 2)
+    assert (again.frames_rendered, again.frames_kept) == (0, 3 * COUNT + COUNT // 2)
 
 
 def test_a_path_that_goes_another_way_between_the_same_poses_is_told_apart(made, tmp_path):
@@ -238,12 +259,13 @@ def test_poses_that_are_drawn_apart_have_nothing_between_them(tmp_path, motion):
     run(world(tmp_path, [{"name": "shaky", "perturb": [{"rolling": {"severity": 0}}, motion]}]), tmp_path / "out")
 
 
-def test_a_recording_has_instants_alone(made, tmp_path):
+@cases("name", ["rolling", "rolling_shutter", "camera_motion_blur"])
+def test_a_recording_has_instants_alone(made, tmp_path, name):
     _, out, _ = made
     preset = stored(tmp_path, out / "clean/box")
     document = json.loads(preset.read_text())
-    document["settings"] = [setting("rolling", 0.03)]
+    document["settings"] = [{"name": "exposed", "perturb": [{name: {"severity": 3}}]}]
     del document["camera"]
     preset.write_text(json.dumps(document))
-    with pytest.raises(InputError, match=r"scenes.0.sequence: rolling: rolling looks .* a recording has nothing"):
+    with pytest.raises(InputError, match=rf"scenes.0.sequence: exposed: {name} looks .* a recording has nothing"):
         run(preset, tmp_path / "out")

@@ -2,6 +2,7 @@
 """A scene with the panel's properties and its previews, for the tests of these."""
 
 import bpy
+import numpy as np
 
 from noisy_world.core.perturbing.reading import parse_steps
 from noisy_world.core.schema import ConfigPath
@@ -33,3 +34,11 @@ def cycles_scene(colour):
     scene.camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
     scene.collection.objects.link(scene.camera)
     return scene
+
+
+def pixels(image):
+    """The bytes (H, W, 3) of an image of Blender's, the top row first."""
+    width, height = image.size
+    values = np.empty(width * height * 4, np.float32)
+    image.pixels.foreach_get(values)
+    return np.rint(255 * values.reshape(height, width, 4)[::-1, :, :3]).astype(np.uint8)

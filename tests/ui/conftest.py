@@ -45,3 +45,32 @@ def add_on():
     noisy_world.register()
     yield
     noisy_world.unregister()
+
+
+@pytest.fixture
+def room(scene):
+    """A box, seen by a camera that turns."""
+    from analytic import box_mesh
+    from preview_tools import cycles_scene
+
+    from noisy_world.blender.scene import add_mesh
+
+    cycles_scene((0, 0, 0))
+    add_mesh(scene, box_mesh((-2, -3, 0), (2, 3, 2.5)), "Room", decoding="shader")
+    scene.camera.location = (0, 0, 1.5)
+    scene.camera.rotation_euler = (1.5, 0, 0.3)
+    scene.camera.keyframe_insert("rotation_euler", frame=0)
+    scene.camera.rotation_euler = (1.5, 0, 1.3)
+    scene.camera.keyframe_insert("rotation_euler", frame=9)
+    return scene
+
+
+@pytest.fixture
+def editor():
+    """An image editor in Blender's default window."""
+    import bpy
+
+    bpy.ops.wm.read_factory_settings()
+    area = max(bpy.context.window.screen.areas, key=lambda area: area.width * area.height)
+    area.type = "IMAGE_EDITOR"
+    return area

@@ -21,7 +21,7 @@ world_folder = Path(sys.argv[1])
 bpy.ops.wm.read_factory_settings(use_empty=True)
 noisy_world.register()
 
-from noisy_world.ui import document, frame_preview, panels, paths, step_list, apply_preset, world
+from noisy_world.ui import document, frame_preview, offered, paths, preview_buttons, step_list, apply_preset, world
 
 scene = bpy.context.scene
 settings = scene.noisy_world
@@ -33,7 +33,8 @@ def keyed():
 
 
 # By hand: from the menu, with sliders.
-told["menus"] = {stage: [item.name for item in panels.addable(stage)] for stage in ("motion", "pairing")}
+found = offered.offered(offered.PACKAGES)
+told["menus"] = {stage: [item.name for item in found if item.stage == stage] for stage in ("motion", "pairing")}
 settings.mesh_source = settings.trajectory_source = "FILE"
 settings.mesh_path, settings.trajectory_path = str(world_folder / "mesh.ply"), str(world_folder / "traj.txt")
 settings.scene_name = "box"
@@ -91,7 +92,7 @@ try:
     document.steps_of(settings)
 except InputError as error:
     told["gone"] = f"{type(error).__name__}: {error}"
-told["has depth steps"] = frame_preview.has_depth_steps(settings)
+told["has depth steps"] = preview_buttons.has_depth_steps(settings)
 step_list.add_step(settings, "fog")
 
 # A source that the package brings.

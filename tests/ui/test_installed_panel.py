@@ -71,7 +71,7 @@ def near(keys, poses):
 
 
 def test_menus_offer_what_has_no_field_of_its_own(told):
-    assert told["menus"] == {"motion": ["lift", "stutter"], "pairing": ["desync", "backwards"]}
+    assert told["menus"] == {"motion": ["lift", "stutter"], "pairing": ["backwards"]}
     assert told["order"] == ["lift", "stutter", "fog"]
     assert "Lift is in the list already: it acts only once" in told["refused"][0]
     assert "Motion Deviation has fields of its own" in told["refused"][1]

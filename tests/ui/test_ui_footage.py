@@ -72,6 +72,33 @@ def test_a_pair_of_other_sizes_is_shown_side_by_side(recording):
     assert picture.shape == (48, 128, 3)
 
 
+def test_plain_images_are_previewed_as_they_are_written(tmp_path):
+    folder = tmp_path / "plates"
+    folder.mkdir()
+    for n in range(3):
+        cv2.imwrite(str(folder / f"shot.{n + 8}.png"), np.full((24, 32, 3), 40 * n + 60, np.uint8))
+    item = settings()
+    item.mesh_source, item.sequence_path, item.scene_name = "RECORDING", str(folder), "plates"
+    item.recorded_poses, item.recorded_layout, item.image = "keep", "images", "png"
+    item.output_folder, item.backend = str(tmp_path / "out"), "reference"
+    assert not item.use_depth
+    assert document.to_document(item)["scenes"] == [
+        {"name": "plates", "sequence": folder.as_posix(), "layout": "images"}
+    ]
+    bpy.ops.noisy_world.add_step(perturbation="gaussian_noise")
+    assert bpy.ops.noisy_world.generate() == {"FINISHED"}
+    bpy.context.scene.frame_set(2)
+    picture, _ = frame_preview.draw_colour(bpy.context.scene)
+    (written,) = (tmp_path / "out/perturbed/plates").rglob("*000002.png")
+    assert np.array_equal(cv2.imread(str(written))[..., ::-1], picture)
+    with pytest.raises(InputError, match="has no depth"):
+        frame_preview.draw_depth(bpy.context.scene)
+    document.save_preset(item, tmp_path / "plates.yaml")
+    item.recorded_layout = "auto"
+    apply_preset.open_preset(item, tmp_path / "plates.yaml")
+    assert item.recorded_layout == "images"
+
+
 def test_its_keys_come_back_from_a_preset(recording, tmp_path):
     recording.recorded_poses, recording.register_depth, recording.recorded_rate_hz = "keep", True, 15.0
     path = tmp_path / "scan.yaml"

@@ -7,13 +7,11 @@ import bpy
 import cv2
 import numpy as np
 import pytest
-from analytic import box_mesh
-from preview_tools import IDENTIFIERS, SIZE, add, cycles_scene, steps_of
+from preview_tools import IDENTIFIERS, SIZE, add, cycles_scene, pixels, steps_of
 from worlds import generate, path_poses, write_world
 
 from noisy_world.blender.chain_scene import shown_chain
 from noisy_world.blender.compositor import Compositor
-from noisy_world.blender.scene import add_mesh
 from noisy_world.blender.still import render_stills
 from noisy_world.blender.typed import fcurves_of
 from noisy_world.core.errors import NoisyWorldError
@@ -28,18 +26,6 @@ pytestmark = pytest.mark.usefixtures("registered")
 
 
 @pytest.fixture
-def room(scene):
-    cycles_scene((0, 0, 0))
-    add_mesh(scene, box_mesh((-2, -3, 0), (2, 3, 2.5)), "Room", decoding="shader")
-    scene.camera.location = (0, 0, 1.5)
-    scene.camera.rotation_euler = (1.5, 0, 0.3)
-    scene.camera.keyframe_insert("rotation_euler", frame=0)
-    scene.camera.rotation_euler = (1.5, 0, 1.3)
-    scene.camera.keyframe_insert("rotation_euler", frame=9)
-    return scene
-
-
-@pytest.fixture
 def renders(monkeypatch):
     """The frames that were rendered, one after another."""
     made = []
@@ -50,21 +36,6 @@ def renders(monkeypatch):
 
     monkeypatch.setattr(stills, "render_stills", render)
     return made
-
-
-@pytest.fixture
-def editor():
-    bpy.ops.wm.read_factory_settings()
-    area = max(bpy.context.window.screen.areas, key=lambda area: area.width * area.height)
-    area.type = "IMAGE_EDITOR"
-    return area
-
-
-def pixels(image):
-    width, height = image.size
-    values = np.empty(width * height * 4, np.float32)
-    image.pixels.foreach_get(values)
-    return np.rint(255 * values.reshape(height, width, 4)[::-1, :, :3]).astype(np.uint8)
 
 
 def clean_rgb(scene, frame):
@@ -120,6 +91,19 @@ def test_without_perturbations_it_is_the_render(room):
     assert about == "Frame 2: clean"
 
 
+def move_camera(scene):
+    scene.camera.location.x += 1
+    bpy.context.view_layer.update()
+
+
+def widen(scene):
+    scene.noisy_world.fx_px += 1
+
+
+def deviate(scene):
+    scene.noisy_world.deviation_translation_m = 0.1
+
+
 def test_the_picture_follows_the_sliders_without_rendering_again(editor, scene, renders):
     cycles_scene((0.1, 0.2, 0.05))
     settings = scene.noisy_world
@@ -141,14 +125,18 @@ def test_the_picture_follows_the_sliders_without_rendering_again(editor, scene, 
     preview.flush()
     assert np.array_equal(pixels(image), weak)
     assert renders == [3]
-    scene.camera.location.x += 1
-    bpy.context.view_layer.update()
-    noise.severity = 2.0
-    preview.flush()
-    assert renders == [3, 3]
-    settings.fx_px += 1
-    preview.flush()
-    assert renders == [3, 3, 3]
+    for change in (move_camera, widen, deviate):  # which make the picture one of before: no slider renders
+        change(scene)
+        noise.severity = 2.0
+        preview.flush()
+        assert np.array_equal(pixels(image), weak)
+        assert frame_preview._outdated[scene.session_uid] == {"COLOUR"}
+        scene.frame_set(3)
+        noise.severity = 1.0
+        assert bpy.ops.noisy_world.preview_frame() == {"FINISHED"}
+        assert not frame_preview._outdated[scene.session_uid]
+        weak = pixels(image)
+    assert renders == [3, 3, 3, 3]
     settings.preview = False
     preview.flush()
     before = pixels(image)
@@ -327,11 +315,13 @@ def test_the_chains_own_keys_do_not_make_a_frame_stale(editor, scene, renders):
         bpy.context.view_layer.update()
     preview.flush()
     assert len(renders) == 1
+    assert not frame_preview._outdated[scene.session_uid]
     scene.camera.keyframe_insert("location", frame=0)
     bpy.context.view_layer.update()
     noise.severity = 3.0
     preview.flush()
-    assert len(renders) == 2
+    assert frame_preview._outdated[scene.session_uid] == {"COLOUR"}
+    assert len(renders) == 1
 
 
 def test_undo_makes_a_frame_stale_where_it_moved_something(editor, scene, renders):

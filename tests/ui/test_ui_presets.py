@@ -135,7 +135,7 @@ def test_numbers_that_float32_cannot_hold_are_kept(tmp_path):
     said = to_document(settings())
     assert said["camera"]["fx"] == 52.123456789012
     assert said["camera"]["fy"] == 1 / 3
-    assert said["settings"][1]["perturb"] == [{"fog": {"severity": 2.123456789, "thickness": 1.23456789012}}]
+    assert said["settings"][0]["perturb"] == [{"fog": {"severity": 2.123456789, "thickness": 1.23456789012}}]
     settings().fx_px = 50.1  # by hand: what was typed counts
     assert to_document(settings())["camera"]["fx"] == 50.1
 

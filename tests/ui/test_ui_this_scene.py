@@ -3,6 +3,7 @@
 
 import math
 from pathlib import Path
+from types import SimpleNamespace
 
 import bpy
 import cv2
@@ -11,16 +12,23 @@ import pytest
 from panel_tools import settings, straight, use_files
 
 from noisy_world.blender.chain_scene import shown_chain
+from noisy_world.blender.still_process import read_frames
+from noisy_world.core.errors import InputError
+from noisy_world.core.presets.preset import RenderSpec
 from noisy_world.ui import (
     document,
     frame_preview,
     excluded,
+    first_look,
     own_objects,
     preview,
     runs,
     scene_copy,
     stills,
+    view_depth,
     apply_preset,
+    described,
+    paths,
     world,
 )
 from noisy_world.ui.generate import run_of
@@ -81,6 +89,14 @@ def test_what_is_previewed_is_what_is_written_from_a_copy_that_is_kept(hall, tmp
     depth_m = stills.rendered(hall, 2).depth_m
     assert about.startswith("Frame 2: ")
     assert names() == there
+    background = runs.start_still(hall, stills.request_of(hall, {2}))
+    background.background.wait()
+    (elsewhere,) = read_frames(background.folder).values()
+    background.tidy()
+    here = frame_preview.still_of(hall, 2)
+    assert np.array_equal(elsewhere.rgb, here.rgb)
+    assert np.array_equal(elsewhere.light.show(elsewhere.light.rgb), here.light.show(here.light.rgb))
+    assert np.array_equal(elsewhere.depth_m, depth_m)
     assert bpy.ops.noisy_world.generate() == {"FINISHED"}
     run = run_of(hall)
     copy = tmp_path / "out_scene.blend"
@@ -173,6 +189,85 @@ def test_what_cannot_be_rendered_elsewhere_is_said_before_anything_runs(hall, wr
     assert run_of(hall) is None
 
 
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        ("ORTHO", "Mine is orthographic, not perspective; make another camera the scene's, or change its type"),
+        ("zoom", r"along the path \(.*; choose Camera > Intrinsics: As Given, and numbers that then hold, or choose"),
+    ],
+)
+def test_a_camera_that_no_dataset_has_is_refused_when_its_path_is_loaded(hall, wrong, said):
+    data = hall.camera.data
+    if wrong == "zoom":
+        data.keyframe_insert("lens", frame=1)
+        data.lens = 80.0
+        data.keyframe_insert("lens", frame=5)
+    else:
+        data.type = wrong
+    with pytest.raises(RuntimeError, match=said):
+        bpy.ops.noisy_world.load_trajectory()
+    assert own_objects.own_object(hall, "camera") is None
+
+
+def test_frames_that_change_after_the_path_was_loaded_are_said_and_break_nothing(hall):
+    settings().deviation_translation_m = 0.05
+    bpy.ops.noisy_world.add_step(perturbation="snow_depth")
+    assert bpy.ops.noisy_world.load_trajectory() == {"FINISHED"}
+    loaded = paths.deviated_poses(hall, paths.clean_poses(hall))
+    hall.frame_end = 9
+    settings().preview = True
+    preview.flush()
+    assert np.array_equal(paths.deviated_poses(hall, paths.clean_poses(hall)), loaded)
+    assert hall.session_uid in preview._at_rest
+    assert not preview._errors
+    assert world.path_summary(hall) == ""
+    with pytest.raises(RuntimeError, match="press Load Trajectory"):
+        bpy.ops.noisy_world.preview_frame()
+    assert bpy.ops.noisy_world.load_trajectory() == {"FINISHED"}
+    assert len(paths.deviated_poses(hall, paths.clean_poses(hall))) == 5
+
+
+def test_stereo_is_refused_in_a_line_for_this_scene_and_left_out_of_a_mesh(hall, tmp_path):
+    hall.render.use_multiview = True
+    with pytest.raises(RuntimeError, match="renders in stereo; turn Stereoscopy off"):
+        bpy.ops.noisy_world.preview_frame()
+    use_files(tmp_path)
+    item = settings()
+    item.width_px = item.height_px = 16
+    assert bpy.ops.noisy_world.load_scene() == bpy.ops.noisy_world.load_trajectory() == {"FINISHED"}
+    assert stills.rendered(hall, 0).rgb.shape == (16, 16, 3)
+    assert hall.render.use_multiview
+
+
+def test_a_view_of_an_engine_that_gives_no_depth_is_shown_by_eevee(hall):
+    space = next(area for area in bpy.context.window.screen.areas if area.type == "VIEW_3D").spaces.active
+    at = SimpleNamespace(scene=hall, space_data=space)
+    space.shading.type = "RENDERED"
+    assert view_depth.lacks_depth(at)
+    bpy.ops.noisy_world.add_step(perturbation="fog")
+    assert view_depth.reading_depth(hall) == ()
+    bpy.ops.noisy_world.add_step(perturbation="fog_depth")
+    assert view_depth.reading_depth(hall) == ("Fog by Depth",)
+    view_depth.show_by_eevee(hall, space.shading)
+    assert (space.shading.type, space.shading.use_scene_lights, space.shading.use_scene_world) == ("MATERIAL", 1, 1)
+    assert hall.render.engine == "CYCLES"
+    assert not view_depth.lacks_depth(at)
+
+
+def test_embree_is_offered_only_where_it_is(hall, monkeypatch):
+    item = settings()
+    item.render_source = "GIVEN"
+    item.engine = "embree"
+    with pytest.raises(RuntimeError, match="Engine: is Embree, which knows no lights"):
+        bpy.ops.noisy_world.preview_frame()
+    assert described.is_offered("embree")
+    monkeypatch.setattr(described, "find_spec", lambda _: None)
+    property_ = described.described(RenderSpec, "engine")
+    assert [value for value, *_ in property_.keywords["items"]] == ["cycles", "eevee", "workbench"]
+    with pytest.raises(InputError, match=r"render\.engine: this file chose Embree"):
+        document.engine_of(SimpleNamespace(engine=""))  # as Blender reads a number that no choice has
+
+
 def test_a_cube_beside_a_loaded_mesh_is_named_and_may_become_the_dataset(tmp_path):
     use_files(tmp_path)
     bpy.data.objects.remove(bpy.data.objects["Light"])
@@ -181,3 +276,30 @@ def test_a_cube_beside_a_loaded_mesh_is_named_and_may_become_the_dataset(tmp_pat
     settings().mesh_source = "SCENE"
     assert excluded.sentence(bpy.context.scene) == ""
     assert excluded.shows_dataset(bpy.context.scene)
+
+
+def test_a_file_of_ones_own_begins_with_this_scene_and_a_panel_in_use_stays(tmp_path):
+    scene = bpy.context.scene  # Blender's default scene
+    first_look.begin(scene)
+    assert not first_look.is_used(scene)
+    assert settings().mesh_source == "ROOM"
+    bpy.ops.mesh.primitive_plane_add()
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "plane.blend"))
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "plane.blend"))
+    assert (settings().mesh_source, settings().trajectory_source, settings().use_clean) == ("SCENE", "CAMERA", False)
+    bpy.ops.wm.read_factory_settings()
+    settings().seed = 4  # a panel that was used for the embedded room, which it names by default
+    bpy.ops.mesh.primitive_plane_add()
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "used.blend"))
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "used.blend"))
+    assert settings().mesh_source == "ROOM"
+
+
+def test_clean_frames_are_asked_for(hall):
+    bpy.ops.noisy_world.add_step(perturbation="fog")
+    assert [item["name"] for item in document.to_document(settings())["settings"]] == ["perturbed"]
+    settings().use_clean = True
+    assert [item["name"] for item in document.to_document(settings())["settings"]] == ["clean", "perturbed"]
+    settings().use_clean = False
+    settings().steps[0].enabled = False
+    assert [item["name"] for item in document.to_document(settings())["settings"]] == ["clean"]

@@ -20,10 +20,11 @@ from noisy_world.core.messages import Action, CommandLineOnly, Message, PresetKe
 from noisy_world.core.node_graphs.groups import socket_name
 from noisy_world.core.perturbing.kinds import ColourPerturbation
 from noisy_world.perturbations import registry
-from noisy_world.ui import older_files, panels, tooltips
+from noisy_world.ui import offered, older_files, panels, tooltips
 from noisy_world.ui.described import SECTIONS, SHOWN
-from noisy_world.ui.document import PANEL
+from noisy_world.ui.document import OWN_FIELDS, PANEL
 from noisy_world.ui.generate import NoisyWorldGenerate, NoisyWorldGenerateAnew
+from noisy_world.ui.step_fields import LONG, parts_of
 from noisy_world.ui.typed_numbers import property_name, set_value, value_of
 from noisy_world.ui.wording import ACTIONS, field_of, noted, spoken
 
@@ -160,3 +161,30 @@ def test_keys_in_notes_are_named_as_fields():
     assert told == f"far; output.depth_scale_per_m: {held}, or output.depth_beyond: farthest makes them 10 m"
     output = "Render and Output >"
     assert noted(told) == f"Far; {output} Depth Scale: {held}, or {output} Beyond Range: Farthest makes them 10 m"
+
+
+def test_every_perturbation_is_offered_once_and_said_in_a_sentence():
+    lists = [offered.offered(chosen) for chosen in (offered.PHYSICAL, offered.BENCHMARK, offered.PACKAGES)]
+    names = [item.name for found in lists for item in found]
+    assert sorted([*names, *OWN_FIELDS]) == sorted(registry())
+    assert set(offered.SAID) <= set(registry())
+    assert set(registry()) >= offered._BENCHMARK
+    physical = {item.name for item in lists[0]}
+    assert set(offered.TWINS.values()) <= physical
+    assert {"fog", "snow", "frost", "spatter"} <= set(offered.TWINS)
+    for item in registry().values():
+        assert not set("*=^()").intersection(offered.SAID.get(item.name, "")), item.name
+    assert offered.line_on(registry()["fog"]).endswith("Its physical twin is Fog by Depth")
+
+
+def test_long_lists_of_parameters_have_sub_panels_and_nothing_is_left_out():
+    for perturbation in registry().values():
+        first, rest = parts_of(perturbation)
+        names = [item.name for item in fields(perturbation.parameters)]
+        assert sorted([*first, *(name for found in rest.values() for name in found)]) == sorted(names)
+        assert bool(rest) == (len(names) > LONG)
+        assert set(perturbation.severities) <= set(first)
+    first, rest = parts_of(registry()["snow_depth"])
+    assert (first, list(rest)) == (["rate_mm_h"], ["Look", "Motion", "Camera"])
+    assert {"wind_m_s", "shutter_ms"} <= set(rest["Motion"])
+    assert {"aperture_mm", "view_deg"} <= set(rest["Camera"])

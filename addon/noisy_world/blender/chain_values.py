@@ -46,7 +46,7 @@ def set_values(
     if BUILT_AS not in tree:
         tree[BUILT_AS] = _structure(tree)
     left_at: dict[str, Any] = json.loads(tree.get(LEFT_AT, "{}"))
-    _clear_keys(tree, json.loads(tree.get(KEYED, "[]")))
+    clear_keys(tree, json.loads(tree.get(KEYED, "[]")))
     taken = _keyed_paths(tree)
     keyed: list[str] = []
     for step in steps:
@@ -70,7 +70,7 @@ def set_values(
                 set_value(socket, value)
             left_at[path] = value
             if changes:
-                _key(tree, socket, known)
+                key_socket(tree, socket, known)
                 keyed.append(path)
     _remember(tree, LEFT_AT, left_at)
     _remember(tree, KEYED, keyed)
@@ -120,7 +120,7 @@ def _keyed_paths(tree: bpy.types.NodeTree) -> set[str]:
     return {curve.data_path for curve in (*fcurves_of(data), *data.drivers)}
 
 
-def _clear_keys(tree: bpy.types.NodeTree, ours: Sequence[str]) -> None:
+def clear_keys(tree: bpy.types.NodeTree, ours: Sequence[str]) -> None:
     """Remove the curves that we made, and the action where nothing is left in it."""
     data = tree.animation_data
     if data is None or data.action is None:
@@ -144,7 +144,7 @@ def action_bag(item: bpy.types.ID) -> bpy.types.ActionChannelbag:
     return next(bag for bag in bags if bag is not None)
 
 
-def _key(tree: bpy.types.NodeTree, socket: bpy.types.NodeSocket, values: list[tuple[int, Any]]) -> None:
+def key_socket(tree: bpy.types.NodeTree, socket: bpy.types.NodeSocket, values: list[tuple[int, Any]]) -> None:
     """Key a socket, a number or a vector, with constant interpolation: each value holds until the next key."""
     if tree.animation_data is None or tree.animation_data.action is None:
         new_action(tree, f"{tree.name} severity")

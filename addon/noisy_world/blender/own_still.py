@@ -60,7 +60,7 @@ def render_own_still(scene: bpy.types.Scene, still: OwnStill) -> RenderedFrame:
             stand_in.compositing_node_group = stand_in.compositing_node_group.copy()
         found = _rendered(stand_in, still)
     assert found.light is not None, "the scene is lit"
-    return replace(found, light=replace(found.light, encode=partial(_shown_by, scene.name, still.frame)))
+    return replace(found, light=replace(found.light, encode=partial(shown_by, scene.name, still.frame)))
 
 
 def _rendered(scene: bpy.types.Scene, still: OwnStill) -> RenderedFrame:
@@ -96,7 +96,7 @@ def _rendered(scene: bpy.types.Scene, still: OwnStill) -> RenderedFrame:
         return session.frame(FrameRequest(0, 0.0, c2w, c2w))
 
 
-def _shown_by(name: str, frame: float, rgba: NDArray[np.float32]) -> NDArray[np.float32]:
+def shown_by(name: str, frame: float, rgba: NDArray[np.float32]) -> NDArray[np.float32]:
     """Return light (H, W, 4) as a scene of the open file shows it at one of its frames, (H, W, 3)."""
     scratch = ScratchFolder(rgba.nbytes)
     try:

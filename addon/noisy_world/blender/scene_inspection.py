@@ -11,6 +11,7 @@ from typing import Any
 import bpy
 import numpy as np
 
+from ..core.messages import Action, Message, Remedy, either
 from ..core.presets.frame_range import FrameRange
 from ..core.scenes.own_scene import OwnScene, Problem, SampledCamera
 from .own_settings import lacks_denoiser, rendered_layer
@@ -129,10 +130,14 @@ def _camera_missing(
         return Problem("camera", f"{name!r} {what} in the scene {scene.name}", f"its cameras: {there}")
     bound = any(marker.camera is not None for marker in scene.timeline_markers)
     if needed and name is None and scene.camera is None and not bound:
-        return Problem("blend", f"the scene {scene.name} has no camera of its own", f"name one of its cameras: {there}")
+        return Problem("blend", f"the scene {scene.name} has no camera of its own", _name_one_of(there))
     if scene.camera is not None and scene.camera.type != "CAMERA" and name is None:
-        return Problem("camera", f"{scene.camera.name} is no camera", f"name one of its cameras: {there}")
+        return Problem("camera", f"{scene.camera.name} is no camera", _name_one_of(there))
     return None
+
+
+def _name_one_of(cameras: str) -> Remedy:
+    return either(Message(Action.NAME_CAMERA, f": {cameras}"))
 
 
 def _notes(scene: bpy.types.Scene, sampled: SampledCamera | None) -> list[str]:

@@ -5,6 +5,7 @@ from collections.abc import Iterable, Iterator
 
 import bpy
 
+from ..core.messages import Action, either
 from ..core.presets.preset import EngineName
 from ..core.scenes.own_scene import Problem, SampledCamera
 from .scene_files import SceneFiles
@@ -37,7 +38,7 @@ def camera_problems(sampled: SampledCamera, *, lens_given: bool) -> Iterator[Pro
         if parameters.kind != "PERSP":
             kinds = {"ORTHO": "orthographic", "PANO": "panoramic"}
             problem = f"{parameters.camera} is {kinds.get(parameters.kind, 'a camera of a script')}, not perspective"
-            yield Problem("camera", problem, "name another camera, or change its type")
+            yield Problem("camera", problem, either(Action.OTHER_CAMERA, "change its type"))
             return
     if lens_given:
         return
@@ -51,7 +52,7 @@ def camera_problems(sampled: SampledCamera, *, lens_given: bool) -> Iterator[Pro
             message = f"{first.camera}'s " if parameters.camera == first.camera else ""
             numbers = f"fx {first.fx_px:.6g} at frame {sampled.frames[0]:g}, {parameters.fx_px:.6g} at frame {frame:g}"
             problem = f"{message}{who} along the path ({numbers}), and a sequence has one camera"
-            yield Problem("camera", problem, "give the preset's camera, which then holds, or choose frames")
+            yield Problem("camera", problem, either(Action.GIVE_CAMERA, Action.OTHER_FRAMES))
             return
 
 

@@ -42,6 +42,7 @@ def _configure(scene: bpy.types.Scene) -> None:
     configure(scene, ENGINES["cycles"], seed=0, samples=1, threads=0)
     ENGINES["cycles"].set_samples(scene, 1)
     scene.render.use_persistent_data = False
+    scene.render.use_multiview = False
     scene.render.resolution_percentage = 100
     scene.render.use_border = False
     for layer in list(scene.view_layers)[1:]:

@@ -14,6 +14,10 @@ class Action(Enum):
     OTHER_NAME = "give it another name"
     OVERWRITE = "replace the dataset with --overwrite"
     RUN_AGAIN = "run the same command again"
+    NAME_CAMERA = "name one of its cameras"
+    OTHER_CAMERA = "name another camera"
+    GIVE_CAMERA = "give the preset's camera, which then holds"
+    OTHER_FRAMES = "choose frames"
 
     def __str__(self) -> str:
         return self.value

@@ -42,7 +42,7 @@ class Frost:
 def apply(rgb: NDArray[np.float32], parameters: Frost, context: FrameContext) -> NDArray[np.float32]:
     """Put ice over (H, W, 3)."""
     ice = _crop(rgb.shape[:2], parameters, context)
-    return by_bands(rgb, rgb.dtype, lambda *parts: _frosted(*parts, parameters), ice)
+    return by_bands(rgb, rgb.dtype, lambda band, ice_band: _frosted(band, ice_band, parameters), ice)
 
 
 def _frosted(band: NDArray[np.float32], ice: NDArray[np.uint8], parameters: Frost) -> NDArray[np.float32]:

@@ -216,8 +216,8 @@ def _light_around(linear: Float32, tint: float) -> Float32:
 PERTURBATION = ColourPerturbation(
     name="lens_frost",
     label="Lens frost",
-    stage="environment",
-    order=32,
+    stage="lens",
+    order=58,
     parameters=LensFrost,
     severities={"coverage": (0.22, 0.38, 0.55, 0.78, 1.0), "opacity": (1.0, 1.3, 1.6, 2.0, 2.5)},
     source="our own: from a frosted border to a pane that is iced over but for its middle",

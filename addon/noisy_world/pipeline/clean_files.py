@@ -8,6 +8,7 @@ the colour of 1200 x 680 pixels, where OpenEXR's fastest compression takes 18 ms
 """
 
 import hashlib
+import json
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -18,10 +19,13 @@ from numpy.typing import NDArray
 
 from ..core.channels import CHANNELS
 from ..core.datasets.float_files import encode_npy
+from ..core.datasets.json_text import read_json
 from ..core.datasets.layouts import Modality, OutputFormat
 from ..core.datasets.storage import own_scratch, storage_errors, write_atomic
 from ..core.errors import InputError
 from ..core.geometry import Intrinsics
+from ..core.perturbing.execution import Notes
+from ..core.planning.exposed import exposure_of
 from ..core.planning.source import ColourAndDepth, Motion, OpenSource, SourceFrame, motion_between
 from ..core.regular_files import read_array, read_bytes
 from ..core.trajectories.frame_request import FrameRequest
@@ -45,12 +49,21 @@ class CleanFiles:
         """Return the file of an image."""
         return self.folder / modality / f"{number:06d}.npy"
 
+    def exposure_path(self, number: int) -> Path:
+        """Return the file of what the exposure of a frame did; there is none where nothing was exposed."""
+        return self.folder / "exposure" / f"{number:06d}.json"
+
     def lacking(self, frames: Iterable[int], wanted: Sequence[Modality]) -> list[int]:
         """Return the frames of which an image is not there as it was written. Each file is read once."""
         return [number for number in frames if not all(self._is_whole(name, number) for name in wanted)]
 
     def keep(self, number: int, frame: SourceFrame, wanted: Iterable[Modality]) -> None:
-        """Write the images of a frame. Raises StorageError."""
+        """Write the images of a frame, and before them what its exposure did. Raises StorageError."""
+        if notes := exposure_of(frame):
+            path = self.exposure_path(number)
+            with storage_errors(path):
+                path.parent.mkdir(parents=True, exist_ok=True)
+            write_atomic(path, json.dumps(notes).encode(), own_scratch(self.scratch))
         for name in wanted:
             if (pixels := frame.image(name)) is not None:
                 path = self.path(name, number)
@@ -131,6 +144,17 @@ class KeptFrame(ColourAndDepth):
     def depth_m(self) -> NDArray[np.float32]:
         """Planar depth (H, W) in metres; 0 = void."""
         return self.image("depth")
+
+    @property
+    def exposure(self) -> Notes:
+        """What its exposure did, for its record; empty without one."""
+        path = self.files.exposure_path(self.number)
+        try:
+            return read_json(path)
+        except FileNotFoundError:
+            return []
+        except ValueError as error:
+            raise InputError(path, "is damaged", remedy=AGAIN) from error
 
     def image(self, modality: Modality) -> NDArray[Any]:
         """Return the image of any channel."""

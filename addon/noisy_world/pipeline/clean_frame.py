@@ -14,9 +14,10 @@ from ..core.datasets.images import as_bytes, as_float
 from ..core.datasets.layouts import Modality, OutputFormat
 from ..core.datasets.registration import Registration
 from ..core.geometry import Intrinsics
-from ..core.perturbing.execution import ColourWork
+from ..core.perturbing.execution import ColourWork, Notes
 from ..core.perturbing.kinds import FrameContext
 from ..core.perturbing.lit import acts_on_light, after_light, on_light
+from ..core.planning.exposed import exposure_of
 from ..core.planning.sequence import Sequence, ShownSources
 from ..core.planning.source import SceneLight, SourceFrame, depth_behind_glass, light_of
 from ..core.trajectories.motion import CameraMotion, motion_between
@@ -39,6 +40,11 @@ class CleanFrame:
         self._image = image
         self._between = between
         self._timer = timer
+
+    @property
+    def exposure(self) -> Notes:
+        """What the exposure of the frame did, for its record; empty without one."""
+        return exposure_of(self._image)
 
     @cached_property
     def rgb(self) -> NDArray[np.float32] | NDArray[np.uint8]:

@@ -21,7 +21,7 @@ from ..core.datasets.journal import Journal
 from ..core.datasets.layouts import Modality, OutputFormat
 from ..core.datasets.records import FrameRecord
 from ..core.datasets.storage import sha256_of_bytes
-from ..core.perturbing.execution import DepthWork, exposure_notes
+from ..core.perturbing.execution import DepthWork
 from ..core.perturbing.steps import Step
 from ..core.planning.plan import Render
 from ..core.planning.sequence import Sequence
@@ -72,7 +72,6 @@ class FrameWriter:
         self._names = dataset.format.names(self._stamps)
         self._sequences = [sequence for sequence in render.sequences if sequence.frames]
         self.finished = finished
-        self._exposure = exposure_notes(render.exposure)
         self._journals: list[Journal] = []
         with contextlib.ExitStack() as opened:
             for sequence in self._sequences:
@@ -169,6 +168,8 @@ class FrameWriter:
                 done[channel.steps] = image.notes
             if channel.paired and sequence.paired:
                 done["pairing"] = {"depth_of_frame": sequence.shown(frame).depth_frame}
+            if isinstance(clean, CleanFrame) and clean.exposure:
+                done["exposure"] = clean.exposure
             yield self._record(frame, {name: written.sha256}, done, written.out_of_range)
 
     def _depth(self, sequence: Sequence, frame: int, clean: CleanFrame) -> PerturbedImage:
@@ -181,8 +182,6 @@ class FrameWriter:
         self, frame: int, files: dict[str, str], done: dict[str, Any], lost: OutOfRange | None = None
     ) -> FrameRecord:
         time_s, depth_time_s = self._stamps.frame_times(frame)
-        if self._exposure:
-            done = {**done, "exposure": self._exposure}
         return FrameRecord(frame, time_s, files, done, lost, depth_time_s)
 
     def __enter__(self) -> "FrameWriter":

@@ -6,19 +6,16 @@ linear light, as a sensor and Cycles take them; void is black. Where colours are
 """
 
 from dataclasses import dataclass
-from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.scenes.srgb import decoded, encoded
+from ..core.scenes.srgb import encoded, quick_light
 
 # Of a display-encoded component, nominally [0, 1]. Chosen, in the embedded rooms at 9 samples: .1 gives 1 dB more for a
 # fifth more rays, .2 takes 1.5 dB for a sixth fewer. Jumps of depth between pixels would add a tenth of a dB.
 CONTRAST = 0.15
 PIXELS_AT_ONCE = 4096  # bounds the memory; chosen
-
-_CODES = 65535  # of the table of light: half a step is a five hundredth of one of 8 bits
 
 
 @dataclass(frozen=True)
@@ -67,21 +64,9 @@ def mean_colours(centre: NDArray[np.float32], beside: NDArray[np.float32], grid:
 
     All are display-encoded and within [0, 1], or taken to its ends.
     """
-    light = _light(beside)
-    mean = _light(centre) if grid.centred else np.zeros_like(centre)
+    light = quick_light(beside)
+    mean = quick_light(centre) if grid.centred else np.zeros_like(centre)
     for ray in range(light.shape[1]):  # one after another, in a third of the time of numpy's sum along the axis
         mean += light[:, ray]
     mean /= np.float32(grid.samples)
     return np.asarray(encoded(mean), dtype=np.float32)
-
-
-def _light(colours: NDArray[np.float32]) -> NDArray[np.float32]:
-    codes = np.clip(colours, np.float32(0), np.float32(1))
-    codes *= np.float32(_CODES)
-    codes += np.float32(0.5)
-    return _light_of_codes()[codes.astype(np.uint16)]  # a quarter of the time of np.take
-
-
-@cache
-def _light_of_codes() -> NDArray[np.float32]:
-    return np.asarray(decoded(np.arange(_CODES + 1) / _CODES), dtype=np.float32)

@@ -2,7 +2,7 @@
 """The interface of ray casters: a view in, images out, a band of rows at a time."""
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +32,55 @@ class RayView:
         planes = np.empty((3, down.shape[1], across.shape[2]), dtype=np.float32)
         np.add(across, down, out=planes, dtype=np.float64, casting="same_kind")
         return np.asarray(cv2.merge(list(planes)), dtype=np.float32).reshape(-1, 3)
+
+    def origins_m(self, rows: slice) -> NDArray[np.float64]:
+        """Return where the rays of some rows begin, (1, 1, 3)."""
+        del rows
+        return self.origin_m[None, None]
+
+
+@dataclass(frozen=True)
+class LineView:
+    """Rays of an image whose rows or columns are seen from poses of their own, or whose rays go as a lens bends them.
+
+    Of the shapes, h is H or 1 and w is W or 1: what all rows or columns share is there once. starts_m: (h, w, 3)
+    float64, in the axes of the triangles. axes: (h, w, 3, 3) float64, the camera's axes as columns. right, down: (h, w)
+    float64, where a ray passes the plane at 1 along the optical axis; its lengths are planar depths.
+    """
+
+    starts_m: NDArray[np.float64]
+    axes: NDArray[np.float64]
+    right: NDArray[np.float64]
+    down: NDArray[np.float64]
+
+    def directions(self, rows: slice) -> NDArray[np.float32]:
+        """Return the directions (N, 3) of some rows, one after another; added in float64, rounded once."""
+        axes, right, down = (_rows_of(values, rows) for values in (self.axes, self.right, self.down))
+        made = axes[..., 0] * right[..., None] + (axes[..., 1] * down[..., None] + axes[..., 2])
+        return made.astype(np.float32).reshape(-1, 3)
+
+    def beside(
+        self, row: NDArray[np.intp], column: NDArray[np.intp], right: NDArray[np.float64], down: NDArray[np.float64]
+    ) -> "LineView":
+        """Return rays beside those of some pixels (N,), as many for each as `right` and `down` (S,) have: N rows."""
+        height, width = len(self.starts_m), self.starts_m.shape[1]
+        line = (np.minimum(row, height - 1), np.minimum(column, width - 1))
+        middle = [
+            plane[np.minimum(row, len(plane) - 1), np.minimum(column, plane.shape[1] - 1), None]
+            for plane in (self.right, self.down)
+        ]
+        return LineView(self.starts_m[line][:, None], self.axes[line][:, None], middle[0] + right, middle[1] + down)
+
+    def origins_m(self, rows: slice) -> NDArray[np.float64]:
+        """Return where the rays of some rows begin, (h, w, 3)."""
+        return np.ascontiguousarray(_rows_of(self.starts_m, rows))
+
+
+View: TypeAlias = RayView | LineView
+
+
+def _rows_of(values: NDArray[np.float64], rows: slice) -> NDArray[np.float64]:
+    return values if len(values) == 1 else values[rows]
 
 
 @dataclass(frozen=True)
@@ -65,7 +114,7 @@ class CastMesh:
 class Caster(Protocol):
     """Triangles that rays are cast at, between two distances. Several threads may cast at once."""
 
-    def cast(self, view: RayView, rows: slice, images: CastImages) -> None:
+    def cast(self, view: View, rows: slice, images: CastImages) -> None:
         """Fill in some rows of the images."""
         ...
 

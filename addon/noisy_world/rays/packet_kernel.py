@@ -95,7 +95,7 @@ def _cast_alone(intersect, scene, words, floats, lanes, lane, x_m, y_m, z_m):
 
 
 @njit
-def _cast_packet(functions, words, floats, lanes, origin_m, near_m):
+def _cast_packet(functions, words, floats, lanes, starts_m, near_m):
     """Cast a packet's rays, and those again alone that met two triangles so, or something too near."""
     scene, intersect, intersect_alone = functions[0], functions[1], functions[2]
     length, direction = _PACKET + _LENGTH * lanes, _PACKET + _DIRECTION * lanes
@@ -110,12 +110,12 @@ def _cast_packet(functions, words, floats, lanes, origin_m, near_m):
         if words[_PACKET + _GEOMETRY * lanes + lane] != _NOTHING:
             floats[length + lane] = floats[_LAST + lane]
         if words[_TIED + lane] != 0:
-            x_m, y_m, z_m = np.float32(origin_m[0]), np.float32(origin_m[1]), np.float32(origin_m[2])
+            x_m, y_m, z_m = floats[_PACKET + lane], floats[_PACKET + lanes + lane], floats[_PACKET + 2 * lanes + lane]
             _cast_alone(intersect_alone, scene, words, floats, lanes, lane, x_m, y_m, z_m)
         if floats[length + lane] < near_m:
-            x_m = np.float32(origin_m[0] + near_m * floats[direction + lane])
-            y_m = np.float32(origin_m[1] + near_m * floats[direction + lanes + lane])
-            z_m = np.float32(origin_m[2] + near_m * floats[direction + 2 * lanes + lane])
+            x_m = np.float32(starts_m[lane, 0] + near_m * floats[direction + lane])
+            y_m = np.float32(starts_m[lane, 1] + near_m * floats[direction + lanes + lane])
+            z_m = np.float32(starts_m[lane, 2] + near_m * floats[direction + 2 * lanes + lane])
             _cast_alone(intersect_alone, scene, words, floats, lanes, lane, x_m, y_m, z_m)
             floats[length + lane] += near_m
 
@@ -160,16 +160,18 @@ def _between_texels(address, width, height, right, up):
 
 
 def _cast_band(  # noqa: C901, PLR0912 - for numba, a function that is given arrays takes longer than a pixel
-    functions, lanes, origin_m, across, down, near_m, far_m, top, bottom,
+    functions, lanes, origins_m, across, down, bent, near_m, far_m, top, bottom,
     colours, corners, uv, uv_corners, shown, pictures, rgb, depth_m, triangles,
 ):  # fmt: skip
     """Fill in the rows from top to bottom of the images that are not empty, tile by tile; see `Packets.cast`."""
     words = _workspace(lanes, functions[3])
     floats = words.view(np.float32)
-    for axis in range(3):
-        floats[_PACKET + axis * lanes : _PACKET + (axis + 1) * lanes] = np.float32(origin_m[axis])
+    starts_m = np.empty((lanes, 3))
+    straight = bent.shape[0] == 0
+    last_start_row, last_start_column = origins_m.shape[0] - 1, origins_m.shape[1] - 1
     textured, coloured = shown.shape[0] > 0, corners.shape[0] > 0
-    last_column, last_row = across.shape[1] - 1, down.shape[1] - 1
+    last_column = (across.shape[1] if straight else bent.shape[1]) - 1
+    last_row = (down.shape[1] if straight else top + bent.shape[0]) - 1
     for left in range(0, last_column + 1, TILE_PX):
         for y in range(top, bottom, lanes // _ACROSS):
             for x in range(left, min(left + TILE_PX, last_column + 1), _ACROSS):
@@ -177,8 +179,13 @@ def _cast_band(  # noqa: C901, PLR0912 - for numba, a function that is given arr
                     column, row = min(x + (lane & 3), last_column), min(y + (lane >> 2), last_row)
                     for axis in range(3):
                         at = _PACKET + (_DIRECTION + axis) * lanes + lane
-                        floats[at] = np.float32(across[axis, column] + down[axis, row])
-                _cast_packet(functions, words, floats, lanes, origin_m, near_m)
+                        if straight:
+                            floats[at] = np.float32(across[axis, column] + down[axis, row])
+                        else:
+                            floats[at] = bent[row - top, column, axis]
+                        start_m = origins_m[min(row - top, last_start_row), min(column, last_start_column), axis]
+                        starts_m[lane, axis], floats[_PACKET + axis * lanes + lane] = start_m, np.float32(start_m)
+                _cast_packet(functions, words, floats, lanes, starts_m, near_m)
                 for lane in range(lanes):
                     column, row = min(x + (lane & 3), last_column), min(y + (lane >> 2), last_row)
                     length_m = floats[_PACKET + _LENGTH * lanes + lane]
@@ -214,8 +221,8 @@ def _read(kind: Any, dimensions: int) -> Any:
 
 
 _SIGNATURE = types.void(
-    *(_read(types.int64, 1), types.int64, _read(types.float64, 1), _read(types.float64, 2), _read(types.float64, 2)),
-    *(types.float32, types.float32, types.int64, types.int64),
+    *(_read(types.int64, 1), types.int64, _read(types.float64, 3), _read(types.float64, 2), _read(types.float64, 2)),
+    *(_read(types.float32, 3), types.float32, types.float32, types.int64, types.int64),
     *(_read(types.float32, 2), _read(types.int32, 2)),
     *(_read(types.float32, 2), _read(types.int32, 2), _read(types.int32, 1), _read(types.int64, 2)),
     *(types.float32[:, :, ::1], types.float32[:, ::1], types.int32[:, ::1]),

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from .casting import CastImages, CastMesh, RayView
+from .casting import CastImages, CastMesh, LineView, View
 from .embree_library import PacketScene
 from .packet_kernel import compiled
 from .triangles import triangle_faces
@@ -44,11 +44,17 @@ class Packets:
         lines = [(picture.ctypes.data, picture.shape[1], picture.shape[0]) for picture in self._pictures]
         self._told_pictures = np.array(lines, dtype=np.int64).reshape(-1, 3)
 
-    def cast(self, view: RayView, rows: slice, images: CastImages) -> None:
+    def cast(self, view: View, rows: slice, images: CastImages) -> None:
         """Fill in some rows of the images, without Python's lock. The first row is a multiple of TILE_PX."""
+        if isinstance(view, LineView):
+            bent = view.directions(rows).reshape(rows.stop - rows.start, -1, 3)
+            across, down = _NO_LINES, _NO_LINES
+        else:
+            bent, across, down = _EMPTY_RGB, view.across, view.down
         self._kernel(
-            *(self._functions, self._scene.lanes, view.origin_m, view.across, view.down, self._near_m, self._far_m),
-            *(rows.start, rows.stop, self._colours, self._colour_corners),
+            *(self._functions, self._scene.lanes, view.origins_m(rows), across, down, bent),
+            *(self._near_m, self._far_m, rows.start, rows.stop),
+            *(self._colours, self._colour_corners),
             *(self._uv, self._uv_corners, self._shown, self._told_pictures),
             _EMPTY_RGB if images.rgb is None else images.rgb,
             _EMPTY_DEPTH if images.depth_m is None else images.depth_m,
@@ -60,5 +66,6 @@ class Packets:
         self._scene.close()
 
 
+_NO_LINES = np.empty((3, 0))
 _EMPTY_RGB, _EMPTY_DEPTH = np.empty((0, 0, 3), np.float32), np.empty((0, 0), np.float32)
 _EMPTY_VALUES, _EMPTY_CORNERS = np.empty((0, 3), np.float32), np.empty((0, 3), np.int32)

@@ -20,7 +20,7 @@ from ..core.trajectories.frame_request import FrameRequest
 from ..core.trajectories.sensor_paths import SensorPaths
 from .antialiasing import PIXELS_AT_ONCE, grid_of, mean_colours, uneven_pixels
 from .casters import caster_of
-from .casting import TILE_PX, CastImages, RayView
+from .casting import TILE_PX, CastImages, LineView, RayView, View
 from .triangles import triangle_corners, triangle_faces, triangle_normals
 
 
@@ -61,27 +61,53 @@ class RaySession:
 
     def frame(self, request: FrameRequest) -> RenderedFrame:
         """Return the frame of a request: one ray through each pixel of a sensor, more where colours are uneven."""
-        view, rgb = self._view(request.rgb_c2w), self._options.rgb
-        depth = self._options.depth or not rgb  # without colour it tells whether anything is seen
-        apart = depth and not np.array_equal(request.rgb_c2w, request.depth_c2w)
+        rgb = self._options.rgb and request.looks_at("rgb")
+        depth = (self._options.depth and request.looks_at("depth")) or not rgb  # which tells whether anything is seen
+        view, deep = self._views(request)
+        apart = depth and deep is not None
         seen = self._seen(view, rgb=rgb, depth=depth and not apart, triangles=bool(self._images.needs))
         others = {} if seen.triangles is None else self._images.of(self._surface(view, request.rgb_c2w, seen.triangles))
-        depth_m = self._seen(self._view(request.depth_c2w), depth=True).depth_m if apart else seen.depth_m
+        depth_m = seen.depth_m if deep is None or not apart else self._seen(deep, depth=True).depth_m
         rays = None if seen.rgb is None else self._smooth(view, request.rgb_c2w, seen.rgb)
         return RenderedFrame(seen.rgb, depth_m, others, rays)
 
-    def _smooth(self, view: RayView, c2w: NDArray[np.float64], rgb: NDArray[np.float32]) -> int | None:
+    def _views(self, request: FrameRequest) -> tuple[View, View | None]:
+        """Return what the colour sensor sees, and the depth sensor where that sees something else."""
+        if (readout := request.rays.readout) is None:
+            same = np.array_equal(request.rgb_c2w, request.depth_c2w)
+            return self._view(request.rgb_c2w), None if same else self._view(request.depth_c2w)
+        rows = readout.direction in ("down", "up")
+        times_s = readout.line_times_s(self._height if rows else self._width)
+        rgb_c2w, depth_c2w = request.poses_after(times_s)
+        view = self._lines(rgb_c2w, rows=rows)
+        if not request.rays.depth_rolls:
+            return view, self._view(request.depth_c2w)
+        return view, None if np.array_equal(rgb_c2w, depth_c2w) else self._lines(depth_c2w, rows=rows)
+
+    def _lines(self, c2w: NDArray[np.float64], *, rows: bool) -> LineView:
+        """Return the rays of an image each row or column of which has its own pose (L, 4, 4)."""
+        lines = (len(c2w), 1) if rows else (1, len(c2w))
+        starts_m = (c2w[:, :3, 3] - self.origin_m).reshape(*lines, 3)
+        right, down = (np.asarray(values, np.float64) for values in (self._right[None], self._down[:, None]))
+        return LineView(starts_m, c2w[:, :3, :3].reshape(*lines, 3, 3), right, down)
+
+    def _smooth(self, view: View, c2w: NDArray[np.float64], rgb: NDArray[np.float32]) -> int | None:
         """Average the colours of uneven pixels, in place; return how many rays all pixels took, None where one each."""
         if (grid := self._grid) is None:
             return None
         fx_px, fy_px = self._focal_px
-        beside = c2w[:3, :1] * (grid.right_px / fx_px) + c2w[:3, 1:2] * (grid.down_px / fy_px)
+        beside_right, beside_down = grid.right_px / fx_px, grid.down_px / fy_px
+        beside = c2w[:3, :1] * beside_right + c2w[:3, 1:2] * beside_down
         pixels, colours = uneven_pixels(rgb), rgb.reshape(-1, 3)
 
         def smooth(part: slice) -> None:
             row, column = np.divmod(pixels[part], self._width)
-            centres = np.ascontiguousarray(view.across[:, column] + view.down[:, row])
-            rays = RayView(view.origin_m, beside, centres)  # those of a pixel in one row: they share packets
+            # Those of a pixel are in one row, and share packets.
+            if isinstance(view, RayView):
+                centres = np.ascontiguousarray(view.across[:, column] + view.down[:, row])
+                rays: View = RayView(view.origin_m, beside, centres)
+            else:
+                rays = view.beside(row, column, beside_right, beside_down)
             found = np.empty((len(row), beside.shape[1], 3), dtype=np.float32)
             self._caster.cast(rays, slice(0, len(found)), CastImages(found, None, None))
             colours[pixels[part]] = mean_colours(colours[pixels[part]], found, grid)
@@ -94,7 +120,7 @@ class RaySession:
         right, down, forward = (c2w[:3, axis, None] for axis in range(3))
         return RayView(c2w[:3, 3] - self.origin_m, self._right * right + forward, self._down * down)
 
-    def _seen(self, view: RayView, *, rgb: bool = False, depth: bool = False, triangles: bool = False) -> CastImages:
+    def _seen(self, view: View, *, rgb: bool = False, depth: bool = False, triangles: bool = False) -> CastImages:
         """Return what is asked for of what a view sees."""
         size = (self._height, self._width)
         images = CastImages(
@@ -106,7 +132,7 @@ class RaySession:
             self._each(lambda rows: self._caster.cast(view, rows, images), self._height, TILE_PX)
         return images
 
-    def _surface(self, view: RayView, c2w: NDArray[np.float64], triangles: NDArray[np.int32]) -> Surface:
+    def _surface(self, view: View, c2w: NDArray[np.float64], triangles: NDArray[np.int32]) -> Surface:
         """Return what is asked for of the mesh, where a view of a pose (4, 4) sees these triangles (H, W)."""
         size = triangles.shape
         normals = None if self._normals is None else np.empty((*size, 3), dtype=np.float32)

@@ -15,13 +15,13 @@ from ..core.schema import ConfigPath
 
 MARK = "@scene "
 PACKAGE = Path(__file__).resolve().parents[1]
-# Last on the path, so that what the program brings comes first.
+# Last on the path, so that what the program brings comes first: this package, and those that it was given.
 CODE = """
 import sys
-sys.path.append({folder!r})
+sys.path += [folder for folder in {folders!r} if folder not in sys.path]
 import bpy
-from {package}.blender.scene_inspection import main
-main()
+from {package}.blender.{module} import main
+main({argument})
 """
 
 
@@ -82,8 +82,15 @@ def _changed(path: Path, answer: dict[str, Any]) -> list[tuple[int, int] | None]
 
 
 def inspection_command() -> list[str]:
-    """Return the command that looks at a .blend: this program, in the background and without a person's preferences."""
-    code = CODE.format(folder=str(PACKAGE.parent), package=PACKAGE.name)
+    """Return the command that looks at a .blend."""
+    return background_command("scene_inspection")
+
+
+def background_command(module: str, *arguments: str) -> list[str]:
+    """Return the command that runs `main` of a module of `blender`: this program, without a person's preferences."""
+    argument = ", ".join(map(repr, arguments))
+    folders = [str(PACKAGE.parent), *filter(None, sys.path)]
+    code = CODE.format(folders=folders, package=PACKAGE.name, module=module, argument=argument)
     bpy = sys.modules.get("bpy")
     binary = "" if bpy is None else bpy.app.binary_path
     if not binary:

@@ -45,7 +45,8 @@ class MeshSource(SimpleSource):
 
     name: of the scene. mesh_path: None is an embedded room. path_file: None where the path is generated in the mesh.
     known_path: the path that was read. seed: of a generated path that has no seed of its own. room: which embedded
-    room it is. up: the axis of the mesh's file that points up; None is what the file declares.
+    room it is. up: the axis of the mesh's file that points up; None is what the file declares. casts_rays: whether its
+    frames are made of rays, as embree's are.
     """
 
     name: str
@@ -57,6 +58,7 @@ class MeshSource(SimpleSource):
     seed: int
     room: int = 0
     up: Up | None = None
+    casts_rays: bool = False
 
     @property
     def location(self) -> str:
@@ -71,7 +73,9 @@ class MeshSource(SimpleSource):
     @cached_property
     def _capabilities(self) -> SourceCapabilities:
         imported = self.mesh_path is not None and imported_format(self.mesh_path) is not None
-        return SourceCapabilities(rendered=True, any_pose=True, imported=imported, surface=TOLD)
+        return SourceCapabilities(
+            rendered=True, any_pose=True, imported=imported, surface=TOLD, casts_rays=self.casts_rays
+        )
 
     @property
     def stamps_s(self) -> NDArray[np.float64]:
@@ -306,8 +310,9 @@ def mesh_scene(
     if mesh_path is not None:
         check_mesh(mesh_path)  # the header only: its errors need not wait until earlier scenes are rendered
     seed, where = preset.spec.seed, place.at("trajectory")
+    rays = preset.spec.render.engine == "embree"
     if path_file is None and spec.file is None:
-        return MeshSource(name, place, mesh_path, spec, None, None, seed, room, up)
+        return MeshSource(name, place, mesh_path, spec, None, None, seed, room, up, rays)
     path = path_file or path_file_of(preset, where, spec, parts)
     chosen, read_as = read_path(path, spec, where, preset.spec.mesh_camera.intrinsics)
-    return MeshSource(name, place, mesh_path, read_as, path, chosen, seed, room, up)
+    return MeshSource(name, place, mesh_path, read_as, path, chosen, seed, room, up, rays)

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +22,7 @@ from ..core.messages import Message, Part, PresetKey
 from ..core.optics import Optics
 from ..core.planning.scene import Lack, SceneEntry
 from ..core.planning.simple_source import SimpleSource
-from ..core.planning.source import ColourAndDepth, RenderOptions, SourceCapabilities
+from ..core.planning.source import ColourAndDepth, RenderOptions, Source, SourceCapabilities
 from ..core.presets.scene_keys import SceneKeys
 from ..core.schema import ConfigPath, key
 from ..core.trajectories.frame_request import FrameRequest
@@ -33,6 +33,7 @@ from .path_files import sha256_of_path
 from .rectification import Rectification
 from .scene_files import FileSource
 
+ReadAs: TypeAlias = Literal["auto", "images"]
 RECORDED = "a recording has nothing between its frames"
 RATE_TOLERANCE = 0.01  # chosen: 30 Hz may stand for the 29.97 of a camera; the recording's own stamps count anyway
 
@@ -51,6 +52,12 @@ class RecordingKeys(SceneKeys):
         default=None,
         above=0,
         maximum=10_000,
+        identity="meaning",
+    )
+    layout: ReadAs = key(
+        "how the folder of a sequence is read: auto by the layout that its files tell; images as plain PNG or JPEG "
+        "images in the order of their names, without depth and poses",
+        default="auto",
         identity="meaning",
     )
     poses: PosePolicy = key(
@@ -284,10 +291,25 @@ class RecordingKind(FileSource[RecordingKeys]):
     }
     instead: ClassVar[Mapping[str, Part]] = {"trajectory": "leave it out: a sequence has its own"}
 
-    def open_file(self, entry: SceneEntry[RecordingKeys], name: str, path: Path, parts: tuple[str, ...]) -> Recording:
+    def check(self, keys: RecordingKeys, place: ConfigPath) -> None:
+        """Refuse what plain images have not."""
+        if keys.layout != "images":
+            return
+        lacking = {"undistort": "no file that says their lens", "register": "no depth"}
+        for name, what in lacking.items():
+            if getattr(keys, name):
+                raise place.at(name).error(f"plain images have {what}", "leave it out")
+        if keys.poses == "require":
+            raise place.at("poses").error("plain images have no poses", "leave it out")
+
+    def open_file(self, entry: SceneEntry[RecordingKeys], name: str, path: Path, parts: tuple[str, ...]) -> Source:
         """Return the source of a folder."""
         del name, parts
         keys = entry.keys
+        if keys.layout == "images":
+            from .image_source import read_images
+
+            return read_images(path, entry.place, keys.rate_hz)
         return read_recording(
             path, entry.place, keys.rate_hz, keys.poses, undistort=keys.undistort, register=keys.register
         )

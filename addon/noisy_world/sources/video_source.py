@@ -25,10 +25,9 @@ from ..core.schema import ConfigPath
 from ..core.trajectories.frame_request import FrameRequest
 from ..core.trajectories.sensor_paths import SensorPaths
 from ..core.trajectories.trajectory import Trajectory
+from .guessed_camera import GUESSED, given_or_guessed
 
 RECORDED = "a video has nothing between its frames"
-# Of the larger side: what COLMAP begins with (ImageReaderOptions::default_focal_length_factor).
-FOCAL_LENGTH_FACTOR = 1.2
 
 
 @dataclass(frozen=True)
@@ -56,16 +55,7 @@ class Video(SimpleSource):
 
     def camera(self, asked: Intrinsics | None) -> Intrinsics:
         """Return the intrinsics asked for or, where none are, a guess. Raises InputError for another size."""
-        wide, high = self.video.size_px
-        if asked is None:
-            focal_px = FOCAL_LENGTH_FACTOR * max(wide, high)
-            return Intrinsics(wide, high, focal_px, focal_px, (wide - 1) / 2, (high - 1) / 2)
-        if (asked.width_px, asked.height_px) != (wide, high):
-            problem = (
-                f"its frames are {wide} x {high}, but the preset's camera has {asked.width_px} x {asked.height_px}"
-            )
-            raise self.place.at("video").error(problem, "set camera to that, or leave it out")
-        return asked
+        return given_or_guessed(asked, self.video.size_px, self.place.at("video"), "frames")
 
     def trajectory(self) -> Trajectory:
         """Return a path whose poses are not known."""
@@ -90,10 +80,7 @@ class Video(SimpleSource):
         if self.video.note:
             note(self.video.note)
         if camera == self.camera(None):
-            note(
-                "nothing says its camera: a guess is written, with a focal length of 1.2 times the larger side; "
-                "camera says another"
-            )
+            note(GUESSED)
         opened = OpenVideo(VideoReader(self.video), self.depth)
         try:
             yield opened

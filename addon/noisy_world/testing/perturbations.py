@@ -10,7 +10,9 @@ from numpy.typing import NDArray
 
 from ..core.datasets.images import as_float, rgb_bytes
 from ..core.errors import NoisyWorldError
-from ..core.perturbing.execution import expose, move, perturb_colour, perturb_depth
+from ..core.perturbing.execution import move, perturb_colour, perturb_depth
+from ..core.perturbing.exposing import SceneAround
+from ..core.perturbing.exposures import expose
 from ..core.perturbing.kinds import (
     KINDS,
     SEVERITIES,
@@ -23,6 +25,7 @@ from ..core.perturbing.kinds import (
     Perturbation,
 )
 from ..core.perturbing.steps import Step
+from ..core.trajectories.frame_request import AT_ONCE, RequestedRays
 from .rules import CAMERA, images, path, require, require_name
 
 FRAMES = 12
@@ -183,8 +186,16 @@ def _check_pairing(perturbation: PairingPerturbation, step: Step[Any]) -> None:
 def _check_exposure(perturbation: ExposurePerturbation, step: Step[Any]) -> None:
     name, frame = perturbation.name, _frame(4)
 
+    if perturbation.rays is not None:
+        made_rays = [perturbation.rays(AT_ONCE, step.parameters(step.severity)) for _ in range(2)]
+        require(
+            isinstance(made_rays[0], RequestedRays), name, f"rays has to return RequestedRays, not {made_rays[0]!r}"
+        )
+        require(made_rays[0] == made_rays[1], name, "says other rays for the same parameters")
+        return
+
     def made(which: int) -> NDArray[Any]:
-        found = expose([step], lambda _: frame)[which]
+        found = expose([step], SceneAround(lambda *_: frame))[which]
         require(found is not None, name, "leaves out an image that it is given")
         assert found is not None
         return found

@@ -17,7 +17,7 @@ from ..core.schema import unknown_name
 from ..perturbations import registry
 from ..sources import read_scenes
 from . import footage
-from .described import LARGEST_INT, notify_once, tell
+from .described import LARGEST_INT, is_offered, notify_once, tell
 from .document import CAMERA, CLEAN, DEVIATION, HANDHELD, OWN_FIELDS, TRAJECTORY, own_motion
 from .shown_sources import PANEL_SOURCES, shown, shown_as
 from .step_list import clear_entries, put_step, take_step
@@ -102,6 +102,7 @@ def _apply(panel: Any, preset: Preset, wanted: str) -> None:
         if chosen.name != CLEAN:
             panel.setting_name = chosen.name
         _apply_steps(panel, chosen)
+        panel.use_clean = any(item.name == CLEAN for item in found)
         panel.preset_settings = "\n".join(item.name for item in found)
 
 
@@ -147,6 +148,8 @@ def _refuse_unshown(preset: Preset, part: Part | None = None) -> None:
         }
     if part in (None, "OUTPUT"):
         asked |= {
+            "render.engine": not is_offered(spec.render.engine)
+            and f"is {spec.render.engine}, which needs the Python package embreex in Blender",
             "render.device": spec.render.device != "cpu" and f"is {spec.render.device}",
             "output.formats": bool(spec.output.format.formats) and "says what files of channels are",
             "output.licence": spec.output.licence is not None and "states a licence",

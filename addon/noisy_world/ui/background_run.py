@@ -23,9 +23,16 @@ class BackgroundRun:
     """A command's process and its messages so far. All methods are called from one thread."""
 
     def __init__(
-        self, command: Sequence[str], *, who: str = "the generator", clock: Callable[[], float] = time.monotonic
+        self,
+        command: Sequence[str],
+        *,
+        who: str = "the generator",
+        patient: bool = True,
+        clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        """Start the command, which has to send the messages of `--progress json`. who: its name in messages.
+        """Start the command, which has to send the messages of `--progress json`.
+
+        who: its name in messages. patient: whether it is asked to end, rather than ended, when it is cancelled.
 
         Raises OSError where it cannot be started.
         """
@@ -36,6 +43,7 @@ class BackgroundRun:
         self.result = ""
         self.error = ""
         self._who = who
+        self._patient = patient
         self._clock = clock
         self._first = 0
         self._start_s = self._last_s = clock()
@@ -133,12 +141,12 @@ class BackgroundRun:
         """Ask the process to end after the current frame; called again, end it at once. Either way a run can resume."""
         if not self.active:
             return
-        if self.phase == "stopping":
+        if self.phase == "stopping" or not self._patient:
             self._process.kill()
         else:
             # Not SIGINT, which a Blender program ignores while it starts.
             self._process.terminate()
-            self.phase = "stopping"
+        self.phase = "stopping"
 
     def close(self, timeout_s: float = 2.0) -> None:
         """End the process, by force if necessary, and release its files."""

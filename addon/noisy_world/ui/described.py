@@ -6,6 +6,7 @@ import types
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import MISSING, Field, dataclass, fields
+from importlib.util import find_spec
 from typing import Any, Literal, TypeAlias, Union, get_args, get_origin, get_type_hints
 
 import bpy
@@ -49,6 +50,7 @@ Listener: TypeAlias = Callable[[bpy.types.Scene, str], None]
 LISTENERS: list[Listener] = []
 _collected: list[dict[tuple[int, str], bpy.types.Scene]] = []  # inside notify_once
 LARGEST_INT = 2**31 - 1  # of Blender's integer properties, which have 32 bits
+EMBREE = "embree"  # of engines the last, so that the others keep their numbers in files where it is not offered
 _LEAST_ABOVE = 1e-6  # what an exclusive minimum is raised by, as Blender's are inclusive; chosen
 _SUBTYPES = {
     "px": "PIXEL", "m": "DISTANCE", "mm": "DISTANCE_CAMERA", "%": "PERCENTAGE", "deg": "ANGLE", "s": "TIME_ABSOLUTE",
@@ -103,6 +105,7 @@ _CHOICES = {
     "drop": ("Drop", "Leave the frame out"),
     "keep": ("Keep", "Keep the frame, and write no pose for it"),
     "require": ("Refuse", "Frames without a pose end the run"),
+    "images": ("Plain Images", "PNG or JPEG images in the order of their names, without depth and poses"),
     "none": ("No Poses", "Look for no poses at all: a recording without ground truth"),
 }
 """Label and tooltip of every value that a field chooses from."""
@@ -145,6 +148,7 @@ def described(
     if "description" in other:
         other["description"] = sentence(other["description"])
     if items:
+        items = [(value, *words) for value, *words in items if is_offered(value)]
         chosen: dict[str, Any] = {"items": items}
         return bpy.props.EnumProperty(**(chosen | common | other))
     if hint is bool:
@@ -163,6 +167,11 @@ def _items(hint: Any, info: KeyInfo) -> list[tuple[str, str, str]]:
     if get_origin(hint) is Literal:
         return [(value, *_CHOICES.get(value, (title(value), ""))) for value in get_args(hint)]
     return []
+
+
+def is_offered(value: str) -> bool:
+    """Tell whether a value can be chosen in this Blender: Embree needs a package that the extension does not bring."""
+    return value != EMBREE or find_spec("embreex") is not None
 
 
 def _number(hint: type, info: KeyInfo, common: dict[str, Any]) -> Any:

@@ -12,13 +12,14 @@ from numpy.typing import NDArray
 from ..core.channels import CHANNELS
 from ..core.datasets.layouts import OutputFormat
 from ..core.datasets.storage import storage_errors, write_atomic
+from ..core.errors import InputError
 from ..core.geometry import Intrinsics
 from ..core.perturbing.execution import chosen_poses, split_motion
 from ..core.perturbing.kinds import Identifiers, MotionPerturbation
 from ..core.perturbing.reading import parse_steps
 from ..core.perturbing.steps import Step, steps_of_kind
 from ..core.presets.output import OutputSpec
-from ..core.presets.preset import Preset, check_document
+from ..core.presets.preset import EngineName, Preset, check_document
 from ..core.schema import ConfigPath, unknown_name
 from ..core.yaml_reading import yaml_text
 from ..perturbations import registry
@@ -54,7 +55,7 @@ TRAJECTORY = {
 
 
 def to_document(panel: Any, folder: Path | None = None) -> dict[str, Any]:
-    """Return the preset that the panel describes: one scene, the settings clean and, with perturbations, one more.
+    """Return the preset that the panel describes: one scene, clean where it is asked for, and with perturbations.
 
     Paths are absolute, or relative to `folder` if they are inside it.
     """
@@ -66,10 +67,10 @@ def to_document(panel: Any, folder: Path | None = None) -> dict[str, Any]:
         "scenes": [scene_of(panel, folder)],
         **({"camera": camera_of(panel)} if source.gives_lens(panel) else {}),
         "render": {
-            **({"engine": panel.engine, "samples": panel.samples} if source.gives_render(panel) else {}),
+            **({"engine": engine_of(panel), "samples": panel.samples} if source.gives_render(panel) else {}),
             "backend": panel.backend,
         },
-        "settings": [{"name": CLEAN}, *([{"name": panel.setting_name, "perturb": perturb}] if perturb else [])],
+        "settings": settings_of(panel, perturb),
         "output": {
             "layout": panel.layout,
             "image": panel.image,
@@ -80,6 +81,22 @@ def to_document(panel: Any, folder: Path | None = None) -> dict[str, Any]:
             "overview": panel.overview,
         },
     }
+
+
+def settings_of(panel: Any, perturb: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Return the settings that the panel describes: clean alone where nothing is perturbed."""
+    clean: list[dict[str, Any]] = [{"name": CLEAN}]
+    if not perturb:
+        return clean
+    return [*(clean if panel.use_clean else []), {"name": panel.setting_name, "perturb": perturb}]
+
+
+def engine_of(panel: Any) -> EngineName:
+    """Return the engine that the panel gives. Raises InputError where a file chose one that this Blender lacks."""
+    if not panel.engine:
+        problem = "this file chose Embree, which needs the Python package embreex in Blender"
+        raise InputError(PANEL, problem, where="render.engine", remedy="choose another engine, or install it")
+    return panel.engine
 
 
 def format_of(panel: Any) -> OutputFormat:

@@ -17,17 +17,14 @@ from ..core.datasets.images import as_bytes, grey_bytes
 from ..core.datasets.overview import colour_depth
 from ..core.errors import NoisyWorldError
 from ..core.perturbing.execution import perturb_depth
-from ..core.perturbing.kinds import DepthPerturbation, PairingPerturbation
 from ..core.perturbing.steps import Setting
 from ..core.planning.sequence import Sequence, Shown, lay_out
 from ..core.planning.source import RenderedFrame
-from ..perturbations import registry
 from ..pipeline.clean_frame import Camera, CleanFrame
 from ..pipeline.colour import colour_of
-from . import excluded, footage, this_scene
+from . import excluded, footage, runs, this_scene
 from .document import format_of, identifiers_of, intrinsics_of, recorded, steps_of
 from .handlers import Handlers
-from .operators import UNDOABLE, OnScene, guarded
 from .paths import clean_stamps_s
 from .properties import panel_of
 from .shown_motion import camera_at
@@ -39,6 +36,8 @@ PICTURES: dict[Kind, str] = {"COLOUR": "Noisy World Color", "DEPTH": "Noisy Worl
 STILLS_KEPT = 4  # rendered frames of a scene; chosen: desynchronisation sliders move between neighbours
 CHANGES_PICTURE = (bpy.types.Camera, bpy.types.Light, bpy.types.Material, bpy.types.World)
 
+_changes: dict[int, int] = {}  # by scene: how often its rendered frames were dropped
+_outdated: dict[int, set[Kind]] = {}  # by scene: the pictures whose frames would be rendered otherwise by now
 _stills: dict[int, OrderedDict[int, RenderedFrame]] = {}  # by scene and frame: clean, as rendered
 _followed: dict[int, dict[Kind, int]] = {}  # by scene: the pictures that follow, and the frame each shows
 _drawn: dict[int, "_Drawn"] = {}  # by scene: the colour that was perturbed last, for another split
@@ -62,16 +61,26 @@ def still_of(scene: bpy.types.Scene, frame: int) -> RenderedFrame:
     """Return a clean scene frame, which is rendered the first time it is asked for."""
     known = _stills.setdefault(scene.session_uid, OrderedDict())
     if frame not in known:
-        known[frame] = rendered(scene, frame)
+        keep(scene, frame, rendered(scene, frame))
+    known.move_to_end(frame)
+    return known[frame]
+
+
+def keep(scene: bpy.types.Scene, frame: int, still: RenderedFrame) -> None:
+    """Keep a clean scene frame that was rendered; the oldest of many is dropped."""
+    known = _stills.setdefault(scene.session_uid, OrderedDict())
+    known[frame] = still
     known.move_to_end(frame)
     while len(known) > STILLS_KEPT:
         known.popitem(last=False)
-    return known[frame]
 
 
 def forget(scene: bpy.types.Scene) -> None:
     """Drop a scene's rendered frames, so that they are rendered again when they are next asked for."""
-    _stills.pop(scene.session_uid, None)
+    uid = scene.session_uid
+    _changes[uid] = _changes.get(uid, 0) + 1
+    _outdated[uid] = set(_followed.get(uid, ()))
+    _stills.pop(uid, None)
     forget_drawn(scene)
 
 
@@ -176,6 +185,20 @@ def _held(scene: bpy.types.Scene, depth_m: NDArray[np.float32]) -> tuple[NDArray
     return format_.stored_depth_m(depth_m), f"{message}; "
 
 
+def sources_of(scene: bpy.types.Scene, kind: Kind, index: int) -> set[int]:
+    """Return the source frames that a picture is made of. Raises NoisyWorldError as `make_picture` does."""
+    sequence, _ = sequence_of(scene)
+    shown = _shown(sequence, index)
+    if kind == "COLOUR":
+        return {shown.rgb_source}
+    return {shown.depth_source, *([shown.rgb_source] if sequence.paired else [])}
+
+
+def _is_rendered(scene: bpy.types.Scene, sources: set[int]) -> bool:
+    """Tell whether source frames are at hand; those of a recording are read, and always are."""
+    return footage.is_shown(panel_of(scene)) or sources <= _stills.get(scene.session_uid, {}).keys()
+
+
 def _shown(sequence: Sequence, index: int) -> Shown:
     if sequence.leaves_out(index):
         raise NoisyWorldError(f"frame {index} is left out: there is no depth to pair with it")
@@ -272,10 +295,17 @@ def watching(scene: bpy.types.Scene) -> list[tuple[Kind, int, list[bpy.types.Are
 
 
 def follow(scene: bpy.types.Scene) -> None:
-    """Redraw a scene's pictures that an image editor shows. Raises NoisyWorldError as `make_picture` does."""
+    """Redraw a scene's pictures that an image editor shows, as far as their frames are rendered already.
+
+    Raises NoisyWorldError as `make_picture` does.
+    """
     began_s, was_drawn = time.perf_counter(), scene.session_uid in _drawn
     for kind, index, areas in watching(scene):
+        if not _is_rendered(scene, sources_of(scene, kind, index)):
+            _outdated.setdefault(scene.session_uid, set()).add(kind)
+            continue
         make_picture(scene, kind, index)
+        _outdated.get(scene.session_uid, set()).discard(kind)
         for area in areas:
             area.tag_redraw()
     if not was_drawn:  # another split is quick, and says nothing of the time that a slider takes
@@ -287,10 +317,30 @@ def seconds_taken(scene: bpy.types.Scene) -> float:
     return _took_s.get(scene.session_uid, 0.0)
 
 
+def show_frame(context: bpy.types.Context, scene: bpy.types.Scene, kind: Kind, index: int) -> str:
+    """Show a frame's picture in an image editor and follow it; say what it shows. Raises NoisyWorldError."""
+    image, about = make_picture(scene, kind, index)
+    _followed.setdefault(scene.session_uid, {})[kind] = index
+    _outdated.get(scene.session_uid, set()).discard(kind)
+    open_picture(context, image)
+    return about if excluded.shows_dataset(scene) else f"Your scene, not the dataset's: {about}"
+
+
+def count_of_changes(scene: bpy.types.Scene) -> int:
+    """Return how often a scene's rendered frames were dropped, which tells whether something changed since."""
+    return _changes.get(scene.session_uid, 0)
+
+
+def outdated(scene: bpy.types.Scene) -> set[Kind]:
+    """Return a scene's pictures whose frames would be rendered otherwise by now."""
+    return _outdated.get(scene.session_uid, set())
+
+
 @persistent
 def _on_change(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
     """Drop the rendered frames of a scene in which something was moved, edited or lit differently."""
-    if scene.session_uid not in _stills:
+    uid = scene.session_uid
+    if uid not in _stills and uid not in _followed and runs.active_still() is None:
         return
     if any(_makes_stale(item, scene) for item in depsgraph.updates):
         forget(scene)
@@ -310,90 +360,19 @@ def _makes_stale(update: bpy.types.DepsgraphUpdate, scene: bpy.types.Scene) -> b
 @persistent
 def _forget_all(*_: object) -> None:
     """Drop all rendered frames: another file was opened."""
-    for kept in (_stills, _followed, _drawn, _took_s):
+    for kept in (_stills, _followed, _drawn, _took_s, _changes, _outdated):
         kept.clear()
 
 
-# --- the panel's part ---
-
-
-class _Preview(OnScene):
-    """Render the scene's frame, and show it perturbed."""
-
-    bl_options = UNDOABLE
-    kind: Kind
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        """Tell whether there is a camera to render from."""
-        if not super().poll(context):
-            return False
-        if context.scene.camera is None and not footage.is_shown(panel_of(context.scene)):
-            cls.poll_message_set("The scene has no camera")
-            return False
-        return True
-
-    def execute(self, context: bpy.types.Context) -> set[str]:
-        """Render and show."""
-
-        def work() -> str:
-            scene = context.scene
-            forget(scene)
-            footage.forget()
-            _, index = sequence_of(scene)
-            image, about = make_picture(scene, self.kind, index)
-            _followed.setdefault(scene.session_uid, {})[self.kind] = index
-            open_picture(context, image)
-            return about if excluded.shows_dataset(scene) else f"Your scene, not the dataset's: {about}"
-
-        return guarded(self, work)
-
-
-class PreviewFrame(_Preview, bpy.types.Operator):
-    """Render this frame with one sample of Cycles and show it in an image editor, perturbed; where the panel's mesh \
-and path are loaded and nothing else is shown, it is as it is written. While Preview is on it follows the sliders"""
-
-    bl_idname = "noisy_world.preview_frame"
-    bl_label = "Preview Frame"
-    kind: Kind = "COLOUR"
-
-
-class PreviewDepth(_Preview, bpy.types.Operator):
-    """Render this frame's depth and show it in an image editor, in colors, as the generator perturbs it; while \
-Preview is on it follows the sliders"""
-
-    bl_idname = "noisy_world.preview_depth"
-    bl_label = "Preview Depth"
-    kind: Kind = "DEPTH"
-
-
-def has_depth_steps(panel: Any) -> bool:
-    """Tell whether a step acts on depth or on its pairing."""
-    kinds = (DepthPerturbation, PairingPerturbation)
-    return any(step.enabled and isinstance(registry().get(step.perturbation), kinds) for step in panel.steps)
-
-
-def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-    """Draw the buttons, that of depth only if a step acts on it, and whether the frames are the dataset's."""
-    column = layout.column(align=True)
-    column.operator(PreviewFrame.bl_idname, icon="IMAGE_DATA")
-    if has_depth_steps(panel_of(context.scene)):
-        column.operator(PreviewDepth.bl_idname, icon="IMAGE_ZDEPTH")
-    excluded.draw_in_preview(layout, context)
-
-
-_register_classes, _unregister_classes = bpy.utils.register_classes_factory((PreviewFrame, PreviewDepth))
 _HANDLERS = Handlers(depsgraph_update_post=_on_change, load_post=_forget_all)
 
 
 def register() -> None:
-    """Register the operators, and the handlers for changes that make rendered frames out of date."""
-    _register_classes()
+    """Register the handlers for changes that make rendered frames out of date."""
     _HANDLERS.add()
 
 
 def unregister() -> None:
     """Unregister them; the pictures stay in the file."""
     _HANDLERS.remove()
-    _unregister_classes()
     _forget_all()

@@ -27,6 +27,9 @@ else:
     _Mixin = object
 
 
+DIALOG_WIDTH = 420  # pixels at a scale of 1; chosen: a sentence in two or three lines
+
+
 class NoisyWorldGenerate(Following, bpy.types.Operator):
     """Make the dataset that the panel describes, in a Blender in the background; Esc stops it"""
 
@@ -102,11 +105,19 @@ class _AskedGenerate(_Mixin):
         """Tell whether a run may start."""
         return NoisyWorldGenerate.poll.__func__(cls, context)
 
-    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
+    def invoke(self, context: bpy.types.Context, _: bpy.types.Event) -> set[str]:
         """Ask first."""
-        return context.window_manager.invoke_confirm(
-            self, event, title=self.bl_label, message=excluded.sentence(context.scene), confirm_text="Generate"
+        return context.window_manager.invoke_props_dialog(
+            self, width=DIALOG_WIDTH, title=self.bl_label, confirm_text="Generate"
         )
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw the question."""
+        if self.overwrite:
+            text = "The dataset that is in the folder under Output is deleted and made anew"
+            write(layout_of(self), context, text, "TRASH", dialog=DIALOG_WIDTH)
+        if text := excluded.sentence(context.scene):
+            write(layout_of(self), context, text, "ERROR", dialog=DIALOG_WIDTH)
 
     def execute(self, _: bpy.types.Context) -> set[str]:
         """Generate."""
@@ -140,15 +151,10 @@ class NoisyWorldGenerateWithout(_AskedGenerate, bpy.types.Operator):
         name="Replace Dataset", options={"SKIP_SAVE", "HIDDEN"}
     )
 
-    def invoke(self, context: bpy.types.Context, _: bpy.types.Event) -> set[str]:
-        """Ask first."""
-        return context.window_manager.invoke_props_dialog(self, title=self.bl_label, confirm_text="Generate")
-
     def draw(self, context: bpy.types.Context) -> None:
         """Draw the question."""
-        layout = layout_of(self)
-        write(layout, context, excluded.sentence(context.scene), "ERROR")
-        layout.row().prop(self, "shows", expand=True)
+        super().draw(context)
+        layout_of(self).row().prop(self, "shows", expand=True)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Generate."""

@@ -13,9 +13,10 @@ from ..perturbations import registry
 from . import footage, world
 from .described import tell
 from .document import OWN_FIELDS
+from .offered import line_on
 from .own_objects import own_object
 from .properties import active_step, panel_of
-from .step_list import add_step, may_move, move_entry, remove_entry
+from .step_list import add_own_step, may_move, move_entry, remove_entry
 from .wording import spoken
 
 if TYPE_CHECKING:
@@ -202,8 +203,7 @@ class NoisyWorldAddStep(OnScene, bpy.types.Operator):
     def description(cls, _: bpy.types.Context, properties: bpy.types.OperatorProperties) -> str:
         """Say what the perturbation does."""
         found = registry().get(properties.perturbation)
-        text = (found.parameters.__doc__ or "").split("\n")[0].strip().rstrip(".") if found else ""
-        return text or cls.__doc__ or ""
+        return line_on(found) if found else cls.__doc__ or ""
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Add it."""
@@ -219,7 +219,7 @@ class NoisyWorldAddStep(OnScene, bpy.types.Operator):
         if once and any(step.perturbation == name for step in panel.steps):
             self.report({"ERROR"}, f"{title(registry()[name].label)} is in the list already: it acts only once")
             return CANCELLED
-        add_step(panel, name)
+        add_own_step(panel, name)
         return DONE
 
 

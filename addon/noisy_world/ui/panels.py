@@ -11,13 +11,13 @@ from ..core.datasets.layouts import LAYOUTS
 from ..core.labels import title
 from ..core.perturbing.kinds import Perturbation, Stage
 from ..perturbations import registry
-from . import asset_library, footage, generate, header_presets, operators, paths, preview, tracking, world
+from . import asset_library, camera_link, footage, generate, header_presets, operators, paths, preview, tracking, world
 from .described import CAMERA, DEVIATION, OUTPUT, PERTURBATIONS, SCENE, TRAJECTORY
-from .document import OWN_FIELDS
 from .keyed import without_effect
 from .long_text import write
+from .offered import BENCHMARK, PACKAGES, PHYSICAL, Offered, line_on, offered
 from .own_objects import own_object
-from .properties import active_step, panel_of
+from .properties import active_step, panel_of, perturbation_of
 from .shown_sources import shown
 from .step_fields import draw_step
 
@@ -118,6 +118,8 @@ class NOISYWORLD_PT_trajectory(PanelSection, bpy.types.Panel):
         layout.operator("noisy_world.load_trajectory", icon="CON_FOLLOWPATH")
         if message := world.path_summary(context.scene):
             layout.label(text=message, icon="CHECKMARK")
+        elif world.poses(context.scene):
+            write(layout, context, "Another path was loaded: Load Trajectory takes this one", "INFO")
 
 
 class NOISYWORLD_PT_deviation(PanelSection, bpy.types.Panel):
@@ -200,40 +202,36 @@ class NOISYWORLD_UL_steps(bpy.types.UIList):
 
 
 class NOISYWORLD_MT_add_step(bpy.types.Menu):
-    """All perturbations, by stage"""
+    """All perturbations, in two lists: physical, and the benchmark's"""
 
     bl_label = "Add Perturbation"
 
     def draw(self, _: bpy.types.Context) -> None:
-        """Draw a menu for each stage that has some."""
-        for stage, (label, icon) in STAGE_LABELS.items():
-            if addable(stage):
-                layout_of(self).menu(f"NOISYWORLD_MT_add_{stage}", text=label, icon=icon)
+        """Draw a menu for each list that has some, and what is in it."""
+        layout = layout_of(self)
+        for chosen in OFFERED:
+            if offered(chosen):
+                layout.menu(f"NOISYWORLD_MT_add_{chosen.name}", text=chosen.label)
 
 
-def addable(stage: Stage) -> list[Perturbation]:
-    """Return a stage's perturbations that the list can hold: those without fields of their own in the panel."""
-    return [item for item in registry().values() if item.stage == stage and item.name not in OWN_FIELDS]
-
-
-def _stage_menu(stage: Stage) -> type:
-    """Make the menu of a stage."""
+def _offered_menu(chosen: Offered) -> type:
+    """Make the menu of a list."""
 
     def draw(self: bpy.types.Menu, _: bpy.types.Context) -> None:
-        for perturbation in addable(stage):
+        layout = layout_of(self)
+        layout.label(text=chosen.said)
+        stage = ""
+        for perturbation in offered(chosen):
+            if perturbation.stage != stage:
+                stage = perturbation.stage
+                label, icon = STAGE_LABELS[perturbation.stage]
+                layout.separator()
+                layout.label(text=label, icon=icon)
             label = short_label(perturbation)
-            layout_of(self).operator("noisy_world.add_step", text=label).perturbation = perturbation.name
+            layout.operator("noisy_world.add_step", text=label).perturbation = perturbation.name
 
-    return type(
-        f"NOISYWORLD_MT_add_{stage}",
-        (bpy.types.Menu,),
-        {
-            "bl_label": STAGE_LABELS[stage][0],
-            "draw": draw,
-            "__module__": __name__,
-            "__doc__": "Perturbations of this stage",
-        },
-    )
+    members = {"bl_label": chosen.label, "draw": draw, "__module__": __name__, "__doc__": chosen.said}
+    return type(f"NOISYWORLD_MT_add_{chosen.name}", (bpy.types.Menu,), members)
 
 
 class NOISYWORLD_PT_perturbations(PanelSection, bpy.types.Panel):
@@ -254,6 +252,7 @@ class NOISYWORLD_PT_perturbations(PanelSection, bpy.types.Panel):
         buttons.operator("noisy_world.move_step_up", text="", icon="TRIA_UP")
         buttons.operator("noisy_world.move_step_down", text="", icon="TRIA_DOWN")
         if (step := active_step(panel)) is not None and step.perturbation in registry():
+            write(layout, context, line_on(perturbation_of(step)), "INFO")
             draw_step(layout, step)
         layout.separator(factor=0.5)
         layout.prop(panel, "seed")
@@ -271,6 +270,7 @@ class NOISYWORLD_PT_preview(PanelSection, bpy.types.Panel):
         layout = self.fields(context)
         layout.use_property_split = False
         preview.draw(layout, context)
+        camera_link.draw(layout, context)
         asset_library.draw(layout, context)
 
 
@@ -303,6 +303,7 @@ class NOISYWORLD_PT_output(PanelSection, bpy.types.Panel):
         column = layout.column(heading="Write", align=True)
         for name in (*(f"use_{channel}" for channel in CHANNELS), "overview"):
             column.prop(panel, name)
+        column.prop(panel, "use_clean")
         layout.prop(panel, "setting_name")
         layout.prop(panel, "output_folder")
         generate.draw(layout, context)
@@ -320,11 +321,12 @@ class NOISYWORLD_PT_evaluation(PanelSection, bpy.types.Panel):
         tracking.draw(layout, context)
 
 
-STAGE_MENUS = tuple(_stage_menu(stage) for stage in STAGE_LABELS)
+OFFERED = (PHYSICAL, BENCHMARK, PACKAGES)
+OFFERED_MENUS = tuple(map(_offered_menu, OFFERED))
 CLASSES: tuple[Any, ...] = (
     NOISYWORLD_UL_steps,
     NOISYWORLD_MT_add_step,
-    *STAGE_MENUS,
+    *OFFERED_MENUS,
     NOISYWORLD_PT_scene,
     NOISYWORLD_PT_trajectory,
     NOISYWORLD_PT_deviation,

@@ -94,13 +94,20 @@ def deviated_poses(scene: bpy.types.Scene, c2w: NDArray[np.float64]) -> NDArray[
     moving, _ = split_motion(motion_of(panel_of(scene)))
     if not moving:
         return None
-    identifiers, stamps_s = identifiers_of(panel_of(scene)), clean_stamps_s(scene)
+    identifiers, stamps_s = identifiers_of(panel_of(scene)), _stamps_s_of(scene, len(c2w))
     values = [(step.perturbation.name, step.severity, *step.given.items()) for step in moving]
     made_from = (c2w.tobytes(), stamps_s.tobytes(), *values, identifiers)
     if made_from not in _deviated:
         _deviated.clear()
         _deviated[made_from] = move(moving, Trajectory(c2w, stamps_s), identifiers).c2w
     return _deviated[made_from]
+
+
+def _stamps_s_of(scene: bpy.types.Scene, count: int) -> NDArray[np.float64]:
+    """Return the time stamps (count,) of the poses that were loaded, whatever the timeline has become since."""
+    camera = _camera_of(scene)
+    known_s = np.array([] if camera is None else camera.get(CLEAN_STAMPS_S, []), dtype=np.float64)
+    return known_s if len(known_s) == count else np.arange(count) * scene.render.fps_base / scene.render.fps
 
 
 def chosen_frames(scene: bpy.types.Scene, count: int) -> NDArray[np.int64] | None:

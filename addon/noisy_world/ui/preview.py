@@ -15,7 +15,7 @@ from ..blender.chain_scene import hide_chain, refresh_chain, set_split, shown_ch
 from ..blender.chain_values import is_edited
 from ..core.errors import NoisyWorldError
 from ..core.planning.sequence import Sequence
-from . import frame_preview, properties, this_scene, views
+from . import frame_preview, preview_buttons, properties, this_scene, view_depth, views
 from .document import intrinsics_of
 from .handlers import Handlers
 from .long_text import write
@@ -33,8 +33,8 @@ PAUSE_S = 0.3  # without a change counts as a pause
 POLL_S = 0.05  # between looks for a pause
 RENDERED_BY = {
     "seed", "scene_name", "setting_name", "deviation_rotation", "deviation_translation_m",
-    "sequence_path", "recorded_poses", "recorded_rate_hz", "undistort", "register_depth", "recorded_camera",
-    "video_path", "video_depth_path", "video_depth_scale_per_m",
+    "sequence_path", "recorded_layout", "recorded_poses", "recorded_rate_hz", "undistort", "register_depth",
+    "recorded_camera", "video_path", "video_depth_path", "video_depth_scale_per_m",
     "mesh_source", "trajectory_source", "lens_source", "render_source", "compositing", "depth_alpha",
     "width_px", "height_px", "fx_px", "fy_px", "cx_px", "cy_px", "near_m", "far_m",
 }  # fmt: skip
@@ -266,7 +266,7 @@ def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     row.prop(panel, "preview_split", slider=True)
     if panel.preview:
         _draw_state(layout, context)
-    frame_preview.draw(layout, context)
+    preview_buttons.draw(layout, context)
 
 
 def _draw_state(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
@@ -277,9 +277,10 @@ def _draw_state(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     if space is not None and space.type == "VIEW_3D" and not views.is_shaded(space):
         write(layout, context, "This view shows it in Material Preview and Rendered shading", "INFO")
         row = layout.row(align=True)
-        if scene.render.engine != "BLENDER_WORKBENCH":  # which has no such shading
+        if scene.render.engine != view_depth.WORKBENCH:  # which has no such shading
             row.prop_enum(space.shading, "type", "MATERIAL", text="Material")
         row.prop_enum(space.shading, "type", "RENDERED")
+    view_depth.draw(layout, context)
     if is_chain_edited(scene):
         write(layout, context, "Edited in the compositor: Generate takes the values of this list instead", "ERROR")
         layout.operator(ResetChain.bl_idname, icon="LOOP_BACK")
@@ -308,7 +309,7 @@ def _draw_state(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
 
 # --- registration ---
 
-CLASSES = (ResetChain, UseStandardView)
+CLASSES = (ResetChain, view_depth.ShowByEevee, UseStandardView)
 _register_classes, _unregister_classes = bpy.utils.register_classes_factory(CLASSES)
 _HANDLERS = Handlers(undo_post=_touch_all, redo_post=_touch_all, load_post=_touch_all, depsgraph_update_post=_on_keys)
 
@@ -318,6 +319,7 @@ def register() -> None:
     _register_classes()
     views.register(_touch_view)
     frame_preview.register()
+    preview_buttons.register()
     properties.LISTENERS.append(touch)
     _HANDLERS.add()
     # Later, as Blender's data cannot be accessed while add-ons are registered.
@@ -336,6 +338,7 @@ def unregister() -> None:
         if scene.library is None:
             hide(scene)
     views.give_back_all()
+    preview_buttons.unregister()
     frame_preview.unregister()
     views.unregister()
     _unregister_classes()

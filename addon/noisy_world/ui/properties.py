@@ -195,6 +195,7 @@ def _take_layout(panel: Any, context: bpy.types.Context) -> None:
 def _take_mesh_source(panel: Any, context: bpy.types.Context) -> None:
     """Let the path be one that goes with the mesh's source: a scene has a camera, a mesh has none."""
     with notify_once():
+        panel.use_clean = panel.mesh_source != "SCENE"  # a scene of one's own is dear to render
         if panel.mesh_source == "SCENE" and panel.trajectory_source == "HANDHELD":
             panel.trajectory_source = "CAMERA"
         elif panel.mesh_source != "SCENE" and panel.trajectory_source == "CAMERA":
@@ -298,6 +299,12 @@ def _panel_members() -> dict[str, Any]:
         "depth_beyond": described(OutputSpec, "depth_beyond", label="Beyond Range", update="depth_beyond"),
         "overview": described(OutputSpec, "overview", update="overview"),
         **{f"use_{name}": channel_flag(item) for name, item in CHANNELS.items()},
+        "use_clean": _flag(
+            name="Clean Frames",
+            description="Render and write the frames without perturbations too; Run SLAM compares with them",
+            default=True,
+            update=tell("use_clean"),
+        ),
         "output_folder": _text(
             name="Output",
             description="Folder of the dataset",

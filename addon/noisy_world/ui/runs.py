@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Runs on a scene's panel, one at a time, each in a Blender in the background: of the generator, and of the tracker."""
+"""Runs on a scene's panel, each in a Blender in the background: generator and tracker, one at a time, and previews."""
 
 import json
 import os
@@ -14,6 +14,7 @@ from typing import Any
 
 import bpy
 
+from ..blender.still_process import COPY, StillRequest, write_request
 from ..core.errors import InputError, StorageError
 from ..core.home import path_in
 from ..core.planning.scene import SceneEntry
@@ -21,6 +22,7 @@ from ..core.presets.preset import Preset, PresetSpec, read_preset
 from ..core.presets.scene_keys import SceneKeys
 from ..core.scenes.embedded import is_embedded
 from ..sources import read_scenes
+from ..sources.blend_inspection import background_command
 from . import scene_copy, this_scene
 from .background_run import BackgroundRun
 from .document import PANEL, preset_of, to_document
@@ -30,6 +32,7 @@ from .shown_sources import PANEL_SOURCES, shown_as
 from .wording import spoken
 
 STOPPED = "Stopped; finished frames stay, and Generate continues from there"
+NOT_RENDERED = "Stopped; the picture that was there stays"
 NOT_TRACKED = "Stopped; the paths that were drawn before stay"
 BUSY = "Something runs in the background already"
 
@@ -58,6 +61,7 @@ class SceneRun:
 
 _RUNS: dict[int, SceneRun] = {}  # the last run of the generator of each scene, by the scene's uid in this session
 _TRACKED: dict[int, SceneRun] = {}  # and of the tracker
+_STILLS: dict[int, SceneRun] = {}  # and of the renderer of previewed frames
 
 
 def generator_script() -> Path:
@@ -137,6 +141,24 @@ def start_tracking(scene: bpy.types.Scene, out: Path, sequences: tuple[str, ...]
     return run
 
 
+def start_still(scene: bpy.types.Scene, request: StillRequest) -> SceneRun:
+    """Start rendering frames of a copy of the open file. Raises NoisyWorldError where that cannot be."""
+    folder = Path(tempfile.mkdtemp(prefix="noisy-world-frame-"))
+    try:
+        scene_copy.save_as_it_is(folder / COPY)
+        write_request(request, folder)
+        command = background_command("still_process", str(folder))
+        background = BackgroundRun(command, who="the renderer", patient=False)
+    except OSError as error:
+        shutil.rmtree(folder, ignore_errors=True)
+        raise StorageError(f"the renderer cannot be started: {error}") from error
+    except BaseException:
+        shutil.rmtree(folder, ignore_errors=True)
+        raise
+    run = _STILLS[scene.session_uid] = SceneRun(scene.session_uid, folder, background, folder, NOT_RENDERED)
+    return run
+
+
 def saved_preset(panel: Any) -> Path | None:
     """Return the preset's file if its content is the panel's, so that the command line can continue the dataset."""
     if not panel.preset_path:
@@ -192,9 +214,14 @@ def active_run() -> SceneRun | None:
     return next((run for run in (*_RUNS.values(), *_TRACKED.values()) if run.background.active), None)
 
 
+def active_still() -> SceneRun | None:
+    """Return the frame that is being rendered for a preview; there is at most one, beside what else runs."""
+    return next((run for run in _STILLS.values() if run.background.active), None)
+
+
 def stop_all(*_: object) -> None:
-    """End the active run, as the file or Blender is about to close."""
-    for runs in (_RUNS, _TRACKED):
+    """End all that runs, as the file or Blender is about to close."""
+    for runs in (_RUNS, _TRACKED, _STILLS):
         for run in runs.values():
             run.background.close()
             run.tidy()

@@ -106,13 +106,36 @@ def _save_copy(path: Path) -> None:
     try:
         for item in previewed:
             hide_chain(item)
-        bpy.ops.wm.save_as_mainfile(filepath=str(path), copy=True, check_existing=False, relative_remap=True)
-    except RuntimeError as error:  # Blender reports in this way that it could not save
-        raise StorageError(f"the scene cannot be saved: {str(error).strip()}", file=path) from error
+        _write(path)
     finally:
         for item in previewed:
             tell("steps")(panel_of(item), bpy.context)
         _changes[0] = before
+
+
+def save_as_it_is(path: Path) -> None:
+    """Save a copy of the open file with all that it shows, such as the preview's chain.
+
+    Raises StorageError where it cannot be saved.
+    """
+    before = _changes[0]
+    try:
+        _write(path)
+    finally:
+        _changes[0] = before
+
+
+def _write(path: Path) -> None:
+    filepaths = bpy.context.preferences.filepaths
+    assert filepaths is not None
+    former = filepaths.file_preview_type
+    filepaths.file_preview_type = "NONE"  # or Blender would draw the scene for it
+    try:
+        bpy.ops.wm.save_as_mainfile(filepath=str(path), copy=True, check_existing=False, relative_remap=True)
+    except RuntimeError as error:  # Blender reports in this way that it could not save
+        raise StorageError(f"the scene cannot be saved: {str(error).strip()}", file=path) from error
+    finally:
+        filepaths.file_preview_type = former
 
 
 # --- what has changed ---

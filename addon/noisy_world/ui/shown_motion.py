@@ -13,7 +13,7 @@ from ..core.schema import ConfigPath
 from ..core.trajectories.camera_state import CameraState, camera_state_of
 from ..core.trajectories.trajectory import Trajectory
 from ..pipeline.clean_frame import Camera
-from . import footage, this_scene
+from . import footage, this_scene, world
 from .document import intrinsics_of, recorded
 from .paths import clean_poses, clean_stamps_s, deviated_poses
 from .properties import panel_of
@@ -29,7 +29,7 @@ def shown_path(scene: bpy.types.Scene, sources: Collection[int]) -> Trajectory |
     panel = panel_of(scene)
     if footage.is_shown(panel):
         return recorded(panel).source.trajectory()
-    c2w = clean_poses(scene)
+    c2w = None if _waits(scene) else clean_poses(scene)
     if c2w is not None:
         moved = deviated_poses(scene, c2w)
         keyed = c2w if moved is None else moved
@@ -78,4 +78,4 @@ def is_unknown(scene: bpy.types.Scene, sequence: Sequence) -> bool:
 
 
 def _waits(scene: bpy.types.Scene) -> bool:
-    return this_scene.follows(panel_of(scene)) and clean_poses(scene) is None
+    return this_scene.follows(panel_of(scene)) and not world.has_current_path(scene)

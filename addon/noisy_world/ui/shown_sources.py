@@ -192,6 +192,9 @@ class _ThisScene(ShownSource):
 # --- frames from elsewhere ---
 
 
+NO_DEPTH_OR_POSES = "Plain images have no depth and no poses"
+
+
 class _Footage(ShownSource):
     """Frames that the source gives, seen from its own path."""
 
@@ -212,7 +215,9 @@ class _Recording(_Footage):
 
     def entry(self, panel: Any, place: ConfigPath) -> dict[str, Any]:
         defaults = {item.name: item.default for item in fields(RecordingKeys)}
-        given = {key: getattr(panel, name) for name, key in FIELDS.items()}
+        plain = panel.recorded_layout == "images"
+        taken = {"recorded_layout": "layout"} if plain else FIELDS
+        given = {key: getattr(panel, name) for name, key in taken.items()}
         said = {"sequence": place(panel.sequence_path)}
         said |= {key: value for key, value in given.items() if value != defaults[key]}
         return said | ({"rate_hz": value_of(panel, "recorded_rate_hz")} if panel.recorded_rate_hz else {})
@@ -231,16 +236,23 @@ class _Recording(_Footage):
         folder = absolute(panel.sequence_path)
         if folder and not Path(folder).is_dir():
             write(layout, bpy.context, "There is no such folder", "ERROR")
-        elif folder:
+        layout.prop(panel, "recorded_layout")
+        if panel.recorded_layout == "images":
+            write(layout, bpy.context, f"{NO_DEPTH_OR_POSES}: colour alone is perturbed", "INFO")
+            return
+        if folder and Path(folder).is_dir():
             names = footage.layout_names(folder)
-            said, icon = (f"Layout: {names}", "CHECKMARK") if names else ("No layout that is read", "ERROR")
-            write(layout, bpy.context, said, icon)
+            unknown = ("No layout that is read; Plain Images takes PNG and JPEG files as they are", "ERROR")
+            write(layout, bpy.context, *((f"Layout: {names}", "CHECKMARK") if names else unknown))
         column = layout.column(heading="Treatment", align=True)
         column.prop(panel, "undistort")
         column.prop(panel, "register_depth")
 
     def draw_path(self, layout: bpy.types.UILayout, panel: Any) -> None:
-        layout.prop(panel, "recorded_poses")
+        if panel.recorded_layout == "images":
+            layout.label(text="Plain images have no poses", icon="INFO")
+        else:
+            layout.prop(panel, "recorded_poses")
         layout.prop(panel, "recorded_rate_hz")
 
 

@@ -16,14 +16,14 @@ from ..sources.blend import BlendKeys
 from ..sources.mesh import MeshKeys
 from ..sources.recording import RecordingKeys
 from ..sources.video import VideoKeys
-from .described import SCENE, TRAJECTORY, choice, described, sentence, tell
+from .described import SCENE, TRAJECTORY, choice, described, notify_once, sentence, tell
 from .typed_numbers import property_name
 
 if TYPE_CHECKING:
     from bpy.stub_internal.rna_enums import PropertyFlagItems
 
 FIELDS = {
-    "recorded_poses": "poses", "undistort": "undistort", "register_depth": "register",
+    "recorded_layout": "layout", "recorded_poses": "poses", "undistort": "undistort", "register_depth": "register",
 }  # fmt: skip
 """Properties of a recording by the keys of a preset's scene that they give."""
 
@@ -78,6 +78,14 @@ ITEMS: list[tuple[str, str, str]] = [
 """What the dataset may show, as an enumeration has it."""
 
 
+def _take_recorded_layout(panel: Any, context: bpy.types.Context) -> None:
+    """Write no depth of plain images, which have none."""
+    with notify_once():
+        if panel.recorded_layout == "images":
+            panel.use_depth = False
+        tell("recorded_layout")(panel, context)
+
+
 def source_members() -> dict[str, Any]:
     """Return the properties of all sources by their names."""
     path_options: set[PropertyFlagItems] = {"PATH_SUPPORTS_BLEND_RELATIVE"}
@@ -103,6 +111,10 @@ def source_members() -> dict[str, Any]:
         "sequence_path": described(
             RecordingKeys, "sequence", label="Folder", update="sequence_path", subtype="DIR_PATH", options=path_options,
             description=f"Folder of a recording, laid out as {layouts}; which one is told by its files",
+        ),
+        "recorded_layout": described(
+            RecordingKeys, "layout", label="Layout", update=_take_recorded_layout,
+            description="What the folder holds: a recording, or plain images alone",
         ),
         "recorded_poses": described(
             RecordingKeys, "poses", label="Without Pose", section=TRAJECTORY, update="recorded_poses",

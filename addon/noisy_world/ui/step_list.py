@@ -67,6 +67,16 @@ def add_step(panel: Any, name: str) -> int:
     return place
 
 
+def add_own_step(panel: Any, name: str) -> int:
+    """Add a perturbation as `add_step` does, at the frame rate of the scene where the open scene is the sequence's."""
+    index = add_step(panel, name)
+    parameters = parameters_of(panel.steps[index])
+    if panel.mesh_source == "SCENE" and hasattr(parameters, "frame_rate_hz"):
+        render = panel.id_data.render
+        set_value(parameters, "frame_rate_hz", render.fps / render.fps_base)
+    return index
+
+
 def move_entry(panel: Any, here: int, there: int) -> None:
     """Move an entry of the list, with its keys."""
     if here == there:

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Clean frames for previews: of the panel's mesh as it is shown, or of the scene itself as it is set up."""
 
+from collections.abc import Iterable
 from typing import Any
 
 import bpy
@@ -9,13 +10,15 @@ from numpy.typing import NDArray
 
 from ..blender.own_still import OwnStill, render_own_still
 from ..blender.still import render_stills
+from ..blender.still_process import StillRequest
 from ..core.datasets.provenance import render_seed
 from ..core.errors import InputError
 from ..core.perturbing.execution import split_motion
 from ..core.planning.source import RenderedFrame
+from ..core.presets.preset import EngineName
 from . import excluded, footage, this_scene, world
-from .document import intrinsics_of, motion_of, recorded
-from .own_objects import own_object
+from .described import EMBREE
+from .document import PANEL, engine_of, intrinsics_of, motion_of, recorded
 from .paths import clean_poses, clean_stamps_s, deviated_poses
 from .properties import panel_of
 from .source_fields import ITEMS
@@ -38,6 +41,14 @@ def rendered(scene: bpy.types.Scene, frame: int) -> RenderedFrame:
         (still,) = render_stills(scene, [frame], empty=excluded.shows_dataset(scene))
         return still
     return render_own_still(scene, own_still(scene, frame))
+
+
+def request_of(scene: bpy.types.Scene, indices: Iterable[int]) -> StillRequest:
+    """Return what another process is asked for, so that it renders what `rendered` does. Raises InputError."""
+    chosen = sorted(indices)
+    if this_scene.is_shown(panel_of(scene)):
+        return StillRequest(scene.name, {index: own_still(scene, index) for index in chosen})
+    return StillRequest(scene.name, dict.fromkeys(chosen), empty=excluded.shows_dataset(scene))
 
 
 def check_depth(scene: bpy.types.Scene) -> None:
@@ -65,9 +76,9 @@ def own_still(scene: bpy.types.Scene, index: int) -> OwnStill:
     """
     panel = panel_of(scene)
     given = panel.render_source == "GIVEN"
-    camera = own_object(scene, "camera")
-    loaded = camera is not None and world.is_from_panel(scene, camera)
-    c2w, follows = (clean_poses(scene) if loaded else None), this_scene.follows(panel)
+    this_scene.check(scene)
+    follows = this_scene.follows(panel)
+    c2w = clean_poses(scene) if world.has_current_path(scene) else None
     moved = None if c2w is None else deviated_poses(scene, c2w)
     if c2w is None and (not follows or has_moving_steps(scene)):
         raise InputError("Preview Frame", "the path is not loaded, or another by now", remedy="press Load Trajectory")
@@ -87,12 +98,21 @@ def own_still(scene: bpy.types.Scene, index: int) -> OwnStill:
         follows=follows,
         intrinsics=intrinsics_of(panel),
         clip_m=(panel.near_m, panel.far_m) if panel.lens_source == "GIVEN" else None,
-        engine=panel.engine if given else None,
+        engine=_engine(panel) if given else None,
         samples=panel.samples if given else None,
         seed=render_seed(panel.seed),
         keep_compositor=panel.compositing == "keep",
         depth_alpha=panel.depth_alpha,
     )
+
+
+def _engine(panel: Any) -> EngineName:
+    """Return the engine that the panel gives. Raises InputError for one that shows no scene of a .blend."""
+    engine = engine_of(panel)
+    if engine == EMBREE:
+        problem = "is Embree, which knows no lights or materials"
+        raise InputError(PANEL, problem, where="render.engine", remedy="choose another engine")
+    return engine
 
 
 def has_moving_steps(scene: bpy.types.Scene) -> bool:

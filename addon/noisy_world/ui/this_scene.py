@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from ..blender.scene_camera import camera_parameters, sampled_camera
 from ..blender.scene_inspection import inspect_scene
+from ..blender.scene_problems import camera_problems
 from ..core.errors import InputError
 from ..core.geometry import Intrinsics
 from ..core.presets.frame_range import FrameRange
@@ -79,11 +80,16 @@ def intrinsics_of_scene(scene: bpy.types.Scene) -> Intrinsics:
 
 
 def sampled_path(scene: bpy.types.Scene) -> Trajectory:
-    """Return the path of the scene's own camera, frame by frame. Raises InputError where it has none."""
+    """Return the path of the scene's own camera, frame by frame.
+
+    Raises InputError where it has none, or sees as no camera of a dataset does.
+    """
     from ..sources.blend_source import rigid_c2w
 
     own_camera(scene)
     sampled = sampled_camera(scene, None, frame_range(scene).frames)
+    for item in camera_problems(sampled, lens_given=panel_of(scene).lens_source == "GIVEN"):
+        raise InputError(CAMERA_FIELD, item.problem, remedy=item.remedy)
     return Trajectory(rigid_c2w(sampled.matrices, ConfigPath(CAMERA_FIELD)), stamps_of(scene))
 
 

@@ -128,6 +128,20 @@ SEEN: dict[str, dict[str, str]] = {
         "view_deg": "Higher: as through a wider lens; a known camera decides it",
         "frame_rate_hz": "Lower: with the pattern Drift, more time passes from frame to frame",
     },
+    "camera_motion_blur": {
+        "shutter_ms": "Higher: a moving camera smears the picture more",
+        "stamp": "Which moment of the exposure has the time stamp and the pose of the frame",
+        "ramp": "Higher: the shutter opens and closes more slowly, and streaks fade out at their ends",
+        "depth": "Which moment of the exposure depth shows; it stays sharp",
+        "moments_per_px": "Higher: smoother streaks, and it takes longer",
+        "most_moments": "Higher: long streaks are smooth too, and take longer",
+    },
+    "rolling_shutter": {
+        "readout_ms": "Higher: a moving camera skews and bends the picture more",
+        "direction": "Where reading goes; what moves across that direction leans",
+        "stamp": "Which moment of the readout has the time stamp and the pose of the frame",
+        "depth": "Whether lines of depth are read one after another too, or all at once",
+    },
     "haze": {
         "visibility_m": "Lower: the haze gets denser, and hides what is nearer",
         "angstrom": "Higher: the distance gets bluer, and lamps in it redder; 0 is gray, as fog",

@@ -72,6 +72,12 @@ def _views(screen: bpy.types.Screen) -> Iterator[tuple[str, bpy.types.SpaceView3
                 yield str(number), space
 
 
+def shading_of(space: bpy.types.SpaceView3D) -> bpy.types.View3DShading:
+    """Return how a view is shaded."""
+    assert space.shading is not None
+    return space.shading
+
+
 def is_shaded(space: bpy.types.Space | None) -> bool:
     """Tell whether a view's shading shows the compositor's result."""
     return isinstance(space, bpy.types.SpaceView3D) and space.shading.type in SHADED

@@ -10,7 +10,7 @@ from ..core.presets.preset import PresetSpec
 from ..core.schema import fields_on
 from ..perturbations import registry
 from ..sources import SOURCES
-from .described import DEVIATION, OUTPUT, PERTURBATIONS, SCENE, SECTIONS, SHOWN, TRAJECTORY, ShownField
+from .described import CAMERA, DEVIATION, OUTPUT, PERTURBATIONS, SCENE, SECTIONS, SHOWN, TRAJECTORY, ShownField
 from .document import PANEL
 from .properties import NoisyWorldStep
 
@@ -19,6 +19,10 @@ ACTIONS = {
     Action.OTHER_NAME: f"give Scene > Name or {OUTPUT} > Setting another name",
     Action.OVERWRITE: "press Replace Dataset",
     Action.RUN_AGAIN: "press Generate again",
+    Action.NAME_CAMERA: "make one of its cameras the scene's",
+    Action.OTHER_CAMERA: "make another camera the scene's",
+    Action.GIVE_CAMERA: f"choose {CAMERA} > Intrinsics: As Given, and numbers that then hold",
+    Action.OTHER_FRAMES: "choose another range of frames in the timeline",
 }
 """How each thing that a user may do is done here."""
 

@@ -359,10 +359,16 @@ def poses(scene: bpy.types.Scene) -> int:
     return 0 if camera is None else len(camera.get(CLEAN_C2W, ())) // 16
 
 
+def has_current_path(scene: bpy.types.Scene) -> bool:
+    """Tell whether our camera is keyed along the path that the panel names."""
+    camera = own_object(scene, "camera")
+    return camera is not None and poses(scene) > 0 and is_from_panel(scene, camera)
+
+
 def path_summary(scene: bpy.types.Scene) -> str:
     """Return what our camera is keyed along, for the panel; "" where the panel names another path by now."""
     camera = own_object(scene, "camera")
-    if camera is None or not poses(scene) or not is_from_panel(scene, camera):
+    if camera is None or not has_current_path(scene):
         return ""
     stamps_s = np.array(camera.get(CLEAN_STAMPS_S, ()), dtype=np.float64)
     rate = f", {rate_of(stamps_s):.4g} fps" if len(stamps_s) > 1 else ""

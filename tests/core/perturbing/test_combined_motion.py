@@ -12,11 +12,12 @@ from noisy_world.core.errors import NoisyWorldError
 from noisy_world.core.perturbing.execution import (
     chosen_poses,
     drawn_motion,
-    expose,
     move,
     paired_depth,
     take_poses,
 )
+from noisy_world.core.perturbing.exposing import SceneAround
+from noisy_world.core.perturbing.exposures import expose
 from noisy_world.core.perturbing.kinds import (
     ExposurePerturbation,
     MotionPerturbation,
@@ -48,20 +49,20 @@ def test_exposures_act_one_inside_the_other():
 
     asked = []
 
-    def scene(seconds):
+    def scene(seconds, _channels):
         asked.append(round(seconds, 9))
         return SimpleNamespace(rgb=np.full((1, 1, 3), 3 + seconds, np.float32), depth_m=None)
 
     both = exposing("inner", 1, doubled_mean), exposing("outer", 2, later)
-    rgb, depth_m = expose(steps(*both, inner={"amount": 0.1}, outer={"amount": 0.5}), scene)
+    rgb, depth_m = expose(steps(*both, inner={"amount": 0.1}, outer={"amount": 0.5}), SceneAround(scene))
     assert rgb.ravel() == pytest.approx([17.0] * 3)
     assert depth_m is None
     assert asked == [0.4, 0.6]
     # The other way round: each of the two moments is looked at half a second later, and has 10 more.
     other = exposing("outer", 1, later), exposing("inner", 2, doubled_mean)
-    rgb, _ = expose(steps(*other, inner={"amount": 0.1}, outer={"amount": 0.5}), scene)
+    rgb, _ = expose(steps(*other, inner={"amount": 0.1}, outer={"amount": 0.5}), SceneAround(scene))
     assert rgb.ravel() == pytest.approx([27.0] * 3)
-    assert expose(steps(both[1], outer={"amount": 0.5}), scene)[0].ravel() == pytest.approx([13.5] * 3)
+    assert expose(steps(both[1], outer={"amount": 0.5}), SceneAround(scene))[0].ravel() == pytest.approx([13.5] * 3)
 
 
 # --- what combinations of motion keep ---

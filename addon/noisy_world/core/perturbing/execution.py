@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Carrying out each kind of perturbation. Only this module calls `apply` and `choose`."""
 
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any, Generic, Self, TypeAlias, TypeVar
 
@@ -11,11 +11,9 @@ from numpy.typing import NDArray
 from ..datasets.images import as_bytes, as_float, rgb_bytes
 from ..errors import NoisyWorldError
 from ..trajectories.trajectory import Trajectory
-from .exposing import TakenImages
 from .kinds import (
     ColourPerturbation,
     DepthPerturbation,
-    ExposurePerturbation,
     FrameContext,
     Identifiers,
     MotionPerturbation,
@@ -145,7 +143,7 @@ def _drawn(step: Step[MotionPerturbation], count: int, identifiers: Identifiers)
     if wrong := [key for key, value in values.items() if value.shape[:1] != (count,) or not np.isfinite(value).all()]:
         raise NoisyWorldError(
             f"{step.perturbation.name}: drawn has to return finite numbers for each of {count} poses, but "
-            f"{wrong[0]} is {_format_value(values[wrong[0]])}"
+            f"{wrong[0]} is {format_value(values[wrong[0]])}"
         )
     return values
 
@@ -163,64 +161,9 @@ def _chosen(step: Step[MotionPerturbation], count: int, identifiers: Identifiers
     if not _holds_indices(chosen, 0, count) or not 1 <= len(chosen) <= count:
         raise NoisyWorldError(
             f"{step.perturbation.name}: choose has to return 1 to {count} whole numbers from 0 to {count - 1}, one for "
-            f"each pose that is shown of {count}, not {_format_value(chosen)}"
+            f"each pose that is shown of {count}, not {format_value(chosen)}"
         )
     return np.asarray(chosen, dtype=np.int64)
-
-
-# --- exposure ---
-
-
-def exposure_key(steps: Sequence[Step[ExposurePerturbation]]) -> tuple[Hashable, ...]:
-    """Return what is equal for steps that take equal frames of the same path."""
-    return tuple((step.perturbation.name, tuple(asdict(step.parameters(step.severity)).items())) for step in steps)
-
-
-def exposure_notes(steps: Sequence[Step[ExposurePerturbation]]) -> Notes:
-    """Return what is done to every frame: each step with its parameters, and when its lines are exposed, in seconds."""
-    found: Notes = []
-    for step in steps:
-        parameters = step.parameters(step.severity)
-        severity = {} if step.severity is None else {"severity": step.severity}
-        shutter = asdict(step.perturbation.shutter(parameters))
-        found.append({"name": step.perturbation.name, **severity, "parameters": asdict(parameters), "shutter": shutter})
-    return found
-
-
-def expose(
-    steps: Sequence[Step[ExposurePerturbation]], take: Callable[[float], TakenImages]
-) -> tuple[NDArray[np.float32] | None, NDArray[np.float32] | None]:
-    """Return the colour and the depth of a frame after steps of exposure, at least one.
-
-    take: returns the clean images some seconds after the frame's time stamp. The steps act one inside the other: what a
-    later one takes is what those before it make around that moment.
-
-    Raises NoisyWorldError naming a perturbation that breaks its contract.
-    """
-    *before, last = steps
-
-    def taken(seconds: float) -> TakenImages:
-        return _Exposed(*expose(before, lambda more: take(seconds + more))) if before else take(seconds)
-
-    made = last.perturbation.apply(taken, last.parameters(last.severity))
-    if not isinstance(made, tuple) or len(made) != 2 or any(not _is_float_image(item) for item in made):
-        lines = [_format_value(item) for item in made] if isinstance(made, tuple) else _format_value(made)
-        raise NoisyWorldError(
-            f"{last.perturbation.name}: apply has to return colour and depth, each a float32 array or None, not {lines}"
-        )
-    return made
-
-
-@dataclass(frozen=True)
-class _Exposed:
-    """What an exposure has made, for the next one."""
-
-    rgb: NDArray[np.float32] | None
-    depth_m: NDArray[np.float32] | None
-
-
-def _is_float_image(found: Any) -> bool:
-    return found is None or (isinstance(found, np.ndarray) and found.dtype == np.float32 and found.ndim in (2, 3))
 
 
 # --- colour ---
@@ -327,7 +270,7 @@ def perturb_depth(
 def _checked_image(step: Step[Any], made: NDArray[np.float32], before: NDArray[np.float32]) -> NDArray[np.float32]:
     if not isinstance(made, np.ndarray) or made.shape != before.shape or made.dtype != np.float32:
         wanted = f"a float32 array of shape {before.shape}"
-        raise NoisyWorldError(f"{step.perturbation.name}: apply has to return {wanted}, not {_format_value(made)}")
+        raise NoisyWorldError(f"{step.perturbation.name}: apply has to return {wanted}, not {format_value(made)}")
     return made
 
 
@@ -350,7 +293,7 @@ def paired_depth(
         if not _holds_indices(made, -1, count) or len(made) != count:
             raise NoisyWorldError(
                 f"{step.perturbation.name}: apply has to return {count} whole numbers from -1 to {count - 1}, one for "
-                f"each frame, not {_format_value(made)}"
+                f"each frame, not {format_value(made)}"
             )
         paired = made.astype(np.int64) if paired is None else _followed(paired, made)
     return paired
@@ -368,7 +311,8 @@ def _holds_indices(found: Any, lowest: int, count: int) -> bool:
     return bool(((found >= lowest) & (found < count)).all())
 
 
-def _format_value(found: Any) -> str:
+def format_value(found: Any) -> str:
+    """Return what a perturbation gave in place of an array, or the array's type and shape, for messages."""
     if not isinstance(found, np.ndarray):
         return f"a {type(found).__name__}"
     spread = f", values {found.min()} to {found.max()}" if found.ndim == 1 and found.size else ""

@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 from ..geometry import Intrinsics
 from ..installed import Distribution
 from ..streams import integers_of_frames, stream
-from ..trajectories.frame_request import Shutter
+from ..trajectories.frame_request import RequestedRays, Shutter
 from ..trajectories.motion import CameraMotion
 from ..trajectories.trajectory import Trajectory
 from .exposing import ExposureApply
-from .parameter_rules import check_parameters
+from .parameter_rules import check_no_temporals, check_parameters
 
 Identifiers: TypeAlias = tuple[str | int, ...]
 """Identifiers of random streams: the preset's seed, scene, setting; then the perturbation and its occurrence."""
@@ -277,27 +277,34 @@ class MotionPerturbation(Perturbation):
             raise ValueError(f"{self.name}: a perturbation of motion has either apply or choose")
         if self.drawn is not None and self.apply is None:
             raise ValueError(f"{self.name}: drawn goes with apply: choose draws no poses")
-        _check_no_temporals(self)
+        check_no_temporals(self.name, self.temporals)
 
 
 @dataclass(frozen=True, kw_only=True)
 class ExposurePerturbation(Perturbation):
     """Acts, in every frame of a sequence, on when its images see the scene: row by row, for a while, again and again.
 
-    apply: takes the scene at other moments, so frames are rendered for it. shutter: parameters -> when the lines of a
-    frame are exposed; it is recorded in frames.jsonl, as the ground truth is the pose at the frame's time stamp. It
-    draws nothing: settings that expose alike share their renders.
+    One of two is given. apply: takes the scene at other moments, so frames are rendered for it. rays: says which rays
+    make a frame, of a source that casts rays as it is asked; what `apply` of others takes is made of these rays.
+    shutter: parameters -> when the lines of a frame are exposed; it is recorded, as the ground truth is the pose at the
+    frame's time stamp. tells_lines: the poses of the first, the middle and the last line are recorded too.
+    measures_travel: `apply` asks how far what is seen goes on the image, which depth tells. It draws nothing.
 
-    Raises ValueError where temporals are given.
+    Raises ValueError where both or neither of apply and rays are given, or temporals.
     """
 
     stage: Stage = field(default="exposure", init=False)
-    apply: ExposureApply
+    apply: ExposureApply | None = None
+    rays: Callable[[RequestedRays, Any], RequestedRays] | None = None
     shutter: Callable[[Any], Shutter]
+    tells_lines: bool = False
+    measures_travel: bool = False
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        _check_no_temporals(self)
+        if (self.apply is None) == (self.rays is None):
+            raise ValueError(f"{self.name}: a perturbation of exposure has either apply or rays")
+        check_no_temporals(self.name, self.temporals)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -372,7 +379,7 @@ class PairingPerturbation(Perturbation):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        _check_no_temporals(self)
+        check_no_temporals(self.name, self.temporals)
 
 
 KINDS: tuple[type[Perturbation], ...] = (
@@ -381,11 +388,6 @@ KINDS: tuple[type[Perturbation], ...] = (
 )
 SEQUENCE_KINDS = (MotionPerturbation, ExposurePerturbation, PairingPerturbation)
 """The kinds that act on a whole sequence: a setting has each of their perturbations at most once, at one severity."""
-
-
-def _check_no_temporals(perturbation: Perturbation) -> None:
-    if perturbation.temporals:
-        raise ValueError(f"{perturbation.name}: acts on a whole sequence, so it has no temporals")
 
 
 def kind_name(perturbation: Perturbation) -> str:

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What the parameters of a perturbation have to be."""
 
+from collections.abc import Sequence
 from dataclasses import MISSING, fields, is_dataclass
 from typing import Literal, get_args, get_origin, get_type_hints
 
@@ -19,3 +20,9 @@ def check_parameters(name: str, parameters: type) -> None:
             raise ValueError(
                 f"{name}: the parameter {item.name} has to be a float, an int, a bool or a Literal of texts"
             )
+
+
+def check_no_temporals(name: str, temporals: Sequence[str]) -> None:
+    """Raise ValueError where a perturbation that acts on a whole sequence has temporals. name: the perturbation's."""
+    if temporals:
+        raise ValueError(f"{name}: acts on a whole sequence, so it has no temporals")

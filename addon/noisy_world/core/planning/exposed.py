@@ -1,19 +1,44 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A render's source, opened: where the render has an exposure, each frame is taken at several moments."""
+"""A render's source, opened: where the render has an exposure, each frame is taken line by line or again and again."""
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..datasets.images import as_float
 from ..linear_light import decoded, encoded
-from ..perturbing.execution import expose
-from ..perturbing.exposing import TakenImages
-from ..trajectories.frame_request import FrameRequest
+from ..perturbing.execution import Notes
+from ..perturbing.exposing import Channels, SceneAround, TakenImages
+from ..perturbing.exposures import expose, exposure_notes, rays_of
+from ..trajectories.frame_request import FrameRequest, RequestedRays, Shutter
 from ..trajectories.sensor_paths import SensorPaths
 from .plan import Render
-from .source import OpenSource, PreparedSource, RenderedFrame, RenderOptions, SceneLight, SourceFrame, light_of
+from .source import (
+    OpenSource,
+    PreparedSource,
+    RenderedFrame,
+    RenderOptions,
+    SceneLight,
+    SourceFrame,
+    light_of,
+    motion_between,
+)
+from .travel import travel_px
+
+
+@dataclass(frozen=True)
+class ExposedFrame(RenderedFrame):
+    """A frame that was exposed. exposure: what was done, for its record."""
+
+    exposure: Notes = field(default_factory=Notes)
+
+
+def exposure_of(frame: SourceFrame) -> Notes:
+    """Return what the exposure of a frame did, for its record; empty without one."""
+    return getattr(frame, "exposure", [])  # frames of other sources have none
 
 
 @dataclass(frozen=True)
@@ -25,20 +50,88 @@ class ExposedSource:
 
     def frame(self, request: FrameRequest) -> SourceFrame:
         """Return the frame of a request, of what the source shows around its moment."""
-        lights: list[SceneLight] = []
+        steps = self.render.exposure
+        around = _Around(self.opened, self.render, request, rays_of(steps))
+        taken = dict[str, int]()
+        if any(step.perturbation.apply is not None for step in steps):
+            rgb, depth_m = expose(steps, SceneAround(around.take, around.travel_px), taken)
+        else:
+            once = around.take(0.0, None)
+            rgb, depth_m = None if once.rgb is None else as_float(once.rgb), once.depth_m
+        notes, rays = self._notes(request, taken), around.colour_rays or None
+        if rgb is None or around.light is None:
+            return ExposedFrame(rgb, depth_m, colour_rays=rays, exposure=notes)
+        light = replace(around.light, rgb=np.maximum(decoded(rgb), np.float32(0)))
+        return ExposedFrame(light.show(light.rgb), depth_m, colour_rays=rays, light=light, exposure=notes)
 
-        def take(after_s: float) -> TakenImages:
-            frame = self.opened.frame(request.after(after_s))
-            if (light := light_of(frame)) is None:
-                return frame
-            lights.append(light)
-            return _TakenLight(encoded(light.rgb), frame.depth_m)
+    def _notes(self, request: FrameRequest, taken: Mapping[str, int]) -> Notes:
+        """Return what was done to a frame, with the poses of its lines where a step tells them."""
+        steps = self.render.exposure
+        notes = exposure_notes(steps)
+        for step, note in zip(steps, notes, strict=True):
+            if (count := taken.get(step.perturbation.name)) is not None:
+                note["moments"] = count
+            if step.perturbation.tells_lines:
+                note["lines"] = self._lines(step.perturbation.shutter(step.parameters(step.severity)), request)
+        return notes
 
-        rgb, depth_m = expose(self.render.exposure, take)
-        if rgb is None or not lights:
-            return RenderedFrame(rgb, depth_m)
-        exposed = replace(lights[-1], rgb=np.maximum(decoded(rgb), np.float32(0)))
-        return RenderedFrame(exposed.show(exposed.rgb), depth_m, light=exposed)
+    def _lines(self, shutter: Shutter, request: FrameRequest) -> Mapping[str, Any]:
+        """Return when the first, the middle and the last line that are read see the scene, and from where."""
+        camera = self.render.camera
+        count = camera.height_px if shutter.direction in ("down", "up") else camera.width_px
+        times_s = np.sort(shutter.line_times_s(count))
+        chosen_s = np.array([times_s[0], (times_s[0] + times_s[-1]) / 2, times_s[-1]]).round(12)
+        c2w, _ = request.poses_after(chosen_s)
+        return {
+            name: {"after_s": float(after_s), "c2w": pose.tolist()}
+            for name, after_s, pose in zip(("first", "middle", "last"), chosen_s, c2w, strict=True)
+        }
+
+
+class _Around:
+    """What a source shows around the moment of a request.
+
+    colour_rays: how many have been cast for colour. light: of the last lit frame; None where no frame was lit.
+    """
+
+    def __init__(self, opened: OpenSource, render: Render, request: FrameRequest, rays: RequestedRays) -> None:
+        self._opened = opened
+        self._render = render
+        self._request = request
+        self._rays = rays
+        self.light: SceneLight | None = None
+        self._whole: tuple[float, TakenImages] | None = None  # the last frame of which all images were taken, and when
+        self.colour_rays = 0
+
+    def take(self, seconds: float, channels: Channels) -> TakenImages:
+        """Return the clean images some seconds after the request's moment; those that are not looked at may be None."""
+        if self._whole is not None and abs(self._whole[0] - seconds) < 1e-12:
+            return self._whole[1]
+        frame = self._opened.frame(replace(self._request.after(seconds), rays=self._rays, channels=channels))
+        if isinstance(frame, RenderedFrame) and frame.colour_rays is not None:
+            self.colour_rays += frame.colour_rays
+        taken: TakenImages = frame
+        if (light := light_of(frame)) is not None:
+            self.light, taken = light, _TakenLight(encoded(light.rgb), frame.depth_m)
+        if channels is None:
+            self._whole = seconds, taken
+        return taken
+
+    def travel_px(self, times_s: NDArray[np.float64]) -> float:
+        """Return how far what any pixel sees goes on the image, at most: see `Moments`. Depth is of the middle time."""
+        middle_s = float(times_s[len(times_s) // 2])
+        depth_m = self.take(middle_s, None).depth_m
+        assert depth_m is not None, "a step that measures travel has depth"
+        here, (c2w, _) = self._request.after(middle_s), self._request.poses_after(times_s)
+        cameras = self._render.depth_camera, self._render.camera
+        longest_px = travel_px(depth_m, here.depth_c2w, c2w, *cameras)
+        if not self._render.scene.source.capabilities.moving:
+            return longest_px
+        first, last = (self._request.after(float(times_s[at])) for at in (0, -1))
+        moved = motion_between(self._opened, first, last)
+        return (
+            longest_px if moved is None else max(longest_px, float(np.nanmax(np.hypot(*np.moveaxis(moved[0], -1, 0)))))
+        )
 
 
 @dataclass(frozen=True)

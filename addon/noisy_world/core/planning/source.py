@@ -153,7 +153,7 @@ class SourceCapabilities:
     pixel sees, for normals and the like. objects: returns the objects that it shows; None where they are a mesh's
     own. moving: whether anything but the camera may move. instants_only: why it has nothing between its frames; ""
     where it answers requests for any time. lit: its frames have scene-linear light before a view transform
-    (`light_of`).
+    (`light_of`). casts_rays: whether it gives the rays that a request asks for.
     """
 
     rendered: bool
@@ -166,6 +166,7 @@ class SourceCapabilities:
     moving: bool = False
     instants_only: str = ""
     lit: bool = False
+    casts_rays: bool = False
 
 
 @dataclass(frozen=True)

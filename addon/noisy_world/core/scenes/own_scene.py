@@ -4,13 +4,14 @@
 Plain data, which one process tells another as JSON.
 """
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..geometry import Intrinsics
+from ..messages import Part, from_content, to_content
 from ..presets.preset import EngineName
 from .scene_object import SceneObject
 
@@ -66,7 +67,7 @@ class Problem:
 
     key: str
     problem: str
-    remedy: str
+    remedy: Part
 
 
 @dataclass(frozen=True)
@@ -102,7 +103,8 @@ class OwnScene:
 
     def content(self) -> dict[str, Any]:
         """Return it as JSON values."""
-        plain = asdict(self)
+        plain = asdict(replace(self, problems=()))
+        plain["problems"] = [[item.key, item.problem, to_content(item.remedy)] for item in self.problems]
         if self.camera is not None:
             plain["camera"]["matrices"] = self.camera.matrices.tolist()
         return plain
@@ -119,7 +121,7 @@ class OwnScene:
                 matrices,
                 tuple(CameraParameters(**camera_parameters) for camera_parameters in sampled["parameters"]),
             )
-        problems = tuple(Problem(**item) for item in content["problems"])
+        problems = tuple(Problem(key, problem, from_content(remedy)) for key, problem, remedy in content["problems"])
         lists = {"files": tuple(content["files"]), "notes": tuple(content["notes"])}
         lists["objects"] = tuple(SceneObject(**item) for item in content["objects"])
         return cls(**{**content, **lists, "camera": camera, "problems": problems})

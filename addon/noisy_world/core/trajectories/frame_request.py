@@ -47,14 +47,35 @@ class Shutter:
         return self.opens_s + self.exposure_s / 2.0 + self.readout_s * order
 
 
+@dataclass(frozen=True)
+class RequestedRays:
+    """Which rays make a frame, where they are not those of one instant.
+
+    readout: when each line sees light, from the frame's time on; None where all lines do at once. depth_rolls: whether
+    depth is read out so too, or all of it is of the frame's time.
+    """
+
+    readout: Shutter | None = None
+    depth_rolls: bool = True
+
+
+AT_ONCE = RequestedRays()
+"""The rays of one instant."""
+
+PosesAt: TypeAlias = Callable[[NDArray[np.float64]], tuple[NDArray[np.float64], NDArray[np.float64]]]
+"""(N,) seconds later -> (N, 4, 4) camera-to-world of the colour sensor, and of the depth sensor."""
+
+
 @dataclass(frozen=True, eq=False)
 class FrameRequest:
-    """One frame, as a source is asked for it: what the sensors see at an instant.
+    """One frame, as a source is asked for it: what the sensors see at an instant, or line by line around it.
 
     index: the frame's number on the path; None between its frames. time_s: on the source's own clock, by which what
     moves in the scene moves. rgb_c2w, depth_c2w: (4, 4) float64 camera-to-world of the colour and of the depth sensor,
     OpenCV axes, metres. along_path: returns the request for an instant some seconds later; None where the sensors stand
     still.
+    poses: returns the poses at several instants some seconds later; None where the sensors stand still. rays: those of
+    the frame. channels: the images that are looked at, of those that the source was opened for; None for all of them.
     """
 
     index: int | None
@@ -62,6 +83,9 @@ class FrameRequest:
     rgb_c2w: NDArray[np.float64]
     depth_c2w: NDArray[np.float64]
     along_path: "Callable[[float], FrameRequest] | None" = field(default=None, repr=False)
+    poses: PosesAt | None = field(default=None, repr=False)
+    rays: RequestedRays = AT_ONCE
+    channels: frozenset[str] | None = None
 
     @property
     def frame(self) -> int:
@@ -80,3 +104,17 @@ class FrameRequest:
         if self.along_path is None:
             return replace(self, index=None, time_s=self.time_s + seconds)
         return self.along_path(seconds)
+
+    def poses_after(self, seconds: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """(N,) seconds -> (N, 4, 4) poses of the colour and of the depth sensor so much later.
+
+        Raises NoisyWorldError where the paths have no pose then.
+        """
+        if self.poses is not None:
+            return self.poses(seconds)
+        still = (np.broadcast_to(pose, (len(seconds), 4, 4)) for pose in (self.rgb_c2w, self.depth_c2w))
+        return next(still), next(still)
+
+    def looks_at(self, channel: str) -> bool:
+        """Tell whether the image of a channel is looked at, where the source was opened for it."""
+        return self.channels is None or channel in self.channels

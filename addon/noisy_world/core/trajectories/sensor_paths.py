@@ -39,7 +39,12 @@ class SensorPaths:
         depth = self.rgb if self.depth is None else self.depth
         source_s = time_s if self.clock is None else float(self.clock.at(time_s)[0])
         return FrameRequest(
-            None, source_s, self.rgb.pose_at(time_s), depth.pose_at(time_s), lambda after_s: self.at(time_s + after_s)
+            None,
+            source_s,
+            self.rgb.pose_at(time_s),
+            depth.pose_at(time_s),
+            lambda after_s: self.at(time_s + after_s),
+            lambda after_s: (self.rgb.poses_at(time_s + after_s), depth.poses_at(time_s + after_s)),
         )
 
     def named(self) -> dict[str, Trajectory]:

@@ -110,6 +110,15 @@ class Trajectory:
             raise NoisyWorldError(f"there is no pose at {time_s:g} s, beside a frame whose pose is unknown")
         return self.continuous.pose_at(time_s)
 
+    def poses_at(self, times_s: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the poses (N, 4, 4) at times (N,), on the path in continuous time.
+
+        Raises NoisyWorldError as `pose_at` does.
+        """
+        if self.independent or not self.known_at(times_s).all():
+            return np.stack([self.pose_at(float(time_s)) for time_s in times_s])  # which says where there is none
+        return self.continuous.pose_at(times_s)
+
     def known_at(self, times_s: ArrayLike) -> NDArray[np.bool_]:
         """(...) seconds -> (...) bool: whether the poses before and after are known; at a stamp, the pose itself."""
         times_s = np.asarray(times_s, dtype=np.float64)

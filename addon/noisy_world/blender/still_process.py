@@ -1,0 +1,173 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Frames of a copy of the open file, rendered in a process of its own, so that the windows stay usable meanwhile.
+
+Its folder holds the copy and the request; the frames come into it when all are there. Progress goes to standard output.
+"""
+
+import json
+import os
+import re
+import traceback
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.errors import NoisyWorldError
+from ..core.geometry import Intrinsics
+from ..core.planning.source import RenderedFrame, SceneLight
+from ..core.progress import JsonProgress
+from .chain_scene import hide_chain, shown_chain
+from .own_still import OwnStill, render_own_still, shown_by
+from .scene_inspection import open_file, show_scene
+from .still import render_stills
+
+COPY, REQUEST, FRAMES = "scene.blend", "request.json", "frames.npz"  # in the folder
+STEPS = 100  # of a frame, that progress counts
+NICENESS = 5  # chosen: the window's drawing comes first, and an idle machine renders as fast
+SAMPLES = re.compile(r"Sample (\d+)/(\d+)")  # in Blender's words on a render
+
+
+@dataclass(frozen=True)
+class StillRequest:
+    """What is rendered of a scene: frames of the mesh that it shows, or the scene as it is set up.
+
+    scene: its name. stills: by the source frame's number; None for a frame of the mesh, through the scene's camera.
+    empty: whether nothing is seen where there is no surface.
+    """
+
+    scene: str
+    stills: Mapping[int, OwnStill | None]
+    empty: bool = False
+
+    def content(self) -> dict[str, Any]:
+        """Return it as JSON values."""
+        stills = {str(index): None if item is None else _content_of(item) for index, item in self.stills.items()}
+        return {"scene": self.scene, "stills": stills, "empty": self.empty}
+
+    @classmethod
+    def of(cls, content: dict[str, Any]) -> "StillRequest":
+        """Return the request of such values."""
+        stills = {int(index): None if item is None else _still_of(item) for index, item in content["stills"].items()}
+        return cls(content["scene"], stills, content["empty"])
+
+
+def _content_of(still: OwnStill) -> dict[str, Any]:
+    return asdict(still) | {"c2w": None if still.c2w is None else still.c2w.tolist()}
+
+
+def _still_of(content: dict[str, Any]) -> OwnStill:
+    c2w, clip_m = content["c2w"], content["clip_m"]
+    given = {
+        "c2w": None if c2w is None else np.array(c2w, dtype=np.float64),
+        "clip_m": None if clip_m is None else tuple(clip_m),
+        "intrinsics": Intrinsics(**content["intrinsics"]),
+    }
+    return OwnStill(**(content | given))
+
+
+def write_request(request: StillRequest, folder: Path) -> None:
+    """Write the request for `main` into a folder, which holds the copy of the file."""
+    (folder / REQUEST).write_text(json.dumps(request.content()), encoding="utf-8")
+
+
+def read_frames(folder: Path) -> dict[int, RenderedFrame]:
+    """Return the frames that `main` has written into a folder, by the source frame's number.
+
+    Light of the open file's scene is shown as that scene shows it.
+    """
+    request = _read_request(folder)
+    with np.load(folder / FRAMES) as held:
+        images = {name: held[name] for name in held.files}
+    return {index: _frame(request, index, still, images) for index, still in request.stills.items()}
+
+
+def _read_request(folder: Path) -> StillRequest:
+    return StillRequest.of(json.loads((folder / REQUEST).read_text(encoding="utf-8")))
+
+
+def _images_of(index: int, frame: RenderedFrame) -> dict[str, NDArray[np.float32]]:
+    """Return the arrays of a frame by their names in the file."""
+    light = frame.light
+    found = {
+        "rgb": frame.rgb, "depth_m": frame.depth_m, "behind_glass_m": frame.behind_glass_m,
+        "light": None if light is None else light.rgb, "alpha": None if light is None else light.alpha,
+    }  # fmt: skip
+    return {f"{index}/{name}": image for name, image in found.items() if image is not None}
+
+
+def _frame(
+    request: StillRequest, index: int, still: OwnStill | None, images: Mapping[str, NDArray[np.float32]]
+) -> RenderedFrame:
+    """Return the frame that `_images_of` gave the arrays of."""
+    light = None
+    if still is not None and f"{index}/light" in images:
+        encode = partial(shown_by, request.scene, still.frame)
+        light = SceneLight(images[f"{index}/light"], images[f"{index}/alpha"], encode)
+    glass_m = images.get(f"{index}/behind_glass_m")
+    return RenderedFrame(images[f"{index}/rgb"], images[f"{index}/depth_m"], light=light, behind_glass_m=glass_m)
+
+
+def main(folder: str) -> None:
+    """Render what a folder asks for, and write the frames there."""
+    if hasattr(os, "nice"):  # which Windows has not
+        os.nice(NICENESS)
+    progress = JsonProgress(os.fdopen(os.dup(1), "w", buffering=1), lost=lambda: os._exit(1))
+    try:
+        _render(Path(folder), progress)
+    except NoisyWorldError as error:
+        progress.tell({"error": error.message})
+        raise SystemExit(1) from error
+    except Exception:  # noqa: BLE001 - a bug, which keeps its traceback
+        traceback.print_exc()
+        os._exit(1)  # with the error as the last words: Blender would add the script
+    progress.tell({"result": "rendered"})
+
+
+def _render(folder: Path, progress: JsonProgress) -> None:
+    request = _read_request(folder)
+    open_file(str(folder / COPY))
+    scene = bpy.data.scenes[request.scene]
+    show_scene(scene)
+    if shown_chain(scene) is not None:
+        hide_chain(scene)
+    counted = _Counted(progress, len(request.stills))
+    hear: Any = counted.hear  # the stubs give such functions no text
+    bpy.app.handlers.render_stats.append(hear)
+    images: dict[str, Any] = {}
+    for number, (index, still) in enumerate(request.stills.items(), 1):
+        if still is not None:
+            frame = render_own_still(scene, still)
+        else:
+            (frame,) = render_stills(scene, [index], empty=request.empty)
+        images |= _images_of(index, frame)
+        counted.reach(number, 0.0)
+    with (folder / FRAMES).open("wb") as file:
+        np.savez(file, **images)
+
+
+class _Counted:
+    """How much of the frames is rendered, told in steps, by what Blender says of the samples."""
+
+    def __init__(self, progress: JsonProgress, frames: int) -> None:
+        self._progress = progress
+        self._done = self._frame = 0
+        progress.start("frame", STEPS * frames)
+
+    def hear(self, text: Any, *_: object) -> None:
+        """Take Blender's words on the render."""
+        if isinstance(text, str) and (found := SAMPLES.search(text)) is not None:
+            self.reach(self._frame, int(found[1]) / max(1, int(found[2])))
+
+    def reach(self, frame: int, share: float) -> None:
+        """Tell that as many frames are done, and a share of the next one; never less than before."""
+        self._frame = frame
+        done = int(STEPS * (frame + share))
+        if done > self._done:
+            self._progress.advance(done - self._done)
+            self._done = done

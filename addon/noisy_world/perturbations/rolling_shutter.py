@@ -1,0 +1,60 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Rolling shutter: the lines of an image are read one after another, each from where the camera is by then."""
+
+from dataclasses import dataclass, replace
+from typing import Literal
+
+from ..core.perturbing.kinds import ExposurePerturbation
+from ..core.schema import key
+from ..core.trajectories.frame_request import ReadoutDirection, RequestedRays, Shutter
+
+MS_PER_S = 1000.0
+
+
+@dataclass(frozen=True)
+class RollingShutter:
+    """How long reading takes, which line comes first, and which moment of it the frame's time stamp is."""
+
+    readout_ms: float = key(
+        "how long reading all lines takes; each sees the scene in the middle of its own part of it",
+        default=16.0,
+        unit="ms",
+        minimum=0,
+        maximum=1000,
+    )
+    direction: ReadoutDirection = key(
+        "where reading goes: over rows down or up, over columns right or left", default="down"
+    )
+    stamp: Literal["start", "middle", "end"] = key(
+        "the moment of the readout that is the frame's time stamp, at which the ground truth's pose is taken",
+        default="middle",
+    )
+    depth: Literal["rolling", "global"] = key(
+        "rolling: each line of depth is of its own moment too; global: all depth is of the frame's time stamp",
+        default="rolling",
+    )
+
+
+def shutter(parameters: RollingShutter) -> Shutter:
+    """Return when lines are read, in seconds from the frame's time stamp."""
+    readout_s = parameters.readout_ms / MS_PER_S
+    before = {"start": 0.0, "middle": 0.5, "end": 1.0}[parameters.stamp]
+    return Shutter(-before * readout_s, 0.0, readout_s, parameters.direction)
+
+
+def rays(of: RequestedRays, parameters: RollingShutter) -> RequestedRays:
+    """Return rays that are cast line by line."""
+    return replace(of, readout=shutter(parameters), depth_rolls=parameters.depth == "rolling")
+
+
+PERTURBATION = ExposurePerturbation(
+    name="rolling_shutter",
+    label="Rolling shutter",
+    order=10,
+    parameters=RollingShutter,
+    severities={"readout_ms": (5.0, 10.0, 16.0, 22.0, 30.0)},
+    source="our own: chosen, from a fast sensor's readout to nearly a whole frame of 30 Hz",
+    shutter=shutter,
+    rays=rays,
+    tells_lines=True,
+)

@@ -1,0 +1,69 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The button that links groups of weather in the scene's own compositor to its camera and frame rate."""
+
+import bpy
+
+from ..blender.camera_links import link_camera, linkable
+from ..core.errors import NoisyWorldError
+from .operators import UNDOABLE, OnScene, guarded
+
+
+class NoisyWorldLinkCamera(OnScene, bpy.types.Operator):
+    """Let this scene's own Noisy World groups follow its camera and frame rate, by drivers; press again when the camera's path has changed, for streaks"""  # noqa: E501 - a tooltip
+
+    bl_idname = "noisy_world.link_camera"
+    bl_label = "Link Groups to Camera"
+    bl_options = UNDOABLE
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Ask for a camera, and a group that looks at it."""
+        if not super().poll(context):
+            return False
+        if context.scene.camera is None:
+            cls.poll_message_set("The scene has no camera")
+            return False
+        if not linkable(context.scene):
+            cls.poll_message_set("The scene's compositor has no group that asks for camera or frame rate")
+            return False
+        return True
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Link them."""
+
+        def work() -> str:
+            if context.scene.camera is None or context.scene.camera.type != "CAMERA":
+                raise NoisyWorldError("the scene's camera is no camera: choose one in Scene > Camera")
+            return f"Linked to {context.scene.camera.name}: {', '.join(link_camera(context.scene))}"
+
+        return guarded(self, work)
+
+
+def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+    """Draw the button in the tab where there is something to link."""
+    if context.scene.camera is not None and linkable(context.scene):
+        layout.operator(NoisyWorldLinkCamera.bl_idname, icon="CON_CAMERASOLVER")
+
+
+def _draw_in_menu(menu: bpy.types.Menu, context: bpy.types.Context) -> None:
+    """Draw the entry in the node editor's menu Node, for groups from the asset shelf."""
+    space = context.space_data
+    if isinstance(space, bpy.types.SpaceNodeEditor) and space.tree_type == "CompositorNodeTree":
+        assert menu.layout is not None
+        menu.layout.separator()
+        menu.layout.operator(NoisyWorldLinkCamera.bl_idname, icon="CON_CAMERASOLVER")
+
+
+_register_classes, _unregister_classes = bpy.utils.register_classes_factory((NoisyWorldLinkCamera,))
+
+
+def register() -> None:
+    """Register the button, in the tab and in the node editor's menu."""
+    _register_classes()
+    bpy.types.NODE_MT_node.append(_draw_in_menu)
+
+
+def unregister() -> None:
+    """Unregister it."""
+    bpy.types.NODE_MT_node.remove(_draw_in_menu)
+    _unregister_classes()

@@ -1,0 +1,94 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A folder of plain images as a scene: colour alone, in the order of names, without depth or poses."""
+
+import json
+import shutil
+
+import cv2
+import numpy as np
+import pytest
+
+from noisy_world.cli.command import main
+from noisy_world.core.errors import InputError
+from noisy_world.core.presets.preset import read_preset
+from noisy_world.core.schema import ConfigPath
+from noisy_world.planning import make_plan
+from noisy_world.sources.image_source import read_images
+
+NAMES = ("shot_2.png", "shot_10.png", "Shot_33.png")  # in the order of their numbers
+
+
+def plates(folder, names=NAMES):
+    """Write even greys, each its own."""
+    folder.mkdir()
+    for n, name in enumerate(names):
+        cv2.imwrite(str(folder / name), np.full((12, 16, 3), 50 * n + 60, np.uint8))
+    return folder
+
+
+def preset_of(folder, **scene):
+    document = {
+        "seed": 3,
+        "scenes": [{"sequence": "plates", "layout": "images", **scene}],
+        "render": {"backend": "reference"},
+        "settings": [
+            {"name": "clean"},
+            {"name": "lighter", "perturb": [{"brightness": {"offset": 0.1}}]},
+            {"name": "noisy", "perturb": [{"gaussian_noise": {"severity": 2}}]},
+        ],
+        "output": {"modalities": ["rgb"], "layout": "tum"},
+    }
+    path = folder / "preset.json"
+    path.write_text(json.dumps(document))
+    return path
+
+
+def test_plain_images_are_perturbed_in_the_order_of_their_names(tmp_path, capfd):
+    plates(tmp_path / "plates")
+    (tmp_path / "plates" / ".hidden.png").write_bytes(b"")
+    assert main(["generate", str(preset_of(tmp_path, rate_hz=24.0)), "--out", str(tmp_path / "out")]) == 0, capfd
+    made = tmp_path / "out"
+    for setting, offset in (("clean", 0.0), ("lighter", 25.5)):
+        seen = [cv2.imread(str(path)) for path in sorted((made / setting / "plates" / "rgb").iterdir())]
+        assert [np.unique(image).tolist() for image in seen] == [[round(50 * n + 60 + offset)] for n in range(3)]
+    assert sorted(item.name for item in (made / "noisy/plates").iterdir()) == ["frames.jsonl", "rgb", "rgb.txt"]
+    stamps_s = [float(line.split()[0]) for line in (made / "noisy/plates/rgb.txt").read_text().splitlines()[-3:]]
+    assert np.allclose(np.diff(stamps_s), 1 / 24, atol=1e-6)
+    assert (made / "clean/plates/rgb/000001.png").read_bytes() == (tmp_path / "plates" / NAMES[1]).read_bytes()
+    told = json.loads((made / "noisy/cam_params.json").read_text())["camera"]
+    assert (told["fx"], told["cx"], told["cy"]) == (pytest.approx(19.2), 7.5, 5.5)
+    assert any("nothing says its camera" in note for note in json.loads((made / "run.json").read_text())["notes"])
+
+
+def test_what_needs_depth_or_poses_says_so_in_a_line(tmp_path):
+    plates(tmp_path / "plates")
+    path = preset_of(tmp_path)
+    for change, words in (
+        ("output.modalities=[rgb, depth]", "plates has no depth, but output.modalities asks for it; set output"),
+        ("settings=[{name: a, perturb: [{haze: {severity: 1}}]}]", "a needs depth, and plates has none"),
+        ("settings=[{name: a, perturb: [{motion_deviation: {rotation_deg: 1}}]}]", "cannot be seen from elsewhere"),
+        ("camera={width: 8, height: 6, fx: 4, fy: 4, cx: 3, cy: 2}", "its images are 16 x 12"),
+        ("scenes.0.undistort=true", r"undistort: plain images have no file that says their lens; leave it out"),
+        ("scenes.0.register=true", r"register: plain images have no depth; leave it out"),
+        ("scenes.0.poses=require", r"poses: plain images have no poses; leave it out"),
+    ):
+        with pytest.raises(InputError, match=words):
+            make_plan(read_preset(path, [change]))
+
+
+def test_what_is_no_folder_of_images_is_one_line(tmp_path):
+    place = ConfigPath("preset", "scenes.0")
+    (tmp_path / "plates").mkdir()
+    with pytest.raises(InputError, match="plates: has no PNG or JPEG images"):
+        read_images(tmp_path / "plates", place)
+    (tmp_path / "plates" / "a.EXR").write_bytes(b"v")
+    with pytest.raises(InputError, match=r"plates: has images of \.exr, but no PNG or JPEG; convert them"):
+        read_images(tmp_path / "plates", place)
+    shutil.rmtree(tmp_path / "plates")
+    plates(tmp_path / "plates", ("a1.png", "a01.png"))
+    with pytest.raises(InputError, match=r"stand for one place in the order of names; keep one of them"):
+        read_images(tmp_path / "plates", place)
+    (tmp_path / "plates" / "a01.png").unlink()
+    cv2.imwrite(str(tmp_path / "plates" / "b.png"), np.zeros((8, 8, 3), np.uint8))
+    with pytest.raises(InputError, match=r"b\.png: is 8 x 8 pixels, but the first colour image is 16 x 12"):
+        read_images(tmp_path / "plates", place).camera(None)
