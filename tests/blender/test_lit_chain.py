@@ -144,7 +144,7 @@ def test_a_group_outdoors_takes_the_other_table(tmp_path):
 def test_weather_sees_through_glass_and_the_sensor_does_not(tmp_path, shader):
     scene = new_scene(samples=1)
     scene.frame_end = 1
-    bpy.ops.mesh.primitive_plane_add(size=1, location=(0.2, 1.5, 0), rotation=(np.pi / 2, 0, 0))
+    bpy.ops.mesh.primitive_plane_add(size=0.3, location=(0.2, 1.5, 0.1), rotation=(np.pi / 2, 0, 0))
     material = bpy.data.materials.new("Pane")
     bpy.context.object.data.materials.append(material)
     nodes, links = material.node_tree.nodes, material.node_tree.links
