@@ -104,7 +104,7 @@ test-above: $(VENV)/.extras
 
 # What the library does without Blender, under the oldest Python that it works with.
 test-python311: .venv-python311/.installed ## run tests of what needs no Blender under Python 3.11
-	.venv-python311/bin/python -m pytest -o cache_dir=.pytest_cache_python311 $(BELOW_BLENDER311) # kept rooms are each Python's own
+	.venv-python311/bin/python -m pytest -m "not one_python" -o cache_dir=.pytest_cache_python311 $(BELOW_BLENDER311) # kept rooms are each Python's own
 
 .venv-python311/.installed: requirements-library.lock
 	@test -n "$(PYTHON311)" || { echo "make: no Python 3.11 is here" >&2; exit 1; }

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import installed_package
 from analytic import box_depth
-from worlds import HIGH, LOW, ROOT, generate, need_blender, path_poses, write_world
+from worlds import HIGH, LOW, ROOT, generate, generate_here, need_blender, path_poses, write_world
 
 from noisy_world.core.errors import NoisyWorldError
 from noisy_world.core.geometry import Intrinsics
@@ -175,21 +175,23 @@ def test_all_of_them_act_in_their_order(out):
         assert np.abs(image(out, "together", "depth", frame) / SCALE - expected_m)[sure].max() < 2 / SCALE + 0.2 / 510
 
 
-def test_the_dataset_names_the_package_that_it_is_made_with(out, site, tmp_path):
+def test_the_dataset_names_the_package_that_it_is_made_with(out, installed, site, tmp_path):
+    installed(site)
     versions = json.loads((out / "manifest.json").read_text())["identity"]["versions"]
     assert versions["studio-effects"] == "2.1"
     scenes = [{"name": "box", "sequence": str(out / "clean" / "box")}]
     preset = write_world(tmp_path / "a", size=SIZE, scenes=scenes, settings=[{"name": "s", "perturb": [{"fog": None}]}])
-    generate(preset, "--out", tmp_path / "b", env=with_site(site))
+    generate_here(preset, "--out", tmp_path / "b")
     versions = json.loads((tmp_path / "b" / "manifest.json").read_text())["identity"]["versions"]
     assert "studio-effects" not in versions
 
 
-def test_a_recording_is_perturbed_but_not_seen_from_elsewhere(out, site, tmp_path):
+def test_a_recording_is_perturbed_but_not_seen_from_elsewhere(out, installed, site, tmp_path):
+    installed(site)
     scenes = [{"name": "box", "sequence": str(out / "clean" / "box")}]
     given = [item for item in SETTINGS if item["name"] not in ("lifted", "together")]
     preset = write_world(tmp_path / "a", size=SIZE, scenes=scenes, settings=given)
-    generate(preset, "--out", tmp_path / "again", env=with_site(site))
+    generate_here(preset, "--out", tmp_path / "again")
     for name in ("stuttering", "backwards", "warm"):
         for kind, frame in (("frame", 3), ("depth", 3)):
             first, second = (image(folder, name, kind, frame).astype(float) for folder in (out, tmp_path / "again"))
@@ -199,12 +201,12 @@ def test_a_recording_is_perturbed_but_not_seen_from_elsewhere(out, site, tmp_pat
     expected_m = grazing(stored_m, image(out, "clean", "frame", 3), stamp_s, "grazing", 3)
     assert np.abs(image(tmp_path / "again", "grazing", "depth", 3) / SCALE - expected_m).max() < 0.51 / SCALE
     preset = write_world(tmp_path / "c", size=SIZE, scenes=scenes, settings=[SETTINGS[1]])
-    result = generate(preset, "--out", tmp_path / "d", env=with_site(site), check=False)
+    result = generate_here(preset, "--out", tmp_path / "d", check=False)
     assert result.returncode == 1
     assert "cannot be seen from elsewhere" in result.stderr
 
 
-def test_colour_is_rendered_for_depth_that_needs_it_and_only_from_the_same_place(out, site, tmp_path):
+def test_colour_is_rendered_for_depth_that_needs_it_and_only_from_the_same_place(out, installed, site, tmp_path):
     given = {"size": SIZE, "frames": COUNT, "settings": [SETTINGS[4]]}
     output = {"layout": "replica", "image": "png", "modalities": ["depth"]}
     preset = write_world(tmp_path / "a", output=output, **given)
@@ -214,13 +216,15 @@ def test_colour_is_rendered_for_depth_that_needs_it_and_only_from_the_same_place
     rig = {"rgb": {"translation_m": [0.1, 0, 0]}, "depth": {"translation_m": [0.2, 0, 0]}}
     scenes = [{"name": "box", "mesh": "mesh.ply", "trajectory": {"file": "traj.txt", "axes": "robot"}}]
     preset = write_world(tmp_path / "c", rig=rig, scenes=scenes, **given)
-    result = generate(preset, "--dry-run", env=with_site(site), check=False)
+    installed(site)
+    result = generate_here(preset, "--dry-run", check=False)
     assert result.returncode == 1
     assert "grazing: needs the colour that the depth sensor sees, but rig.depth has another pose" in result.stderr
 
 
-def test_the_list_tells_kind_stage_order_and_where_it_is_from(site):
-    lines = generate("--list", "perturbations", env=with_site(site)).stdout.splitlines()
+def test_the_list_tells_kind_stage_order_and_where_it_is_from(installed, site):
+    installed(site)
+    lines = generate_here("--list", "perturbations").stdout.splitlines()
     heads = [line for line in lines if not line.startswith(" ")]
     assert "lift  (motion, stage motion, order 15; Lift; from studio-effects 2.1)" in heads
     assert "warm  (colour, stage lens, order 5; Warm; from studio-effects 2.1)" in heads
@@ -232,12 +236,13 @@ def test_the_list_tells_kind_stage_order_and_where_it_is_from(site):
     assert any("height_m" in line and "severities 1 to 5: 0.1, 0.2, 0.3, 0.4, 0.5" in line for line in lines)
 
 
-def test_no_group_means_the_reference(site, tmp_path):
+def test_no_group_means_the_reference(installed, tmp_path):
     modules = dict(installed_package.MODULES)
     modules["effects/warm.py"] = modules["effects/warm.py"].replace("apply=apply, build=build", "apply=apply")
     folder = installed_package.install(tmp_path / "site", modules=modules)
     given = {"settings": [SETTINGS[3]], "render": {"backend": "compositor"}}
-    result = generate(write_world(tmp_path / "a", **given), "--dry-run", env=with_site(folder), check=False)
+    installed(folder)
+    result = generate_here(write_world(tmp_path / "a", **given), "--dry-run", check=False)
     assert result.returncode == 1
     assert "warm: warm has no node group for the compositor; give it backend: reference" in result.stderr
 
@@ -374,8 +379,8 @@ def test_the_command_line_says_it_without_a_traceback(tmp_path):
     assert "Traceback" not in result.stderr
 
 
-def test_a_motion_that_breaks_its_contract_ends_the_run_in_a_line(tmp_path):
-    need_blender()
+def test_a_motion_that_breaks_its_contract_ends_the_run_in_a_line(installed, tmp_path):
+    pytest.importorskip("embreex", reason="embreex comes with an extra")
     modules = dict(installed_package.MODULES)
     for name, line in (("lift", "c2w[1:], trajectory.stamps_s[1:]"), ("stutter", "")):
         text = modules[f"effects/{name}.py"]
@@ -384,13 +389,14 @@ def test_a_motion_that_breaks_its_contract_ends_the_run_in_a_line(tmp_path):
             if line
             else text.replace("// parameters", "+ parameters")
         )
-    site = installed_package.install(tmp_path / "site", modules=modules)
+    installed(installed_package.install(tmp_path / "site", modules=modules))
     for name, told in (
         ("lift", "lift: made 5 poses of 6, or other time stamps"),
         ("stutter", "stutter: choose has to return 1 to 6 whole numbers from 0 to 5"),
     ):
-        preset = write_world(tmp_path / name, settings=[{"name": "s", "perturb": [{name: None}]}])
-        result = generate(preset, "--out", tmp_path / name / "out", env=with_site(site), check=False)
+        settings, render = [{"name": "s", "perturb": [{name: None}]}], {"engine": "embree", "backend": "reference"}
+        preset = write_world(tmp_path / name, settings=settings, render=render)
+        result = generate_here(preset, "--out", tmp_path / name / "out", check=False)
         assert result.returncode == 1
         assert told in result.stderr.strip().splitlines()[-1]
         assert "Traceback" not in result.stderr

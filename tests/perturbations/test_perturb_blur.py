@@ -177,6 +177,7 @@ def offsets_of_the_loop(delta, side, seed):
     return Counter((places[row][column][0] - row, places[row][column][1] - column) for row in inner for column in inner)
 
 
+@pytest.mark.one_python
 @cases("delta", [1, 2, 3, 4])
 def test_glass_blur_draws_what_the_published_loop_gives(delta):
     counted = Counter()

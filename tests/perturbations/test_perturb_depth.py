@@ -181,6 +181,7 @@ def test_slanted_walls_have_no_edges():
     np.testing.assert_array_equal(perturbed("depth_edge_erosion", depth, rate=1.0), depth)
 
 
+@pytest.mark.one_python
 @cases("shape", [(32, 32), (33, 47), (120, 160), (680, 1200)])
 @cases("percent", [0, 3, 10, 15, 20, 25, 30, 60, 90])
 def test_the_share_that_is_missing(shape, percent):
@@ -205,6 +206,7 @@ def test_void_that_is_there_counts_for_nothing():
     np.testing.assert_array_equal(perturbed("depth_random_missing", depth)[100:], plain[100:])
 
 
+@pytest.mark.one_python
 def test_patches_fall_everywhere_alike():
     lost = sum(perturbed("depth_random_missing", np.ones((40, 40), np.float32), frame=k) == 0 for k in range(1500))
     inside = lost[4:-4, 4:-4].astype(float)

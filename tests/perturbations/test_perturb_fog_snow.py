@@ -72,6 +72,7 @@ def test_fog_leaves_out_only_what_nobody_sees(severity, monkeypatch):
     assert np.sqrt(((whole - quick) ** 2).mean()) < 0.5 / 255
 
 
+@pytest.mark.one_python
 @cases("smoothness", [1.4, 2.0])
 def test_fogs_haze_is_as_often_bright_as_dark(smoothness):
     ones = flat((20, 32), 1.0)

@@ -115,6 +115,7 @@ def test_every_value_an_impulse_and_none():
     np.testing.assert_array_equal(perturbed("impulse_noise", noisy, amount=0.0), noisy)
 
 
+@pytest.mark.one_python
 @cases("photons", [3, 12, 60, 0.5, 18.5, 256])
 @cases("value", [0, 1 / 255, 0.02, 10 / 255, 0.2, 0.5, 0.7, 1])
 def test_photons_are_poisson(photons, value):
@@ -198,6 +199,7 @@ def test_fixed_keeps_one_pattern_and_fresh_redraws(name):
     assert np.mean(fresh[0] != fresh[1]) > 0.1
 
 
+@pytest.mark.one_python
 @cases(("name", "module"), [("gaussian_noise", gaussian_noise), ("speckle_noise", speckle_noise)])
 @cases("std", [0.0137, 0.18, 2.0])
 def test_bytes_are_the_rounded_floats_for_every_byte_and_every_code(monkeypatch, name, module, std):

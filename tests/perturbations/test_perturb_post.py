@@ -210,6 +210,7 @@ def test_bytes_are_the_rounded_floats_for_every_block():
         np.testing.assert_array_equal(perturbed("pixelate", rgb, factor=float(factor)), rgb_bytes(floats))
 
 
+@pytest.mark.one_python
 @cases("name", POST)
 @cases("shape", [(1, 1), (1, 7), (7, 1), (4, 1), (3, 4), (33, 41), (1081, 1921)])
 def test_every_size_and_every_colour(name, shape):

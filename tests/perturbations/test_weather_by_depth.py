@@ -92,6 +92,7 @@ def inside(part, view):
     return (x >= left) & (x <= right) & (y >= top) & (y <= bottom)
 
 
+@pytest.mark.one_python
 @cases("name", MODULES)
 def test_numbers_sizes_and_depths_follow_the_law(name):
     air = replace(air_of(name), least_rad=2e-3, reach_m=4.0)

@@ -37,6 +37,7 @@ def worst_error(depth_m, expected_m, inside):
     return (np.abs(depth_m - expected_m)[inside] / expected_m[inside]).max()
 
 
+@pytest.mark.one_python
 @cases("camera", CAMERAS.values())
 @cases("view", VIEWS)
 def test_slanted_plane(camera, view):

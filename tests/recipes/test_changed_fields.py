@@ -72,6 +72,7 @@ def said(act, *about):
     return line
 
 
+@pytest.mark.one_python
 def test_every_field_of_a_recipe(dataset):
     out, path = dataset
     text = path.read_text()
@@ -87,6 +88,7 @@ def test_every_field_of_a_recipe(dataset):
     assert refused > 100
 
 
+@pytest.mark.one_python
 @pytest.mark.parametrize("name", ["manifest.json", "run.json", "mix/box/frames.jsonl"])
 def test_every_field_of_a_dataset(name, dataset):
     out, _ = dataset

@@ -24,6 +24,7 @@ from noisy_world.ui import offered, older_files, panels, tooltips
 from noisy_world.ui.described import SECTIONS, SHOWN
 from noisy_world.ui.document import OWN_FIELDS, PANEL
 from noisy_world.ui.generate import NoisyWorldGenerate, NoisyWorldGenerateAnew
+from noisy_world.ui.step_fields import LONG, parts_of
 from noisy_world.ui.typed_numbers import property_name, set_value, value_of
 from noisy_world.ui.wording import ACTIONS, field_of, noted, spoken
 
@@ -174,3 +175,16 @@ def test_every_perturbation_is_offered_once_and_said_in_a_sentence():
     for item in registry().values():
         assert not set("*=^()").intersection(offered.SAID.get(item.name, "")), item.name
     assert offered.line_on(registry()["fog"]).endswith("Its physical twin is Fog by Depth")
+
+
+def test_long_lists_of_parameters_have_sub_panels_and_nothing_is_left_out():
+    for perturbation in registry().values():
+        first, rest = parts_of(perturbation)
+        names = [item.name for item in fields(perturbation.parameters)]
+        assert sorted([*first, *(name for found in rest.values() for name in found)]) == sorted(names)
+        assert bool(rest) == (len(names) > LONG)
+        assert set(perturbation.severities) <= set(first)
+    first, rest = parts_of(registry()["snow_depth"])
+    assert (first, list(rest)) == (["rate_mm_h"], ["Look", "Motion", "Camera"])
+    assert {"wind_m_s", "shutter_ms"} <= set(rest["Motion"])
+    assert {"aperture_mm", "view_deg"} <= set(rest["Camera"])

@@ -60,7 +60,8 @@ def air_nodes(canvas: Canvas, given: Mapping[str, Socket]) -> AirSockets:
         pixel = graph.node("CompositorNodeImageCoordinates", {"Image": image}).out("Pixel", "vector")
         sky = graph.math("MULTIPLY_ADD", pixel.x, 0.0, sky)  # an image even where Depth is one number
         luminance = graph.math("MAXIMUM", graph.math("DOT_PRODUCT", image, LUMINANCE), 0.0)
-    surfaces, _ = _robust_mean(canvas, image, luminance, graph.math("SUBTRACT", 1.0, sky))
+        others = graph.math("SUBTRACT", 1.0, sky)
+    surfaces, _ = _robust_mean(canvas, image, luminance, others)
     own, part = _robust_mean(canvas, image, luminance, sky)
     with graph.section("The air: its light"):
         bright = graph.math("DOT_PRODUCT", own, LUMINANCE)

@@ -98,12 +98,13 @@ def build_falling(canvas: Canvas, given: Mapping[str, Socket], laws: Laws) -> So
         extinction = count_m3 * scale_mm * scale_mm * (EXTINCTION_EFFICIENCY * math.pi / 2 * 1e-6)
         veil = graph.math("MULTIPLY_ADD", integral, seen_to_m, distance_m - limit_m) * extinction
         seen = graph.math("EXPONENT", veil * kept_sky(canvas, given) * -1.0)
-    drifts = graph.math("GREATER_THAN", canvas.drifts, 0.0)
     with graph.section("Streaks in the world"):
+        drifts = graph.math("GREATER_THAN", canvas.drifts, 0.0)
         speeds = {sizes: laws.speed(graph, measured_mm * sizes.typical) * given["fall"] for sizes in SIZES}
         kept = shared | {"Nearness": graph.choose(drifts, nearness, HIDDEN, "float")}
-        seen = seen * seen_through_sheets(canvas, given, kept, speeds)
+    through = seen_through_sheets(canvas, given, kept, speeds)
     with graph.section("Streaks"):
+        seen = seen * through
         # What drifts is in the world. Of shells and sheets, those not used see a single number, which costs nothing.
         shared |= {"Nearness": graph.choose(drifts, HIDDEN, nearness, "float")}
         part = _shell_graph(laws)

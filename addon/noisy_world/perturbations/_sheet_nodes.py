@@ -126,11 +126,15 @@ def seen_through_sheets(
         seen_along = _rays(graph, camera, x, y)
         open_px = shared["Focal length"] * shared["Exposure"]
         sweep = _swept(graph, shared["Turning"], x, y)
-    inputs = {name: shared[name] for name in _SHARED}
-    inputs |= {"Sweep right": sweep[0] * open_px, "Sweep down": sweep[1] * open_px}
-    inputs |= {"Slope across": seen_along.slope[0], "Slope along": seen_along.slope[1], "Sense": seen_along.slope[2]}
-    inputs |= {"Through": seen_along.through, "Lean": shared["Gusts"] * open_px * math.sqrt(12)}
-    part, seen = _sheet_graph(), graph.math("MULTIPLY", 1.0, 1.0)
+        inputs = {name: shared[name] for name in _SHARED}
+        inputs |= {"Sweep right": sweep[0] * open_px, "Sweep down": sweep[1] * open_px}
+        inputs |= {
+            "Slope across": seen_along.slope[0],
+            "Slope along": seen_along.slope[1],
+            "Sense": seen_along.slope[2],
+        }
+        inputs |= {"Through": seen_along.through, "Lean": shared["Gusts"] * open_px * math.sqrt(12)}
+        part, seen = _sheet_graph(), graph.math("MULTIPLY", 1.0, 1.0)
     for number, sizes in enumerate(SIZES):
         with graph.section(f"Sheets {number + 1}"):
             blown_m_s = graph.vector(given["wind_m_s"], 0.0, speed_m_s[sizes] * -1.0)

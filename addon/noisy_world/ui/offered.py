@@ -18,7 +18,7 @@ class Offered:
     said: str
 
 
-PHYSICAL = Offered("physical", "Physical", "In the scene: its air and light, the lens")
+PHYSICAL = Offered("physical", "Physical", "Of the scene's air and light, the lens, the sensors")
 BENCHMARK = Offered("benchmark", "Benchmark", "The paper's: laid over images, depth and path")
 PACKAGES = Offered("packages", "Packages", "Of packages that are installed")
 
@@ -37,6 +37,7 @@ TWINS = {
     "frost": "lens_frost",
     "spatter": "lens_drops",
     "defocus_blur": "defocus_depth",
+    "motion_blur": "camera_motion_blur",
 }
 """Of the benchmark's perturbations the physical one of the same cause."""
 
@@ -69,6 +70,14 @@ SAID = {
     "depth_gaussian_noise": "Roughens depth, wherever it is, by the spread of the frame's depths",
     "depth_random_missing": "Punches rectangular holes into depth",
     "depth_range_clipping": "Takes depth away that is too near or too far",
+    "rolling_shutter": "Reads lines one after another, so that what moves is bent",
+    "camera_motion_blur": "Leaves the shutter open while the camera moves, so that near things smear more",
+    "axial_noise": "Roughens depth with distance and makes edges ragged, as measured on depth cameras",
+    "lidar": "Leaves the ranges of a spinning lidar's beams, and no depth between them",
+    "redwood": "Roughens and rounds depth as a Kinect does, by Redwood's model",
+    "stereo": "Measures depth by two cameras: coarse far away, lost on plain walls and beside near things",
+    "structured_light": "Measures depth by a projected pattern: in steps far away, with shadows beside near things",
+    "time_of_flight": "Measures depth by the phase of light: noisy where it is dark, with pixels in the air at edges",
     "desync": "Pairs color with depth of another moment",
 }
 """What a perturbation does to what is seen, in a sentence."""

@@ -6,10 +6,16 @@ from typing import Any
 
 import bpy
 
-from ..core.perturbing.kinds import SEQUENCE_KINDS, SEVERITIES, Perturbation
+from ..core.perturbing.kinds import SEQUENCE_KINDS, SEVERITIES, DepthPerturbation, Perturbation
 from .keyed import curve_of
 from .properties import OVERRIDE, parameters_of, perturbation_of
 from .typed_numbers import property_name
+
+LONG = 7  # parameters, beyond which a list has sub-panels; chosen: as many as are seen at a glance
+LOOK, MOTION, CAMERA, SENSOR = "Look", "Motion", "Camera", "Sensor"
+_OF_CAMERA = ("camera", "view", "aperture", "focus", "focal", "sensor", "f_number", "max_radius")
+_OF_MOTION = ("_m_s", "_per_s", "_hz", "_ms")
+_OF_MOTION_WORDS = ("fall", "flow", "creep", "run", "runs", "drying", "wind", "gusts", "shutter")
 
 
 def draw_step(layout: bpy.types.UILayout, step: Any) -> None:
@@ -33,8 +39,41 @@ def draw_step(layout: bpy.types.UILayout, step: Any) -> None:
         for value in perturbation.temporals:
             buttons.prop_enum(step, "temporal", value)
     column.separator(factor=0.5)
-    for item in fields(perturbation.parameters):
-        _draw_parameter(column, step, perturbation, item.name)
+    first, rest = parts_of(perturbation)
+    for name in first:
+        _draw_parameter(column, step, perturbation, name)
+    for part, names in rest.items():
+        header, body = layout.panel(f"noisy_world_{perturbation.name}_{part}", default_closed=part in (MOTION, CAMERA))
+        header.label(text=part)
+        if body is not None:
+            body.active = step.enabled
+            for name in names:
+                _draw_parameter(body, step, perturbation, name)
+
+
+def parts_of(perturbation: Perturbation) -> tuple[list[str], dict[str, list[str]]]:
+    """Return the parameters that are shown at once, and those of each sub-panel, in the order of effect.
+
+    Of a long list those that severity sets come first, then what else decides the look, motion and the camera.
+    """
+    names = [item.name for item in fields(perturbation.parameters)]
+    if len(names) <= LONG:
+        return names, {}
+    first = [name for name in names if name in perturbation.severities or name == "device"] or names[:1]
+    if isinstance(perturbation, DepthPerturbation):
+        return first, {SENSOR: [name for name in names if name not in first]}
+    rest: dict[str, list[str]] = {part: [] for part in (LOOK, MOTION, CAMERA)}
+    for name in names:
+        if name not in first:
+            rest[_part_of(name)].append(name)
+    return first, {part: found for part, found in rest.items() if found}
+
+
+def _part_of(name: str) -> str:
+    if name.startswith(_OF_CAMERA):
+        return CAMERA
+    moves = name.endswith(_OF_MOTION) or any(word in name.split("_") for word in _OF_MOTION_WORDS)
+    return MOTION if moves else LOOK
 
 
 def _split_row(layout: bpy.types.UILayout) -> tuple[bpy.types.UILayout, bpy.types.UILayout]:

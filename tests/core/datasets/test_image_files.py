@@ -48,6 +48,7 @@ def test_whole_files(name):
         assert damage(data[:2] + b"\xff\xff\xff" + data[2:]) == ""  # fill bytes
 
 
+@pytest.mark.one_python
 @pytest.mark.parametrize("name", WHOLE)
 def test_every_cut_is_seen(name):
     data = WHOLE[name]

@@ -46,6 +46,7 @@ def seen_twice(stored, frames, scale_per_m):
     return world[:, flat].T, again[:, flat].T
 
 
+@pytest.mark.one_python
 @pytest.mark.parametrize("name", sorted({**WRITERS, **WRITTEN}))
 def test_a_point_seen_in_two_frames_is_one_place_of_the_world(name, tmp_path):
     folder = tmp_path / "recording"
@@ -74,6 +75,7 @@ def intrinsics(camera):
     return camera.width_px, camera.height_px, camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px
 
 
+@pytest.mark.one_python
 @pytest.mark.parametrize("name", sorted(WRITERS))
 def test_each_layout_comes_back_as_it_was_written(name, tmp_path):
     folder = tmp_path / "recording"

@@ -5,6 +5,7 @@ import random
 import warnings
 
 import numpy as np
+import pytest
 from cases import cases
 from ply_files import BINARY, ENCODINGS, MIXED, POINTS, QUADS, XYZ, ply, vertex
 
@@ -28,6 +29,7 @@ class TestDamage:
         for size in range(data.index(b"end_header\n") + 11):
             refuse(data[:size])
 
+    @pytest.mark.one_python
     @cases("faces", [QUADS, MIXED])
     @cases("encoding", ENCODINGS)
     def test_every_truncation_of_the_data_is_refused(self, refuse, encoding, faces):
@@ -47,6 +49,7 @@ class TestDamage:
             for _ in range(30):
                 refuse(data[: dice.randrange(len(data))])
 
+    @pytest.mark.one_python
     @cases("faces", [QUADS, MIXED])
     @cases("encoding", ENCODINGS)
     def test_flipped_bytes(self, read, encoding, faces):

@@ -81,6 +81,7 @@ def share_that_comes_back(path, hz=20):
     ])  # fmt: skip
 
 
+@pytest.mark.one_python
 def test_a_path_that_revisits_comes_back_far_more_often():
     hall = boxes(((0.0, 0.0, 0.0), (10.0, 8.0, 3.0)), ((4.0, 3.0, 0.0), (6.0, 5.0, 1.0)))
     plain, looped = (handheld_path(hall, seed=1, frames=500, rate_hz=5, revisit=revisit) for revisit in (False, True))
@@ -88,6 +89,7 @@ def test_a_path_that_revisits_comes_back_far_more_often():
     np.testing.assert_array_equal(plain.c2w[:75], looped.c2w[:75])  # there is nothing to come back to yet
 
 
+@pytest.mark.one_python
 def test_stays_clear_of_walls_and_furniture(furnished):
     # Against the true surfaces, not against the points that the planner saw.
     at_m = positions(furnished)
@@ -150,6 +152,7 @@ def test_hand_shakes(furnished):
     assert 2e-4 < rest_m.std() < 5e-3
 
 
+@pytest.mark.one_python
 def test_looks_toward_open_space_rather_than_at_near_walls():
     paths = [handheld_path(boxes(ROOM), seed=seed, frames=2000) for seed in range(3)]
     looked_m = np.concatenate([view_to_wall_m(path, ROOM) for path in paths])
@@ -179,6 +182,7 @@ def test_other_seeds_walk_elsewhere():
         assert np.linalg.norm(paths[a] - paths[b], axis=1).mean() > 0.5
 
 
+@pytest.mark.one_python
 def test_clear_of_every_vertex_of_a_scan():
     # Floor and four walls as small noisy quads, without a ceiling, a hole in the floor, a shelf that juts out.
     step = np.arange(0.0, 5.01, 0.04)
@@ -213,6 +217,7 @@ def test_stays_in_an_l_shaped_room():
     assert at_m[:, 1].max() > 4.0
 
 
+@pytest.mark.one_python
 def test_squeezes_around_the_ends_of_thin_walls():
     # Ways of half a metre that turn about with 0.1 m to spare: the widest curve would cut through the walls.
     room = ((0.0, 0.0, 0.0), (3.0, 1.8, 2.6))
@@ -253,6 +258,7 @@ def test_bounds_are_kept():
     assert np.ptp(at_m[:, 0]) > 1.0
 
 
+@pytest.mark.one_python
 def test_bounds_choose_a_room_of_a_wide_mesh():
     # A plane of a square kilometre is refused, or cut where the bounds say.
     plain = boxes(((-500.0, -500.0, -0.1), (500.0, 500.0, 0.0)))
@@ -271,6 +277,7 @@ def test_far_from_the_origin():
     assert np.linalg.norm(np.diff(at_m, axis=0), axis=1).max() < 0.04
 
 
+@pytest.mark.one_python
 def test_low_ceiling_moves_the_camera_down():
     low = ((0.0, 0.0, 0.0), (6.0, 4.0, 2.0))
     for seed in range(4):

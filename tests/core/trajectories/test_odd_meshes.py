@@ -34,6 +34,7 @@ def embedded_room():
     return build_room()
 
 
+@pytest.mark.one_python
 @pytest.mark.parametrize("seed", SEEDS)
 def test_every_mesh_ends(seed):
     mesh = odd_mesh(seed)
@@ -130,6 +131,7 @@ def test_points_cover_faces_as_finely_as_asked(size_m):
                 assert np.linalg.norm(points_m - on_face_m, axis=1).min() < 0.6 * size_m
 
 
+@pytest.mark.one_python
 def test_a_large_hall_gets_larger_cells():
     """60 m x 50 m with shelves: more than a map of 5 cm holds, and still kept clear of."""
     quads = np.array([[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]])
@@ -159,6 +161,7 @@ def test_a_mesh_too_far_from_the_origin_is_refused(embedded_room):
             handheld_path(Mesh(vertices_m, None, room.corner_vertices, room.face_starts), seed=0, frames=10)
 
 
+@pytest.mark.one_python
 def test_a_tower_is_refused_at_once(embedded_room):
     """Faces of 1e7 m2: cut into pieces of 5 cm they would take hours."""
     room = embedded_room

@@ -110,7 +110,7 @@ def load_path() -> at.Steps:
 
 def add_perturbations() -> at.Steps:
     """Add weak fog and Gaussian noise from the menu."""
-    for name, keys in (("fog", "EF"), ("gaussian_noise", "SG")):
+    for name, keys in (("fog", "BF"), ("gaussian_noise", "BN")):
         yield from at.look_for("NOISYWORLD_MT_add_step", "remove_step", share=0.9)
         if "remove_step" in at.under_mouse(at.view(), at.region("UI")):  # a menu's button has no name; it is above
             x, y = at.STATE["mouse"]
