@@ -83,6 +83,7 @@ CHANGES = {
             "matrix[]": [f"rig.{sensor}={{matrix: {IDENTITY}}}"],
         }.items()
     },
+    "rig.depth.sensor": ("rig", "rig.depth.sensor=choi_2015"),
     "render.engine": ("mesh", "render.engine=embree"),
     "render.backend": ("noisy", "render.backend=compositor"),
     "render.device": ("mesh", "render.device=gpu"),

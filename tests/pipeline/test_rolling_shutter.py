@@ -259,12 +259,13 @@ def test_poses_that_are_drawn_apart_have_nothing_between_them(tmp_path, motion):
     run(world(tmp_path, [{"name": "shaky", "perturb": [{"rolling": {"severity": 0}}, motion]}]), tmp_path / "out")
 
 
-def test_a_recording_has_instants_alone(made, tmp_path):
+@cases("name", ["rolling", "rolling_shutter", "camera_motion_blur"])
+def test_a_recording_has_instants_alone(made, tmp_path, name):
     _, out, _ = made
     preset = stored(tmp_path, out / "clean/box")
     document = json.loads(preset.read_text())
-    document["settings"] = [setting("rolling", 0.03)]
+    document["settings"] = [{"name": "exposed", "perturb": [{name: {"severity": 3}}]}]
     del document["camera"]
     preset.write_text(json.dumps(document))
-    with pytest.raises(InputError, match=r"scenes.0.sequence: rolling: rolling looks .* a recording has nothing"):
+    with pytest.raises(InputError, match=rf"scenes.0.sequence: exposed: {name} looks .* a recording has nothing"):
         run(preset, tmp_path / "out")

@@ -16,6 +16,7 @@ from shutters import CAMERA, coloured_room, moved, paths, psnr_db, room_session
 from srgb import encoded, linear
 
 from noisy_world.core.geometry import Intrinsics
+from noisy_world.core.perturbing.exposing import SceneAround
 from noisy_world.core.perturbing.reading import parse_steps
 from noisy_world.core.planning.exposed import ExposedSource
 from noisy_world.core.planning.travel import travel_px
@@ -23,7 +24,7 @@ from noisy_world.core.schema import ConfigPath
 from noisy_world.core.trajectories.sensor_paths import SensorPaths
 from noisy_world.core.trajectories.trajectory import Trajectory
 from noisy_world.perturbations import registry
-from noisy_world.perturbations.camera_motion_blur import CameraMotionBlur, moment_count, openness
+from noisy_world.perturbations.camera_motion_blur import CameraMotionBlur, apply, moment_count, openness
 
 SHUTTER_S = 0.016
 SPEED = {"linear": 12.0, "rotation": 12.0, "roll": 12.0, "vibration": 1.0}  # blurs of 5 to 20 pixels
@@ -89,6 +90,18 @@ def test_moments_are_odd_bounded_and_of_the_blur():
     assert [moment_count(px, usual) for px in (0, 0.1, 2, 2.1, 19, 1e9)] == [1, 3, 3, 5, 21, 129]
     assert moment_count(19, CameraMotionBlur(moments_per_px=0.8)) == 17
     assert [moment_count(50, CameraMotionBlur(most_moments=most)) for most in (1, 2, 3, 4)] == [1, 1, 3, 3]
+
+
+def test_what_is_brighter_than_white_stays_so_in_the_mean():
+    # A lamp of sixteen times white for one of three moments: encoded by sRGB's curve, which goes on above 1.
+    lamp, dark = np.float32(1.055 * 16 ** (1 / 2.4) - 0.055), np.float32(0)
+
+    def take(seconds, _channels):
+        value = lamp if abs(seconds) < 1e-9 else dark
+        return SimpleNamespace(rgb=np.full((2, 2, 3), value), depth_m=np.ones((2, 2), np.float32))
+
+    rgb, _ = apply(SceneAround(take, lambda times_s: 3.0), CameraMotionBlur(most_moments=3))
+    assert rgb == pytest.approx(1.055 * (16 / 3) ** (1 / 2.4) - 0.055, rel=1e-5)
 
 
 def test_depth_is_of_the_moment_that_is_asked_for():

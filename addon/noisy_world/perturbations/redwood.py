@@ -22,7 +22,7 @@ class Redwood:
     z becomes B / round(B / z + N(0, sigma)) with B = product / step. With `noise: 0` it is Open3D's deterministic mode.
     """
 
-    device: Literal["kinect_v1"] = key("the camera whose values are taken", default="kinect_v1")
+    device: Literal["choi_2015"] = key("the published values that are taken", default="choi_2015")
     noise: float = noise_of_device()
     product_px_m: float = of_device("focal length x baseline", 10_000, "px m")
     step_px: float = of_device("what disparity is rounded to", 8, "px")
@@ -33,7 +33,7 @@ class Redwood:
 
 # Choi, Zhou and Koltun, Robust reconstruction of indoor scenes, 2015; the same in Open3D and habitat-sim.
 DEVICES: Devices = {
-    "kinect_v1": {
+    "choi_2015": {
         "product_px_m": 35.130,
         "step_px": 1 / 8,
         "sigma_px": 0.027778,

@@ -199,6 +199,7 @@ def _setting(setting: Setting) -> dict[str, Any]:
         **({} if setting.stream == setting.name else {"stream": setting.stream}),
         "backend": setting.backend if setting.rgb else None,
         "steps": [_step(step) for step in setting.steps],
+        **({"sensor": [_step(step) for step in setting.sensor]} if setting.sensor else {}),
         **_keys(setting.keys),
     }
 
@@ -248,7 +249,7 @@ def processor() -> dict[str, Any]:
 
 def _packages(plan: Plan) -> dict[str, str]:
     """Return the versions of the installed packages whose perturbations, layout, channels or sources a plan uses."""
-    used = [step.perturbation.distribution for setting in plan.settings for step in setting.steps]
+    used = [step.perturbation.distribution for setting in plan.settings for step in (*setting.sensor, *setting.steps)]
     used.append(EVERY.distribution(plan.format.layout.name))
     used += [REGISTERED.distribution(name) for name in plan.format.modalities]
     used += [scene.entry.distribution for scene in plan.scenes if scene.entry is not None]

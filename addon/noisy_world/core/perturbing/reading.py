@@ -3,15 +3,16 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import fields, replace
-from typing import Any
+from typing import Any, get_args, get_type_hints
 
 from ..presets.names import format_same_folder
 from ..schema import ConfigPath, deciding_values, describe, parse, shown, unknown_name
-from .kinds import SEQUENCE_KINDS, SEVERITIES, Perturbation, propagation_key
+from .kinds import SEQUENCE_KINDS, SEVERITIES, DepthPerturbation, Perturbation, propagation_key
 from .steps import Backend, Setting, Step
 from .sweeps import Registry, known_perturbation, sweep_size, swept
 
 LARGEST_SETTINGS = 10_000  # chosen: a hundred times the paper's
+SENSOR_STREAM = "rig.depth"  # what a rig's depth sensor draws by, whatever the setting
 DEFAULT_SEVERITY = 3.0  # chosen: the middle one; node groups have its values as their defaults
 
 
@@ -80,17 +81,47 @@ def parse_steps(items: Sequence[Any], place: ConfigPath, registry: Registry) -> 
     steps: list[Step[Any]] = []
     for index, item in enumerate(items):
         where = place.at(index)
-        if not isinstance(item, Mapping) or len(item) != 1:
-            raise where.error(
-                f"is {describe(item)}, but has to be one name with its values", "write {fog: {severity: 3}}"
-            )
-        ((name, values),) = item.items()
+        name, values = _named(item, where, "{fog: {severity: 3}}")
         perturbation = known_perturbation(name, where, registry)
         same = sum(step.perturbation.name == name for step in steps)
         if same and isinstance(perturbation, SEQUENCE_KINDS):
             raise where.error(f"{name} is given twice", "it acts once on a sequence")
         steps.append(_parse_step(perturbation, values, where.at(str(name)), same))
     return tuple(sorted(steps, key=lambda step: propagation_key(step.perturbation)))
+
+
+def parse_sensor(value: object, place: ConfigPath, registry: Registry) -> Step[DepthPerturbation]:
+    """Read a rig's depth sensor: the name of a device, or one perturbation of depth as in a setting.
+
+    It draws the same patterns in every setting, so that settings which leave depth alone share its images.
+    """
+    if isinstance(value, str):
+        devices = _devices(registry)
+        if value not in devices:
+            raise unknown_name(place, "depth sensor", value, list(devices))
+        value = {devices[value]: {"device": value}}
+    name, values = _named(value, place, "a device, or {stereo: {noise: 0.5}}")
+    perturbation = known_perturbation(name, place, registry)
+    if not isinstance(perturbation, DepthPerturbation):
+        raise place.error(f"{name} does not act on depth", "name a device, or a perturbation of depth")
+    return replace(_parse_step(perturbation, values, place.at(name), 0), stream=SENSOR_STREAM)
+
+
+def _devices(registry: Registry) -> dict[str, str]:
+    """Return by each device that a perturbation of depth has a table of the name of that perturbation."""
+    found: dict[str, str] = {}
+    for item in registry.values():
+        if isinstance(item, DepthPerturbation):
+            device = get_type_hints(item.parameters).get("device")
+            found |= {name: item.name for name in get_args(device) if name not in found}
+    return found
+
+
+def _named(item: object, place: ConfigPath, example: str) -> tuple[str, object]:
+    if not isinstance(item, Mapping) or len(item) != 1:
+        raise place.error(f"is {describe(item)}, but has to be one name with its values", f"write {example}")
+    ((name, values),) = item.items()
+    return str(name), values
 
 
 def _parse_step(perturbation: Perturbation, values: object, place: ConfigPath, same: int) -> Step[Any]:

@@ -120,13 +120,14 @@ class Setting:
     """A setting of the benchmark: a name, and its steps in propagation order. Without steps it is clean.
 
     backend: what executes the steps of colour. keys: of its entry in the preset, those that decide bytes by their own
-    values.
+    values. sensor: the steps that every setting's depth has before its own, where a rig has a depth sensor of a kind.
     """
 
     name: str
     steps: tuple[Step[Any], ...] = ()
     backend: Backend = "reference"
     keys: Mapping[str, Any] = field(default_factory=dict)
+    sensor: tuple[Step[DepthPerturbation], ...] = ()
 
     @property
     def stream(self) -> str:
@@ -156,7 +157,7 @@ class Setting:
     @property
     def depth(self) -> tuple[Step[DepthPerturbation], ...]:
         """The steps that act on depth."""
-        return steps_of_kind(self.steps, DepthPerturbation)
+        return (*self.sensor, *steps_of_kind(self.steps, DepthPerturbation))
 
     def on(self, modality: str) -> tuple[Step[ColourPerturbation], ...] | tuple[Step[DepthPerturbation], ...]:
         """Return the steps that act on the images of a channel; none where nothing does."""

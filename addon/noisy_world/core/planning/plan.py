@@ -5,7 +5,6 @@ from collections.abc import Hashable
 from collections.abc import Sequence as Many
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 
@@ -21,13 +20,12 @@ from ..perturbing.kinds import LIGHT_STAGES, ExposurePerturbation, Identifiers, 
 from ..perturbing.reading import Registry, parse_settings
 from ..perturbing.steps import Setting, Step
 from ..presets.names import format_same_folder
-from ..presets.preset import EngineName, Preset, SensorSpec
+from ..presets.preset import EngineName, Preset
 from ..presets.selection import selected
-from ..schema import ConfigPath
-from ..trajectories.rig import Rig, Sensor, sensor_from_extrinsics
-from ..trajectories.trajectory import Axes
+from ..trajectories.rig import Rig
 from .channel_checks import check_exposed, check_pairs, check_surface
 from .numbers import Numbers, union
+from .rig_sensors import check_sensors, depth_sensor, read_rig
 from .scene import Scene
 from .sequence import Sequence, lay_out
 from .sharing import PartsMade
@@ -184,8 +182,9 @@ def read_settings(preset: Preset, registry: Registry) -> tuple[Setting, ...]:
     settings = parse_settings(spec.settings, preset.setting_places, registry, spec.render.backend)
     names = [setting.name for setting in settings]
     wanted = set(selected(names, spec.only.settings, preset.place("only.settings")))
-    settings = tuple(setting for setting in settings if setting.name in wanted)
-    _check_sensors(settings, preset)
+    sensor = depth_sensor(preset, registry)
+    settings = tuple(replace(setting, sensor=sensor) for setting in settings if setting.name in wanted)
+    check_sensors(settings, preset)
     _check_executions(settings, preset)
     return settings
 
@@ -203,7 +202,7 @@ def lay_out_plan(
     plan = Plan(
         preset=preset,
         format=spec.output.format,
-        rig=_rig(preset, {axes for scene in scenes if (axes := scene.source.robot_axes) is not None}),
+        rig=read_rig(preset, {axes for scene in scenes if (axes := scene.source.robot_axes) is not None}),
         settings=settings,
         renders=(),
         chosen=chosen,
@@ -340,20 +339,6 @@ def _check_poses(scene: Scene, preset: Preset) -> None:
         raise scene.error(message, OTHER_LAYOUT, lacks="poses")
 
 
-def _check_sensors(settings: tuple[Setting, ...], preset: Preset) -> None:
-    """Refuse perturbations that need colour and depth from one pose, where the sensors have two."""
-    rig = preset.spec.rig
-    if rig is None or rig.depth is None:
-        return
-    for setting in settings:
-        if setting.needs_depth or setting.needs_rgb:
-            seen = "depth that the colour camera" if setting.needs_depth else "colour that the depth sensor"
-            raise preset.place("settings").error(
-                f"{setting.name}: needs the {seen} sees, but rig.depth has another pose",
-                "take that setting out, or rig.depth",
-            )
-
-
 def _check_executions(settings: tuple[Setting, ...], preset: Preset) -> None:
     """Refuse perturbations that the compositor cannot execute."""
     for setting in settings:
@@ -372,29 +357,3 @@ def _check_chosen(scene: Scene, plan: Plan) -> None:
             f"{scene.frame_count} frames of {scene.name}",
             remedy=f"choose from 0:{scene.frame_count}",
         )
-
-
-def _rig(preset: Preset, axes: set[Axes]) -> Rig | None:
-    spec = preset.spec.rig
-    if spec is None:
-        return None
-    place = preset.place("rig")
-    if len(axes) > 1:
-        raise place.error(f"the scenes' trajectories declare different axes ({', '.join(sorted(axes))})", "use one")
-    (robot_axes,) = axes
-    depth = None if spec.depth is None else _sensor(spec.depth, robot_axes, place.at("depth"))
-    return Rig(_sensor(spec.rgb, robot_axes, place.at("rgb")), depth)
-
-
-def _sensor(spec: SensorSpec, robot_axes: Axes, place: ConfigPath) -> Sensor:
-    given: dict[str, Any] = {
-        "quat_wxyz": spec.quat_wxyz,
-        "rotation_euler_deg": spec.rotation_euler_deg,
-        "matrix": spec.matrix,
-    }
-    if spec.matrix is None:
-        given["translation_m"] = spec.translation_m
-    try:
-        return sensor_from_extrinsics(**given, robot_axes=robot_axes)
-    except ValueError as error:
-        raise place.error(str(error)) from error

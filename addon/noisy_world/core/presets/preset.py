@@ -4,7 +4,7 @@
 import hashlib
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any, Literal
 
@@ -78,11 +78,29 @@ class SensorSpec:
 
 
 @dataclass(frozen=True)
+class DepthSensorSpec(SensorSpec):
+    """A depth sensor: where it sits, and what it measures."""
+
+    sensor: Any = key(
+        "what measures every setting's depth, before its own perturbations: a device such as realsense_d435, or one "
+        "perturbation of depth, {stereo: {noise: 0.5}}; empty: depth is exact",
+        default=None,
+        identity="meaning",
+    )
+
+    def shares_place(self, rgb: SensorSpec) -> bool:
+        """Tell whether it is a sensor of some kind at the very pose of the colour sensor, whose view it then has."""
+        return self.sensor is not None and all(
+            getattr(self, item.name) == getattr(rgb, item.name) for item in fields(SensorSpec)
+        )
+
+
+@dataclass(frozen=True)
 class RigSpec:
     """A robot with sensors; the trajectory is then the robot's centre."""
 
-    rgb: SensorSpec = key("the colour sensor")
-    depth: SensorSpec | None = key("the depth sensor, where it is not the colour sensor's place", default=None)
+    rgb: SensorSpec = key("the colour sensor", default=SensorSpec())
+    depth: DepthSensorSpec | None = key("the depth sensor, where it is not the colour sensor's place", default=None)
 
 
 @dataclass(frozen=True)

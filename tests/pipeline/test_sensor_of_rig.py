@@ -1,0 +1,76 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A rig's depth sensor measures every setting's depth, the clean one's too."""
+
+import json
+
+import cv2
+import numpy as np
+import pytest
+from cases import cases
+from worlds import ROOT, generate, need_blender, write_world
+
+from noisy_world.core.geometry import Intrinsics
+from noisy_world.core.errors import InputError
+from noisy_world.core.perturbing.kinds import FrameContext
+from noisy_world.core.planning.plan import read_settings
+from noisy_world.core.presets.preset import read_preset
+from noisy_world.perturbations import registry
+
+SETTINGS = [{"name": "clean"}, {"name": "noisy", "perturb": [{"gaussian_noise": {"severity": 3}}]},
+            {"name": "near", "perturb": [{"depth_range_clipping": {"min_m": 0, "max_m": 2}}]}]  # fmt: skip
+
+
+def depths(folder, setting):
+    files = sorted((folder / setting / "box/results").glob("depth*.png"))
+    return [cv2.imread(str(file), cv2.IMREAD_UNCHANGED) for file in files]
+
+
+def test_every_settings_depth_is_what_the_sensor_gives(tmp_path):
+    need_blender()
+    exact = write_world(tmp_path / "a", frames=2, settings=SETTINGS[:1])
+    generate(exact, "--out", tmp_path / "exact")
+    rig = {"depth": {"sensor": {"structured_light": {"min_m": 0, "max_m": 50}}}}
+    generate(write_world(tmp_path / "b", frames=2, settings=SETTINGS, rig=rig), "--out", tmp_path / "measured")
+    document = json.loads((tmp_path / "measured/clean/cam_params.json").read_text())["camera"]
+    camera = Intrinsics(*(document[name] for name in ("w", "h", "fx", "fy", "cx", "cy")))
+    item = registry()["structured_light"]
+    seed = read_preset(exact).spec.seed
+    clean, noisy, near = (depths(tmp_path / "measured", name) for name in ("clean", "noisy", "near"))
+    for index, steps in enumerate(depths(tmp_path / "exact", "clean")):
+        context = FrameContext(index, (seed, "box", "rig.depth", "structured_light", 0), intrinsics=camera)
+        parameters = item.parameters(min_m=0, max_m=50)
+        expected = item.apply((steps / 6553.5).astype(np.float32), parameters, context) * 6553.5
+        # Depth was rounded here before it was measured: a value on a step's edge may fall to either side.
+        assert np.mean(np.abs(clean[index] - expected) > 1) < 0.01
+        np.testing.assert_array_equal(noisy[index], clean[index])
+        np.testing.assert_array_equal(near[index], np.where(clean[index] > 2 * 6553.5, 0, clean[index]))
+    assert any((depth != other).any() for depth, other in zip(clean, depths(tmp_path / "exact", "clean"), strict=True))
+    record = json.loads((tmp_path / "measured/noisy/box/frames.jsonl").read_text().splitlines()[0])
+    assert [note["name"] for note in record["perturbed"]["depth"]] == ["structured_light"]
+    files = [tmp_path / f"measured/{name}/box/results/depth000000.png" for name in ("clean", "noisy")]
+    assert files[0].samefile(files[1])
+
+
+@cases(
+    ("depth", "message"),
+    [
+        ({"sensor": "realsense_d434"}, r"rig\.depth\.sensor: unknown depth sensor 'realsense_d434'.*realsense_d43"),
+        ({"sensor": {"fog": {}}}, r"rig\.depth\.sensor: fog does not act on depth"),
+        ({"sensor": 5}, r"rig\.depth\.sensor: is the number 5, but has to be one name"),
+        ({"sensor": {"stereo": {"sigma": 1}}}, r"rig\.depth\.sensor\.stereo\.sigma: unknown key"),
+        ({"sensor": "kinect_v1", "translation_m": [0, 0, 0.1]}, None),
+        (
+            {"sensor": "realsense_d435", "translation_m": [0, 0, 0.1]},
+            r"rig\.depth\.sensor: stereo needs the colour that it sees, but rig\.depth has another pose",
+        ),
+    ],
+)
+def test_a_sensor_is_a_device_or_a_perturbation_of_depth(depth, message):
+    preset = read_preset(ROOT / "presets/demo.yaml", [f"rig={json.dumps({'depth': depth})}"])
+    if message is None:
+        assert {setting.depth[0].perturbation.name for setting in read_settings(preset, registry())} == {
+            "structured_light"
+        }
+        return
+    with pytest.raises(InputError, match=message):
+        read_settings(preset, registry())
