@@ -384,11 +384,8 @@ def test_a_motion_that_breaks_its_contract_ends_the_run_in_a_line(installed, tmp
     modules = dict(installed_package.MODULES)
     for name, line in (("lift", "c2w[1:], trajectory.stamps_s[1:]"), ("stutter", "")):
         text = modules[f"effects/{name}.py"]
-        modules[f"effects/{name}.py"] = (
-            text.replace("c2w, trajectory.stamps_s)", f"{line})")
-            if line
-            else text.replace("// parameters", "+ parameters")
-        )
+        old, new = ("c2w, trajectory.stamps_s)", f"{line})") if line else ("// parameters", "+ parameters")
+        modules[f"effects/{name}.py"] = text.replace(old, new)
     installed(installed_package.install(tmp_path / "site", modules=modules))
     for name, told in (
         ("lift", "lift: made 5 poses of 6, or other time stamps"),
