@@ -144,7 +144,7 @@ def test_a_group_outdoors_takes_the_other_table(tmp_path):
 def test_weather_sees_through_glass_and_the_sensor_does_not(tmp_path, shader):
     scene = new_scene(samples=1)
     scene.frame_end = 1
-    bpy.ops.mesh.primitive_plane_add(size=1, location=(0.2, 1.5, 0), rotation=(np.pi / 2, 0, 0))
+    bpy.ops.mesh.primitive_plane_add(size=0.3, location=(0.2, 1.5, 0.1), rotation=(np.pi / 2, 0, 0))
     material = bpy.data.materials.new("Pane")
     bpy.context.object.data.materials.append(material)
     nodes, links = material.node_tree.nodes, material.node_tree.links
@@ -161,7 +161,10 @@ def test_weather_sees_through_glass_and_the_sensor_does_not(tmp_path, shader):
         free_m = session.frame(paths.request(0)).depth_m
     pane = frame.depth_m < free_m - 0.1
     assert 0.05 < pane.mean() < 0.9
-    assert np.abs(frame.behind_glass_m / free_m - 1).max() < 1e-5
+    apart, wall = np.abs(frame.behind_glass_m / free_m - 1), free_m > 3
+    assert (pane & wall).any()
+    assert apart[wall].max() < 1e-5
+    assert apart.max() < 1e-3  # at the ball's edge, where a shift of a pixel's ten thousandth shows
     assert np.array_equal(frame.behind_glass_m, again.behind_glass_m)
     assert np.array_equal(frame.rgb, again.rgb)
     assert np.array_equal(frame.depth_m, again.depth_m)

@@ -22,6 +22,7 @@ from ..core.errors import NoisyWorldError
 from ..core.geometry import Intrinsics
 from ..core.planning.source import RenderedFrame, SceneLight
 from ..core.progress import JsonProgress
+from ..core.regular_files import open_regular, read_text
 from .chain_scene import hide_chain, shown_chain
 from .own_still import OwnStill, render_own_still, shown_by
 from .scene_inspection import open_file, show_scene
@@ -82,13 +83,13 @@ def read_frames(folder: Path) -> dict[int, RenderedFrame]:
     Light of the open file's scene is shown as that scene shows it.
     """
     request = _read_request(folder)
-    with np.load(folder / FRAMES) as held:
+    with open_regular(folder / FRAMES) as file, np.load(file) as held:
         images = {name: held[name] for name in held.files}
     return {index: _frame(request, index, still, images) for index, still in request.stills.items()}
 
 
 def _read_request(folder: Path) -> StillRequest:
-    return StillRequest.of(json.loads((folder / REQUEST).read_text(encoding="utf-8")))
+    return StillRequest.of(json.loads(read_text(folder / REQUEST)))
 
 
 def _images_of(index: int, frame: RenderedFrame) -> dict[str, NDArray[np.float32]]:

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The button that links groups of weather in the scene's own compositor to its camera and frame rate."""
 
+from typing import Any
+
 import bpy
 
 from ..blender.camera_links import link_camera, linkable
@@ -54,16 +56,17 @@ def _draw_in_menu(menu: bpy.types.Menu, context: bpy.types.Context) -> None:
         menu.layout.operator(NoisyWorldLinkCamera.bl_idname, icon="CON_CAMERASOLVER")
 
 
+_NODE_MENU: Any = bpy.types.NODE_MT_node  # the stubs give what is drawn no menu
 _register_classes, _unregister_classes = bpy.utils.register_classes_factory((NoisyWorldLinkCamera,))
 
 
 def register() -> None:
     """Register the button, in the tab and in the node editor's menu."""
     _register_classes()
-    bpy.types.NODE_MT_node.append(_draw_in_menu)
+    _NODE_MENU.append(_draw_in_menu)
 
 
 def unregister() -> None:
     """Unregister it."""
-    bpy.types.NODE_MT_node.remove(_draw_in_menu)
+    _NODE_MENU.remove(_draw_in_menu)
     _unregister_classes()
