@@ -15,6 +15,7 @@ from worlds import ROOT, write_world
 
 from noisy_world.core.perturbing.kinds import ColourPerturbation, DepthPerturbation
 from noisy_world.core.errors import InputError
+from noisy_world.core.geometry import Intrinsics
 from noisy_world.core.datasets.images import quantise_depth, rgb_bytes
 from noisy_world.planning import make_plan
 from noisy_world.core.presets.preset import read_preset
@@ -39,7 +40,8 @@ def test_the_taxonomy_is_whole():
     of_depth = {name for name in RGB if registry()[name].needs_depth}
     assert of_depth == {"haze", "fog_depth", "snow_depth", "rain_depth", "defocus_depth"}  # ours, beside the paper's
     assert len({name for name in RGB if registry()[name].source.startswith("paper")}) == 16
-    assert len(DEPTH) == 4
+    assert len({name for name in DEPTH if registry()[name].source.startswith("paper")}) == 4
+    assert len(DEPTH) == 10
     assert set(registry()) - set(RGB) - set(DEPTH) == {"motion_deviation", "faster_motion", "desync"} | EXPOSURES
 
 
@@ -79,7 +81,12 @@ def test_depth_keeps_its_kind(name):
     depth_m = np.linspace(0.1, 9, 60 * 90, dtype=np.float32).reshape(60, 90)
     depth_m[20:30, 40:60] = 0
     before = depth_m.copy()
-    found = apply(depth_m, name, severity=5, seed=1)
+    seen = {"intrinsics": Intrinsics(90, 60, 50, 50, 44.5, 29.5)}
+    if registry()[name].needs_rgb:
+        with pytest.raises(TypeError, match="needs the frame's colour"):
+            apply(depth_m, name, severity=5, **seen)
+        seen["rgb"] = np.full((60, 90, 3), 128, np.uint8)
+    found = apply(depth_m, name, severity=5, seed=1, **seen)
     assert (found.dtype, found.shape) == (np.float32, depth_m.shape)
     assert not found[20:30, 40:60].any()
     assert np.array_equal(depth_m, before)

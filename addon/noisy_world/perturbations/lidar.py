@@ -39,8 +39,8 @@ class Lidar:
     max_m: float = of_device("range at which a surface seen head on is just given", 1000, "m")
 
 
-# Velodyne's manuals, 63-9243 and 63-9113: at 600 turns a minute; their accuracy, 3 and 2 cm, is taken for a deviation,
-# which is a guess, like min_m.
+# At 600 turns a minute. From memory of Velodyne's manuals, 63-9243 and 63-9113, not held against them; their accuracy,
+# 3 and 2 cm, is taken for a deviation, which is a guess, like min_m.
 DEVICES: Devices = {
     "velodyne_vlp16": {
         "rows": 16,
@@ -119,7 +119,7 @@ PERTURBATION = DepthPerturbation(
     order=2,
     parameters=Lidar,
     severities={"noise": NOISE_SEVERITIES},
-    source="our own: the device's errors, halved and doubled; beams and ranges: Velodyne's manuals",
+    source="our own: the device's errors, halved and doubled; beams and ranges: from memory of Velodyne's manuals",
     apply=apply,
     temporals=("fresh", "fixed"),
     grain=True,

@@ -1,6 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Tooltips of parameters: what one sees when the value grows. Formulas are in docs/perturbations.md."""
 
+_AIR = {
+    "air": "Whether its light comes from the scene, is a gray, or is the color below",
+    "air_red": "Higher: redder light, where Air is Color",
+    "air_green": "Higher: greener light, where Air is Color",
+    "air_blue": "Higher: bluer light, where Air is Color",
+    "leave_sky": "On: the sky keeps its colors",
+}
 _FALLING = {
     "size": "Higher: every particle is larger",
     "tint": "Higher: particles take more of the color of the scene",
@@ -12,6 +19,7 @@ _FALLING = {
     "void_m": "Higher: where nothing is, the veil gets denser",
     "view_deg": "Higher: a wider view, so particles are smaller in it",
     "frame_rate_hz": "Lower: with the pattern Drift, particles move further from frame to frame",
+    **_AIR,
 }
 
 _DEVICE = {
@@ -127,6 +135,8 @@ SEEN: dict[str, dict[str, str]] = {
         "glow_width_deg": "Higher: wider and softer glows",
         "view_deg": "Higher: as through a wider lens; a known camera decides it",
         "frame_rate_hz": "Lower: with the pattern Drift, more time passes from frame to frame",
+        "outdoors": "On: severities are those of streets, where one sees further than in rooms",
+        **_AIR,
     },
     "camera_motion_blur": {
         "shutter_ms": "Higher: a moving camera smears the picture more",
@@ -148,6 +158,7 @@ SEEN: dict[str, dict[str, str]] = {
         "airlight": "Higher: the haze gets lighter; 0 is smoke, 1 is white",
         "blueness": "Higher: the haze itself gets bluer",
         "void_m": "Lower: more of the sky is seen through the haze",
+        **_AIR,
     },
     "frost": {
         "intensity": "Lower: the picture behind the ice gets darker",
