@@ -32,7 +32,9 @@ def test_streaks_are_as_many_as_strong_and_as_large(name, temporal):
     # What drifts is the same around a camera at rest, so there each image has a seed of its own.
     seeds, frames = ((7,), range(6)) if temporal == "fresh" else (range(8), (0,))
     found, wanted = (
-        np.array([image for k in seeds for image in make(name, grey(), frames, identifiers=(k, "room", "s"), **values)])
+        np.array(
+            [image for k in seeds for image in make(name, grey(), frames, identifiers=(k, "room", "setting"), **values)]
+        )
         for make in (by_nodes, by_reference)
     )
     change = [item.mean() - 0.15 for item in (found, wanted)]
