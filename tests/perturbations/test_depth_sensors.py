@@ -100,14 +100,7 @@ def test_redwood_is_open3ds_deterministic_mode(tmp_path):
     depth = np.random.default_rng(0).uniform(0.3, 9.99, (480, 640)).astype(np.float32)
     depth[:20] = 0
     np.save(tmp_path / "depth.npy", depth)
-    script = (
-        "import sys, numpy as np, open3d as o3d\n"
-        "simulator = o3d.t.io.DepthNoiseSimulator(sys.argv[1] + '/model.txt')\n"
-        "simulator.enable_deterministic_debug_mode()\n"
-        "image = o3d.t.geometry.Image(o3d.core.Tensor(np.load(sys.argv[1] + '/depth.npy')[..., None]))\n"
-        "np.save(sys.argv[1] + '/made.npy', simulator.simulate(image, depth_scale=1.0).as_tensor().numpy()[..., 0])\n"
-    )
-    subprocess.run([str(PEER), "-c", script, str(tmp_path)], check=True, capture_output=True)
+    subprocess.run([str(PEER), str(ROOT / "tests/peer/redwood.py"), str(tmp_path)], check=True, capture_output=True)
     np.testing.assert_allclose(apply(depth, "redwood", noise=0.0), np.load(tmp_path / "made.npy"), atol=1e-6)
 
 
