@@ -17,6 +17,7 @@ RNG = np.random.default_rng(7)
 BYTES = RNG.integers(0, 256, (9, 14, 3), dtype=np.uint8)
 FLOATS = RNG.random((9, 14, 3), dtype=np.float32)
 DEPTH = RNG.uniform(0.2, 6, (9, 14)).astype(np.float32)
+CAMERA = Intrinsics(14, 9, 20.0, 20.0, 6.5, 4.0)
 
 
 def changed(array, value, at=(0, 0)):
@@ -134,6 +135,8 @@ def test_the_same_values_in_other_memory_give_the_same_pixels(name):
     kind = registry()[name]
     images = [DEPTH] if isinstance(kind, DepthPerturbation) else [BYTES, FLOATS]
     seen = {"depth_m": DEPTH} if isinstance(kind, ColourPerturbation) and kind.needs_depth else {}
+    if isinstance(kind, DepthPerturbation):
+        seen |= {"intrinsics": CAMERA} | ({"rgb": BYTES} if kind.needs_rgb else {})
     for image in images:
         expected = apply(image, name, severity=3, seed=3, frame=4, **seen)
         for told, variant in variants(image).items():
@@ -156,7 +159,8 @@ def test_images_of_few_pixels(name, shape):
     of_depth = isinstance(registry()[name], DepthPerturbation)
     for image in [depth_m] if of_depth else [np.resize(BYTES, (*shape, 3)), np.resize(FLOATS, (*shape, 3))]:
         for severity in (1, 5):
-            seen = {} if of_depth else {"depth_m": depth_m}
+            seen = {"rgb": np.resize(BYTES, (*shape, 3))} if of_depth else {"depth_m": depth_m}
+            seen["intrinsics"] = Intrinsics(*shape[::-1], 20.0, 20.0, (shape[1] - 1) / 2, (shape[0] - 1) / 2)
             found = apply(image, name, severity=severity, **seen)
             assert (found.shape, found.dtype) == (image.shape, image.dtype)
             assert np.isfinite(found).all()
