@@ -56,17 +56,17 @@ def _draw_in_menu(menu: bpy.types.Menu, context: bpy.types.Context) -> None:
         menu.layout.operator(NoisyWorldLinkCamera.bl_idname, icon="CON_CAMERASOLVER")
 
 
-_NODE_MENU: Any = bpy.types.NODE_MT_node  # the stubs give what is drawn no menu
+_DRAWS: Any = _draw_in_menu  # the stubs give such functions no menu
 _register_classes, _unregister_classes = bpy.utils.register_classes_factory((NoisyWorldLinkCamera,))
 
 
 def register() -> None:
     """Register the button, in the tab and in the node editor's menu."""
     _register_classes()
-    _NODE_MENU.append(_draw_in_menu)
+    bpy.types.NODE_MT_node.append(_DRAWS)  # looked up anew: reloading scripts makes another class of it
 
 
 def unregister() -> None:
     """Unregister it."""
-    _NODE_MENU.remove(_draw_in_menu)
+    bpy.types.NODE_MT_node.remove(_DRAWS)
     _unregister_classes()
