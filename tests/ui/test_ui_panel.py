@@ -33,13 +33,13 @@ def test_the_list_keeps_the_propagation_order():
     names = [step.perturbation for step in settings().steps]
     assert names == sorted(names, key=lambda name: (STAGES.index(registry()[name].stage), registry()[name].order))
     assert bpy.ops.noisy_world.add_step(perturbation="fog") == {"FINISHED"}
-    assert names[:1] == ["fog"]
-    assert [step.perturbation for step in settings().steps][:2] == ["fog", "fog"]
-    assert settings().active_step == 1
+    assert names[:3] == ["rolling_shutter", "camera_motion_blur", "fog"]
+    assert [step.perturbation for step in settings().steps][2:4] == ["fog", "fog"]
+    assert settings().active_step == 3
     assert not bpy.ops.noisy_world.move_step_down.poll()
-    settings().steps[1].severity = 5
+    settings().steps[3].severity = 5
     assert bpy.ops.noisy_world.move_step_up() == {"FINISHED"}
-    assert (settings().steps[0].severity, settings().active_step) == (5, 0)
+    assert (settings().steps[2].severity, settings().active_step) == (5, 2)
     with pytest.raises(RuntimeError, match="acts only once"):
         bpy.ops.noisy_world.add_step(perturbation="desync")
 

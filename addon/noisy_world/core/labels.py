@@ -4,7 +4,7 @@
 import re
 
 UNIT_SUFFIXES = ("_px", "_deg", "_m", "_mm", "_percent", "_hz", "_m_s", "_mm_h", "_mrad", "_ms", "_per_s")
-NAMES = {"f_number": "F-Stop"}  # where Blender has a word of its own
+NAMES = {"f_number": "F-Stop", "ambient_electrons": "Ambient"}  # Blender's own word; a label that fits beside a slider
 _SMALL_WORDS = ("by", "of", "to", "and", "on", "in", "the")
 _AMERICAN = {
     "colour": "color", "colours": "colors", "coloured": "colored", "grey": "gray", "greys": "grays",
