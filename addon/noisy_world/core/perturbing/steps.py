@@ -25,7 +25,7 @@ from .kinds import (
 
 Kind = TypeVar("Kind", bound=Perturbation)
 
-DEFAULT_SEVERITY = 3.0  # whose values parameters have that are not given
+DEFAULT_SEVERITY = 3.0  # chosen: the middle one; parameters that are not given and node groups have its values
 
 Backend: TypeAlias = Literal["compositor", "reference"]
 
