@@ -31,7 +31,7 @@ _FAR_NS = -(2**62)
 class Imu:
     """An inertial measurement unit.
 
-    robot_from_sensor: (4, 4) its pose on the robot, whose axes are OpenCV's; its own axes are as it says. time_offset_s:
+    robot_from_sensor: (4, 4) its pose on the robot, whose axes are OpenCV's; its own are as it says. time_offset_s:
     its clock minus the cameras' at the path's beginning; clock_drift_ppm: how much faster it goes. Its stamps are
     those of its own clock.
     """
@@ -159,7 +159,7 @@ class ImuErrors:
         ]
         rate = rate_rad_s @ model.gyro_matrix.T + biases[0] + normals[:, 0] * (model.gyro_noise_density * root)
         force = force_m_s2 @ model.accel_matrix.T + biases[1] + normals[:, 1] * (model.accel_noise_density * root)
-        rate = np.radians(digital(np.degrees(rate), model.gyro_step_deg_s, model.gyro_range_deg_s))
+        rate = digital(rate, math.radians(model.gyro_step_deg_s), math.radians(model.gyro_range_deg_s))
         return rate, digital(force, model.accel_step_m_s2, model.accel_range_m_s2), biases[0], biases[1]
 
 
