@@ -131,10 +131,14 @@ def _slope(plane: Float64, axis: int, row: NDArray[np.intp], column: NDArray[np.
 
 @lru_cache(maxsize=4)
 def lens_rays(camera: Intrinsics, lens: Distortion) -> LensRays:
-    """Return the rays through an image's pixels, exact to 1e-9 px. camera: after the lens. The lens is sound."""
-    across = (np.arange(camera.width_px) - camera.cx_px) / camera.fx_px
-    down = (np.arange(camera.height_px) - camera.cy_px) / camera.fy_px
-    right, down = straightened(lens, *np.meshgrid(across, down))
+    """Return the rays through an image's pixels, exact to 1e-9 px. camera: after the lens.
+
+    Raises ValueError where the lens has no ray for a pixel.
+    """
+    rays = camera.ray_directions()
+    right, down = straightened(lens, rays[..., 0], rays[..., 1])
+    if not np.isfinite(right).all() or not np.isfinite(down).all():
+        raise ValueError(f"{lens} folds over within {camera}")
     border_x, border_y = straightened(lens, *_border(camera))
     radius = float(np.nanmax(np.hypot(border_x, border_y)))
     right.setflags(write=False)

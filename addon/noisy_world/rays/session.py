@@ -100,9 +100,11 @@ class RaySession:
         """Return the rays of an image each row or column of which has its own pose (L, 4, 4)."""
         lines = (len(c2w), 1) if rows else (1, len(c2w))
         starts_m = (c2w[:, :3, 3] - self.origin_m).reshape(*lines, 3)
-        lens = self._lens
-        right, down = (self._right[None], self._down[:, None]) if lens is None else (lens.right, lens.down)
-        return LineView(starts_m, c2w[:, :3, :3].reshape(*lines, 3, 3), right, down)
+        axes, lens = c2w[:, :3, :3].reshape(*lines, 3, 3), self._lens
+        if lens is not None:
+            return LineView(starts_m, axes, lens.right, lens.down)
+        right, down = (np.asarray(values, np.float64) for values in (self._right[None], self._down[:, None]))
+        return LineView(starts_m, axes, right, down)
 
     def _smooth(self, view: View, c2w: NDArray[np.float64], rgb: NDArray[np.float32]) -> int | None:
         """Average the colours of uneven pixels, in place; return how many rays all pixels took, None where one each."""

@@ -216,7 +216,9 @@ class PreparedMesh:
         if session is None or not session.serves(paths, options):
             session = self._build(paths, options)
         beginning = self._source.beginning(paths, options.first_frames)
-        return OpenMesh(session, self._unchecked, self._camera, note, beginning, self._lens, self._rectified)
+        return OpenMesh(
+            session, self._unchecked, self._camera, note, beginning, lens=self._lens, rectified=self._rectified
+        )
 
     def _build(self, paths: SensorPaths, options: RenderOptions) -> RenderSession:
         self._closing.close()
@@ -226,7 +228,7 @@ class PreparedMesh:
             self._tell(text)
         if options.engine == "workbench" and mesh.texture is not None and (mesh.texture.face_pictures < 0).any():
             self._tell("Workbench shows a texture or other colours: faces without a texture are grey")
-        opened = open_session(mesh, self._source.name, paths, self._camera, options, self._lens)
+        opened = open_session(mesh, self._source.name, paths, self._camera, options, lens=self._lens)
         session = self._closing.enter_context(opened)
         for text in session.notes:
             self._tell(text)
@@ -257,6 +259,7 @@ class OpenMesh:
         camera: Intrinsics,
         note: Callable[[str], None],
         beginning: Beginning | None = None,
+        *,
         lens: Distortion | None = None,
         rectified: Rectification | None = None,
     ) -> None:

@@ -40,6 +40,7 @@ def open_session(
     paths: SensorPaths,
     camera: Intrinsics,
     options: RenderOptions,
+    *,
     lens: Distortion | None = None,
 ) -> AbstractContextManager[RenderSession]:
     """Hand a mesh to the renderer that the options ask for. lens: that distorts, which only Embree's rays pass.

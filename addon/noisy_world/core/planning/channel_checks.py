@@ -65,7 +65,7 @@ def check_exposed(exposing: str, preset: Preset) -> None:
 
 
 def check_distorts(scene: Scene, preset: Preset) -> None:
-    """Refuse a lens of the preset's camera where a scene's frames do not pass it, and channels that are not undistorted.
+    """Refuse a lens of the preset's camera that a scene's frames do not pass, and channels that are not undistorted.
 
     Raises InputError.
     """

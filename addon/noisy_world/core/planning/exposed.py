@@ -124,7 +124,7 @@ class _Around:
         assert depth_m is not None, "a step that measures travel has depth"
         here, (c2w, _) = self._request.after(middle_s), self._request.poses_after(times_s)
         cameras, lens = (self._render.depth_camera, self._render.camera), self._render.optics.distortion
-        longest_px = travel_px(depth_m, here.depth_c2w, c2w, *cameras, lens)
+        longest_px = travel_px(depth_m, here.depth_c2w, c2w, *cameras, lens=lens)
         if not self._render.scene.source.capabilities.moving:
             return longest_px
         first, last = (self._request.after(float(times_s[at])) for at in (0, -1))

@@ -246,7 +246,9 @@ def _renders(plan: Plan, scene: Scene) -> list[Render]:
             )
             raise scene.error(problem, "take that setting out", "render the scene's mesh")
         key = _shown_key(setting, moving, scene.frame_count, identifiers)
-        first = moved.get(key, Render(f"{scene.name}@{setting.name}", scene, range(0), (), camera, moving, identifiers, optics=optics))
+        first = moved.get(
+            key, Render(f"{scene.name}@{setting.name}", scene, range(0), (), camera, moving, identifiers, optics=optics)
+        )
         sequences = (*first.sequences, sequence)
         moved[key] = replace(
             first, frames=needed_sources(sequences, modalities), sequences=sequences, exposure=setting.exposure

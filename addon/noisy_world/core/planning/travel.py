@@ -19,6 +19,7 @@ def travel_px(
     c2w: NDArray[np.float64],
     depth_camera: Intrinsics,
     camera: Intrinsics,
+    *,
     lens: Distortion | None = None,
 ) -> float:
     """Return the longest way on the image, in pixels, of what a grid of pixels sees.

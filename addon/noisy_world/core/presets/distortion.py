@@ -23,8 +23,8 @@ class DistortionSpec:
     """A lens that distorts, by OpenCV's names; those of Kalibr and COLMAP are in the docs."""
 
     model: DistortionModel = key(
-        "the lens's model: radial-tangential is Brown and Conrady's (OpenCV's, Kalibr's radtan); equidistant is Kannala "
-        "and Brandt's (cv2.fisheye's, COLMAP's OPENCV_FISHEYE)",
+        "the lens's model: radial-tangential is Brown and Conrady's (OpenCV's, Kalibr's radtan), equidistant that of "
+        "Kannala and Brandt (cv2.fisheye's, COLMAP's OPENCV_FISHEYE)",
         default="radial-tangential",
     )
     k1: float = _coefficient("radial, by the square of the radius or the angle")
@@ -36,8 +36,8 @@ class DistortionSpec:
     k5: float = _coefficient("the divisor's, by the 4th power; of radial-tangential")
     k6: float = _coefficient("the divisor's, by the 6th power; of radial-tangential")
     undistort: bool = key(
-        "whether frames that the lens has bent are made a pinhole's again, as a driver does: they are interpolated, and "
-        "what the lens did not see is void",
+        "whether frames that the lens has bent are made a pinhole's again, as a driver does: they are interpolated, "
+        "and what the lens did not see is void",
         default=False,
     )
 
