@@ -73,6 +73,12 @@ CHANGES = {
     "camera.cy": ("mesh", "camera.cy=20"),
     "camera.near_m": ("mesh", "camera.near_m=0.1"),
     "camera.far_m": ("mesh", "camera.far_m=100"),
+    "camera.distortion.model": ("bent", "camera.distortion.model=equidistant"),
+    **{
+        f"camera.distortion.{name}": ("bent", f"camera.distortion.{name}=0.011")
+        for name in ("k1", "k2", "k3", "k4", "k5", "k6", "p1", "p2")
+    },
+    "camera.distortion.undistort": ("bent", "camera.distortion.undistort=true"),
     **{
         f"rig.{sensor}.{name}": ("rig", *text)
         for sensor in ("rgb", "depth")
@@ -213,6 +219,11 @@ def presets(tmp_path_factory):
         "swept": {**document, "settings": [{"sweep": SWEPT}]},
         "rig": {**document, "rig": RIG},
         "felt": {**document, "rig": {"imu": {}}},
+        "bent": {
+            **document,
+            "camera": {**document["camera"], "distortion": {"k1": 0.01}},
+            "render": {"engine": "embree", "backend": "reference"},
+        },
         "surfaces": {**document, "scenes": [numbered], "output": {"modalities": ["rgb", "normal", "instance", "flow"]}},
         "grey": {**document, "output": {"layout": "euroc"}},
         "recording": {**bare, "scenes": [{"name": "box", "sequence": "tum"}]},

@@ -15,6 +15,7 @@ from ..messages import CommandLineOnly, Message, PresetKey
 from ..regular_files import open_regular
 from ..schema import ConfigPath, key, parse
 from ..yaml_reading import LARGEST_BYTES, read_yaml
+from .distortion import DistortionSpec, check_distortion
 from .imu import ImuKeys
 from .including import included
 from .output import OutputSpec, check_output
@@ -44,6 +45,7 @@ class CameraSpec:
     far_m: float = key(
         "what is farther is not seen", unit="m", default=1000.0, above=0, maximum=1e6, identity="meaning"
     )
+    distortion: DistortionSpec | None = key("the lens that meshes are seen through, where it distorts", default=None)
 
     @property
     def intrinsics(self) -> Intrinsics:
@@ -291,6 +293,8 @@ def _check(spec: PresetSpec, place: ConfigPath) -> None:
     if spec.camera is not None and spec.camera.far_m <= spec.camera.near_m:
         problem = Message(f"is {spec.camera.far_m:g} m, not beyond ", PresetKey("near_m"))
         raise place.at("camera").at("far_m").error(problem)
+    if spec.camera is not None and spec.camera.distortion is not None:
+        check_distortion(spec.camera.distortion, place.at("camera").at("distortion"))
     check_output(spec.output, place.at("output"))
     _check_render(spec.render, place.at("render"))
     if spec.rig:

@@ -90,6 +90,7 @@ LABELS = {
     "mrr": ("mRR", "mean resilience rate: the score over the own clean score; 1 is unimpaired"),
     "mce": ("mCE", "mean corruption error: the error over the baseline's; 1 is its equal"),
     "ratio": ("ratio", "of geometric means, to clean"),
+    "p_holm": ("p, Holm", "that of no difference over scenes, corrected for the number of the system's settings"),
     "a": ("one", ""),
     "b": ("other", ""),
     "held_out": ("scene left out", "the model was fitted on the others"),
