@@ -25,7 +25,7 @@ from ..presets.selection import selected
 from ..trajectories.rig import Rig
 from .channel_checks import check_distorts, check_exposed, check_pairs, check_surface
 from .numbers import Numbers, union
-from .rig_sensors import check_sensors, depth_sensor, read_rig
+from .rig_sensors import check_imu, check_sensors, depth_sensor, read_rig
 from .scene import Scene
 from .sequence import Sequence, lay_out
 from .sharing import PartsMade
@@ -207,6 +207,8 @@ def lay_out_plan(
         renders=(),
         chosen=chosen,
     )
+    if plan.rig is not None:
+        check_imu(plan.rig, settings, scenes, preset)
     return replace(plan, renders=tuple(render for scene in scenes for render in _renders(plan, scene)))
 
 

@@ -16,6 +16,7 @@ from ..regular_files import open_regular
 from ..schema import ConfigPath, key, parse
 from ..yaml_reading import LARGEST_BYTES, read_yaml
 from .distortion import DistortionSpec, check_distortion
+from .imu import ImuKeys
 from .including import included
 from .output import OutputSpec, check_output
 from .overrides import override
@@ -98,11 +99,19 @@ class DepthSensorSpec(SensorSpec):
 
 
 @dataclass(frozen=True)
+class ImuSpec(SensorSpec, ImuKeys):
+    """An inertial measurement unit: where it sits, its axes in the robot's frame, and what it measures by."""
+
+
+@dataclass(frozen=True)
 class RigSpec:
     """A robot with sensors; the trajectory is then the robot's centre."""
 
     rgb: SensorSpec = key("the colour sensor", default=SensorSpec())
     depth: DepthSensorSpec | None = key("the depth sensor, where it is not the colour sensor's place", default=None)
+    imu: ImuSpec | None = key(
+        "the inertial measurement unit, with the robot's axes if it has no rotation", default=None
+    )
 
 
 @dataclass(frozen=True)
@@ -289,7 +298,7 @@ def _check(spec: PresetSpec, place: ConfigPath) -> None:
     check_output(spec.output, place.at("output"))
     _check_render(spec.render, place.at("render"))
     if spec.rig:
-        for name, sensor in (("rgb", spec.rig.rgb), ("depth", spec.rig.depth)):
+        for name, sensor in (("rgb", spec.rig.rgb), ("depth", spec.rig.depth), ("imu", spec.rig.imu)):
             if sensor:
                 _check_sensor(sensor, place.at("rig").at(name))
 
