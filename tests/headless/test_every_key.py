@@ -63,6 +63,12 @@ CHANGES = {
     "scenes[].poses": ("lost", "scenes.0.poses=keep"),
     "scenes[].undistort": ("lens", "scenes.0.undistort=true"),
     "scenes[].register": ("lens", "scenes.0.register=true"),
+    "scenes[].distortion.model": ("rebent", "scenes.0.distortion.model=equidistant"),
+    **{
+        f"scenes[].distortion.{name}": ("rebent", f"scenes.0.distortion.{name}=0.011")
+        for name in ("k1", "k2", "k3", "k4", "k5", "k6", "p1", "p2")
+    },
+    "scenes[].distortion.undistort": ("rebent", "scenes.0.distortion.undistort=true"),
     "scenes[].name": ("mesh", "scenes.0.name=hut"),
     "seed": ("mesh", "seed=4"),
     "camera.width": ("mesh", "camera.width=60"),
@@ -228,6 +234,7 @@ def presets(tmp_path_factory):
         "grey": {**document, "output": {"layout": "euroc"}},
         "recording": {**bare, "scenes": [{"name": "box", "sequence": "tum"}]},
         "lens": {**bare, "scenes": [{"name": "box", "sequence": "lens"}]},
+        "rebent": {**bare, "scenes": [{"name": "box", "sequence": "tum", "distortion": {"k1": 0.01}}]},
         "lost": {**bare, "scenes": [{"name": "box", "sequence": "lost"}]},
         "unstamped": {**bare, "scenes": [{"name": "box", "sequence": "unstamped"}]},
         "plates": {

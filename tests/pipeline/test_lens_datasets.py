@@ -176,3 +176,77 @@ def test_lenses_that_make_no_image_are_refused(tmp_path, distortion, message):
     with pytest.raises(InputError, match=message):
         run(world(tmp_path, distortion), tmp_path / "out")
     assert not (tmp_path / "out").exists()
+
+
+# --- bent from a pinhole's images ---
+
+
+def stored_preset(folder, sequence, **keys):
+    folder.mkdir(parents=True, exist_ok=True)
+    document = {
+        "seed": 3,
+        "scenes": [{"name": "box", "sequence": str(sequence), **keys}],
+        "render": {"backend": "reference"},
+        "output": {"layout": "replica", "image": "png"},
+    }
+    path = folder / "stored.yaml"
+    path.write_text(yaml.safe_dump(document))
+    return path
+
+
+def test_a_recording_is_bent_and_what_it_did_not_see_is_void(made, tmp_path):
+    run(world(tmp_path / "world"), tmp_path / "pinhole")
+    run(stored_preset(tmp_path / "bent", tmp_path / "pinhole/clean/box", distortion=KEYS), tmp_path / "out")
+    assert find_sequence(tmp_path / "out/clean/box").optics.distortion == LENS
+    rays = lens_rays(CAMERA, LENS)
+    u, v = rays.right * 32 + 31.5, rays.down * 32 + 23.5
+    inside = (u >= -0.5) & (u < 63.5) & (v >= -0.5) & (v < 47.5)
+    assert 0.02 < (~inside).mean() < 0.5
+    for frame in range(COUNT):
+        rgb, depth_m = images(tmp_path / "out", frame)
+        cast_rgb, cast_m = images(made[1], frame)
+        true_m, sure = through(LENS, POSES[frame])
+        assert not rgb[~inside].any()
+        assert not depth_m[~inside].any()
+        # Steps of 1 / 6553.5 m; beside the walls' edges a pixel has the nearest one's depth.
+        error = np.abs(depth_m / true_m - 1)[sure & inside]
+        assert np.quantile(error, 0.8) < 2e-4
+        assert error.max() < 0.05
+        assert np.abs(depth_m - cast_m)[sure & inside].mean() < 0.01
+        assert np.median(np.abs(rgb.astype(int) - cast_rgb)[inside]) <= 2
+
+
+@cases(
+    ("keys", "message"),
+    [
+        ({"distortion": KEYS}, r"scenes\.0\.distortion: its lens distorts already; set undistort: true"),
+        ({"distortion": {"k1": 0.0}}, r"scenes\.0\.distortion: has no coefficient"),
+        ({"distortion": {"k1": -0.9}, "undistort": True}, r"scenes\.0\.distortion: folds over"),
+        ({"distortion": KEYS | {"undistort": True}}, r"scenes\.0\.distortion\.undistort: is for what is rendered"),
+    ],
+)
+def test_recordings_that_cannot_be_bent_are_refused(made, tmp_path, keys, message):
+    with pytest.raises(InputError, match=message):
+        run(stored_preset(tmp_path, made[1] / "clean/box", **keys), tmp_path / "out")
+
+
+def test_another_lens_takes_the_place_of_a_recordings_own(made, tmp_path):
+    keys = {"undistort": True, "distortion": {"model": "equidistant", "k1": 0.02}}
+    run(stored_preset(tmp_path, made[1] / "clean/box", **keys), tmp_path / "out")
+    assert find_sequence(tmp_path / "out/clean/box").optics.distortion == Distortion(
+        "equidistant", (0.02, 0.0, 0.0, 0.0)
+    )
+
+
+def test_a_lens_of_the_camera_is_not_laid_over_a_recording(made, tmp_path):
+    preset = stored_preset(tmp_path, made[1] / "clean/box", undistort=True)
+    camera = "camera={width: 64, height: 48, fx: 32, fy: 32, cx: 31.5, cy: 23.5, distortion: {k1: -0.1}}"
+    with pytest.raises(InputError, match=r"camera\.distortion: box is not seen through it"):
+        run(preset, tmp_path / "out", overrides=[camera])
+
+
+def test_a_lens_that_needs_too_large_a_pinhole_is_refused_but_for_rays(tmp_path):
+    wide = {"model": "equidistant", "k1": 0.05}
+    with pytest.raises(InputError, match=r"camera\.distortion: needs a pinhole's .* use render\.engine: embree"):
+        run(world(tmp_path, wide, engine="cycles"), tmp_path / "out", overrides=["camera.fx=25", "camera.fy=25"])
+    run(world(tmp_path, wide), tmp_path / "out", overrides=["camera.fx=25", "camera.fy=25"])

@@ -33,6 +33,7 @@ from ..core.trajectories.frame_request import FrameRequest
 from ..core.trajectories.sensor_paths import SensorPaths
 from ..core.trajectories.trajectory import Axes, Trajectory, evenly_stamped
 from .beginning import Beginning, beginning_of, check_beginning
+from .bending import check_overscan
 from .mesh_reading import files_of_mesh, read_mesh
 from .mesh_reading import forget_meshes as forget_read_meshes
 from .path_files import path_file_of, read_path, selected_poses, sha256_of_path
@@ -85,7 +86,7 @@ class MeshSource(SimpleSource):
             imported=imported,
             surface=TOLD,
             casts_rays=self.casts_rays,
-            distorts=self.casts_rays,
+            distorts=True,
         )
 
     def optics(self, camera: Intrinsics) -> Optics:
@@ -96,7 +97,11 @@ class MeshSource(SimpleSource):
         """Return the lens that rays pass. Raises InputError where it folds over within the image."""
         if self.distortion is None:
             return None
-        return sound_lens(self.distortion, camera, self.lens_place or self.place)
+        place = self.lens_place or self.place
+        lens = sound_lens(self.distortion, camera, place)
+        if not self.casts_rays:
+            check_overscan(camera, lens, place)
+        return lens
 
     @property
     def stamps_s(self) -> NDArray[np.float64]:
