@@ -27,7 +27,7 @@ from noisy_world.recipes.of_dataset import recipe_of
 from noisy_world.recipes.recipe import read_recipe
 from noisy_world.recipes.verifying import verify
 
-CHAIN = "{fog_depth: {severity: 2}}, {lens_drops: {severity: 3}}"
+CHAIN = "{fog_depth: {severity: 2}}, {haze: {severity: 3}}"
 STORM = f"{{name: storm, perturb: [{CHAIN}]}}"
 LIGHT = "image: exr, modalities: [rgb, depth], overview: true"
 
