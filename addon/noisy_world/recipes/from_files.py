@@ -190,15 +190,17 @@ class FrameOfFiles(Frame):
         self._folder = stored.folder
 
     @property
-    def rgb(self) -> NDArray[np.uint8]:
-        """Colour (H, W, 3), RGB. Raises InputError where the file is no image."""
+    def rgb(self) -> NDArray[np.uint8] | NDArray[np.float32]:
+        """Colour (H, W, 3), RGB; light of an EXR. Raises InputError where the file is no image."""
+        if self._files.rgb_file.suffix == ".exr":
+            return self._files.light
         return as_bytes(self._files.rgb)
 
     @property
-    def rgb_uncompressed(self) -> NDArray[np.uint8]:
+    def rgb_uncompressed(self) -> NDArray[np.uint8] | NDArray[np.float32]:
         """Colour (H, W, 3), RGB. Raises InputError where the file is a JPEG."""
         path = self._files.rgb_file
-        if path.suffix != ".png":
+        if path.suffix not in (".png", ".exr"):
             remedy = "open the recipe for what it was before, or take rgb"
             raise InputError(path, "is compressed with loss", remedy=remedy)
         return self.rgb

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.channels import CHANNELS
+from ..core.channels.rgb import CHANNEL as RGB
 from ..core.datasets.image_files import damage
 from ..core.datasets.layouts import Modality
 from ..core.datasets.storage import sha256_of_bytes
@@ -140,16 +141,18 @@ class PackedFrame(Frame):
         return json.loads(self._row["perturbed"])
 
     @property
-    def rgb(self) -> NDArray[np.uint8]:
-        """Colour (H, W, 3), RGB. Raises InputError where the file is damaged."""
+    def rgb(self) -> NDArray[np.uint8] | NDArray[np.float32]:
+        """Colour (H, W, 3), RGB; light of an EXR. Raises InputError where the file is damaged."""
+        if self._row.get("rgb_file", "").endswith(".exr"):
+            return self._other(RGB.name)
         import cv2
 
         return self._decoded("rgb", cv2.IMREAD_COLOR_RGB)
 
     @property
-    def rgb_uncompressed(self) -> NDArray[np.uint8]:
+    def rgb_uncompressed(self) -> NDArray[np.uint8] | NDArray[np.float32]:
         """Colour (H, W, 3), RGB. Raises InputError where the file is a JPEG."""
-        if not self._row.get("rgb_file", ".png").endswith(".png"):
+        if not self._row.get("rgb_file", ".png").endswith((".png", ".exr")):
             remedy = "open the recipe for what it was before, or take rgb"
             raise InputError(self._place("rgb"), "is compressed with loss", remedy=remedy)
         return self.rgb

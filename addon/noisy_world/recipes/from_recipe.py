@@ -265,6 +265,9 @@ class SequenceOfRecipe(OpenedSequence):
             remedy = "'noisy-world remake' makes its files; with render.backend: reference colour needs no Blender"
             raise InputError(self._opened.place, problem, remedy=remedy)
         scene = self.render.scene.name
+        if self.plan.format.of_light:
+            problem = f"the colour of {self.name} is light before the view transform of {scene}, which Blender renders"
+            raise InputError(self._opened.place, problem, remedy="'noisy-world remake' makes its files")
         inputs = self._opened.recipe.identity["scenes"][scene]["inputs"]
         if PERTURBED in inputs and any(step.perturbation.stage in LIGHT_STAGES for step in self.sequence.setting.rgb):
             problem = (

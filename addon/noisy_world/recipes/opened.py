@@ -47,12 +47,12 @@ class Frame(ABC):
 
     @property
     @abstractmethod
-    def rgb(self) -> NDArray[np.uint8]:
-        """Colour (H, W, 3), RGB, as the file decodes; grey in three equal channels."""
+    def rgb(self) -> NDArray[np.uint8] | NDArray[np.float32]:
+        """Colour (H, W, 3), RGB, as the file decodes: uint8, grey in three equal channels; of an EXR light, float32."""
 
     @property
     @abstractmethod
-    def rgb_uncompressed(self) -> NDArray[np.uint8]:
+    def rgb_uncompressed(self) -> NDArray[np.uint8] | NDArray[np.float32]:
         """Colour (H, W, 3), RGB, as it is before it is encoded as JPEG, which costs more time than most perturbations.
 
         Raises InputError where only a JPEG is there.
@@ -266,11 +266,11 @@ class Opened(Mapping[str, OpenedSequence]):
 class Sample(TypedDict):
     """A frame as PyTorch's default collation takes it: arrays, numbers and texts.
 
-    rgb: (H, W, 3) uint8. depth_m: (H, W) float32, 0 = void. c2w: (4, 4) float64. stamp_s, depth_stamp_s: seconds.
-    sequence, index: which frame it is.
+    rgb: (H, W, 3) uint8, or float32 light of EXR files. depth_m: (H, W) float32, 0 = void. c2w: (4, 4) float64.
+    stamp_s, depth_stamp_s: seconds. sequence, index: which frame it is.
     """
 
-    rgb: NDArray[np.uint8]
+    rgb: NDArray[np.uint8] | NDArray[np.float32]
     depth_m: NDArray[np.float32]
     c2w: NDArray[np.float64]
     stamp_s: float
