@@ -41,7 +41,7 @@ def main(path: str) -> None:
 
 
 def blurred(image: np.ndarray, sigma: float, *, multichannel: bool = False, **options: Any) -> np.ndarray:
-    """Call scikit-image's Gaussian by its word of today: the library says `multichannel`, which 0.20 no longer takes."""
+    """Call scikit-image's Gaussian in its words of today: 0.20 does not take imagecorruptions' `multichannel`."""
     return gaussian(image, sigma, channel_axis=-1 if multichannel else None, **options)
 
 
