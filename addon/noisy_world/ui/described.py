@@ -95,6 +95,7 @@ _CHOICES = {
     "reference": ("Reference", "The same perturbations in numpy and OpenCV"),
     "jpg": ("JPEG", "Quality 98 without chroma subsampling, as readers of Replica expect it"),
     "png": ("PNG", "Without loss"),
+    "exr": ("EXR", "Scene-linear light before the view transform, as half floats; of This Scene and lit meshes"),
     "rgb": ("Color", "Red, green and blue"),
     "grey": ("Gray", "One channel, as systems for visual odometry read it"),
     "void": ("Void", "No depth"),

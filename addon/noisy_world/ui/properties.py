@@ -296,7 +296,7 @@ def _panel_members() -> dict[str, Any]:
         ),
         "image": described(
             OutputSpec, "image", label="Images", update="image", default=OUTPUT.image,
-            description="Format of color: JPEG at quality 98 without chroma subsampling, or PNG",
+            description="Format of color: JPEG at quality 98 without chroma subsampling, PNG, or EXR of light",
         ),
         "colour": described(
             OutputSpec, "colour", label="Channels", update="colour", default=OUTPUT.colour,

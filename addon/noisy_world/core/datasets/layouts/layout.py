@@ -15,6 +15,7 @@ from ...channels import CHANNELS, COLOUR_AND_DEPTH
 from ...channels.channel import FileKind
 from ...errors import InputError
 from ...geometry import Intrinsics
+from ...inertial.imu import ImuSamples
 from ...optics import PINHOLE, Optics
 from ...trajectories.rig import Rig
 from ...trajectories.sensor_paths import SensorPaths
@@ -22,6 +23,7 @@ from ...trajectories.stamps import FrameStamps, Stamps
 from ...trajectories.trajectory import Trajectory
 from ..association import associate
 from ..depth_range import Beyond, DepthRange, OutOfRange, out_of_range
+from ..float_files import encode_light
 from ..images import UINT16_MAX, as_bytes, encode_colour, encode_png, grey_bytes, quantise_depth
 from ..known_poses import PosePolicy
 from ..stored import StoredSequence
@@ -29,12 +31,15 @@ from ..stored import StoredSequence
 Modality: TypeAlias = str
 """The name of a channel, as in `output.modalities`."""
 
-Image = Literal["jpg", "png"]
+Image = Literal["jpg", "png", "exr"]
 Colour = Literal["rgb", "grey"]
 StampsLike: TypeAlias = FrameStamps | Sequence[float] | NDArray[np.float64]
 """The stamps of a path's frames; as seconds (N,) where colour, depth and poses have the same."""
 
-_SPOKEN: dict[Image, str] = {"jpg": "JPEG", "png": "PNG"}
+IMU_FILES = ("imu.csv", "imu.yaml", "imu_states.csv")
+"""An IMU's files in a sequence's folder: its samples, what it is, its true states."""
+
+_SPOKEN: dict[Image, str] = {"jpg": "JPEG", "png": "PNG", "exr": "EXR"}
 
 
 class Layout(ABC):
@@ -45,7 +50,8 @@ class Layout(ABC):
     preset gives another. conventions: those that differ from the manifest's for all layouts. patterns: glob patterns of
     all files that a sequence's folder may hold. setting_files: the names of those that a setting's folder may hold.
     Patterns and setting_files say what to remove when a dataset is replaced. gaps: whether frames may lack a pose.
-    optics: whether its files can say that depth has a camera of its own, and how a lens distorts.
+    optics: whether its files can say that depth has a camera of its own, and how a lens distorts. holds_imu: whether
+    sequence_texts has an IMU's files; else they lie beside the images (IMU_FILES).
 
     All names have forward slashes and are relative to the sequence's (or setting's) folder.
     """
@@ -61,11 +67,14 @@ class Layout(ABC):
     setting_files: ClassVar[tuple[str, ...]] = ()
     gaps: ClassVar[bool] = True
     optics: ClassVar[bool] = False
+    holds_imu: ClassVar[bool] = False
 
     @property
     def summary(self) -> str:
         """A sentence on what the layout is and which images it takes."""
-        return f"{self.meaning[0].upper()}{self.meaning[1:]}; {' or '.join(_SPOKEN[kind] for kind in self.images)}"
+        *first, last = (_SPOKEN[kind] for kind in self.images)
+        kinds = f"{', '.join(first)} or {last}" if first else last
+        return f"{self.meaning[0].upper()}{self.meaning[1:]}; {kinds}"
 
     @abstractmethod
     def rgb_name(self, frame: int, stamp_ns: int, image: Image) -> str:
@@ -88,7 +97,7 @@ class Layout(ABC):
     def all_patterns(self) -> tuple[str, ...]:
         """Glob patterns of all files that a sequence's folder may hold, those of other channels too."""
         others = [name for name in CHANNELS if name not in COLOUR_AND_DEPTH]
-        return (*self.patterns, *(pattern for name in others for pattern in self.channel_patterns(name)))
+        return (*self.patterns, *IMU_FILES, *(pattern for name in others for pattern in self.channel_patterns(name)))
 
     def image_note(self, image: Image) -> str:
         """Return a sentence on who does not find colour images of this kind, or ""."""
@@ -146,6 +155,11 @@ class OutputFormat:
     formats: tuple[tuple[Modality, FileKind], ...] = ()
 
     @property
+    def of_light(self) -> bool:
+        """Whether colour is stored as scene-linear light, before a view transform."""
+        return self.image == "exr" and "rgb" in self.modalities
+
+    @property
     def depth_limit_m(self) -> float:
         """The largest depth that 16 bits hold."""
         return UINT16_MAX / self.depth_scale_per_m
@@ -176,13 +190,20 @@ class OutputFormat:
     def encode_rgb(self, rgb: NDArray[Any], *, fit_tables: bool = True) -> bytes:
         """Encode (H, W, 3) RGB, sRGB-encoded, uint8 or float32 in [0, 1], as a colour image of the dataset.
 
-        fit_tables: see `encode_colour`.
+        Where that is an EXR: scene-linear light, float32. fit_tables: see `encode_colour`.
         """
+        if self.image == "exr":
+            return encode_light(rgb)
         pixels = grey_bytes(rgb) if self.colour == "grey" else as_bytes(rgb)
         return encode_colour(pixels, self.image, fit_tables=fit_tables)
 
-    def stored_rgb(self, rgb: NDArray[Any]) -> NDArray[np.uint8]:
-        """Return colour (H, W, 3) as an image of the dataset holds it where nothing is lost; grey in each channel."""
+    def stored_rgb(self, rgb: NDArray[Any]) -> NDArray[np.uint8] | NDArray[np.float32]:
+        """Return colour (H, W, 3) as an image of the dataset holds it where nothing is lost; grey in each channel.
+
+        Light, float32, where that is an EXR.
+        """
+        if self.image == "exr":
+            return CHANNELS["rgb"].stored(rgb, self.image)
         return np.repeat(grey_bytes(rgb)[..., None], 3, axis=-1) if self.colour == "grey" else as_bytes(rgb)
 
     def encode_depth(self, depth_m: NDArray[np.float32]) -> bytes:
@@ -230,7 +251,8 @@ class SequenceFacts:
 
     frames: the numbers of the frames that exist. paths: of the whole sequence; frame i has the i-th pose.
     rig: the sensors' poses on the robot; None where there is no rig. stamps: frame i has the i-th; None where colour,
-    depth and poses have those of the paths. optics: what the cameras have beyond one pinhole.
+    depth and poses have those of the paths. optics: what the cameras have beyond one pinhole. imu: what the rig's IMU
+    measured along the whole path, whichever frames exist.
     """
 
     format: OutputFormat
@@ -240,6 +262,7 @@ class SequenceFacts:
     paths: SensorPaths
     stamps: FrameStamps | None = None
     optics: Optics = PINHOLE
+    imu: ImuSamples | None = None
 
     @cached_property
     def chosen(self) -> SensorPaths:
@@ -264,6 +287,11 @@ class SequenceFacts:
             return None
         stamps = self.taken.pose.take(order)
         return self.chosen.each(lambda path: path.at(order, stamps.seconds)), stamps
+
+    @property
+    def frames_ns(self) -> NDArray[np.int64]:
+        """(N,): when the poses of the frames that exist were taken, nanoseconds."""
+        return np.array(self.taken.pose.ns, dtype=np.int64)
 
     @property
     def names(self) -> FrameNames:
