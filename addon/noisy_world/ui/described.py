@@ -15,7 +15,7 @@ from ..core.channels import COLOUR_AND_DEPTH, Channel
 from ..core.labels import american, parameter_label, title
 from ..core.presets.output import OutputSpec
 from ..core.presets.preset import CameraSpec, PresetSpec, RenderSpec
-from ..core.presets.scene_keys import HandheldSpec, SceneKeys, TrajectorySpec
+from ..core.presets.scene_keys import BodySpec, HandheldSpec, SceneKeys, TrajectorySpec
 from ..core.presets.settings import SettingSpec
 from ..core.schema import KeyInfo
 from ..perturbations.faster_motion import FasterMotion
@@ -26,7 +26,7 @@ SCENE, TRAJECTORY, DEVIATION, CAMERA = "Scene", "Trajectory", "Deviation and Spe
 PERTURBATIONS, OUTPUT = "Perturbations", "Render and Output"
 SECTIONS: dict[type, str] = {
     **{kind.keys: SCENE for kind in SOURCES.values()}, SceneKeys: SCENE,
-    TrajectorySpec: TRAJECTORY, HandheldSpec: TRAJECTORY, CameraSpec: CAMERA, RenderSpec: OUTPUT,
+    TrajectorySpec: TRAJECTORY, HandheldSpec: TRAJECTORY, BodySpec: TRAJECTORY, CameraSpec: CAMERA, RenderSpec: OUTPUT,
     OutputSpec: OUTPUT, SettingSpec: OUTPUT, PresetSpec: PERTURBATIONS,
     MotionDeviation: DEVIATION, FasterMotion: DEVIATION,
 }  # fmt: skip
