@@ -13,6 +13,7 @@ import bpy
 
 from ..core.channels import COLOUR_AND_DEPTH, Channel
 from ..core.labels import american, parameter_label, title
+from ..core.presets.distortion import DistortionSpec
 from ..core.presets.output import OutputSpec
 from ..core.presets.preset import CameraSpec, PresetSpec, RenderSpec
 from ..core.presets.scene_keys import BodySpec, HandheldSpec, SceneKeys, TrajectorySpec
@@ -26,7 +27,8 @@ SCENE, TRAJECTORY, DEVIATION, CAMERA = "Scene", "Trajectory", "Deviation and Spe
 PERTURBATIONS, OUTPUT = "Perturbations", "Render and Output"
 SECTIONS: dict[type, str] = {
     **{kind.keys: SCENE for kind in SOURCES.values()}, SceneKeys: SCENE,
-    TrajectorySpec: TRAJECTORY, HandheldSpec: TRAJECTORY, BodySpec: TRAJECTORY, CameraSpec: CAMERA, RenderSpec: OUTPUT,
+    TrajectorySpec: TRAJECTORY, HandheldSpec: TRAJECTORY, BodySpec: TRAJECTORY,
+    CameraSpec: CAMERA, DistortionSpec: CAMERA, RenderSpec: OUTPUT,
     OutputSpec: OUTPUT, SettingSpec: OUTPUT, PresetSpec: PERTURBATIONS,
     MotionDeviation: DEVIATION, FasterMotion: DEVIATION,
 }  # fmt: skip
@@ -107,6 +109,8 @@ _CHOICES = {
     "start": ("Start", "When reading or exposure begins"),
     "middle": ("Middle", "Half way through it"),
     "end": ("End", "When it ends"),
+    "radial-tangential": ("Radial-Tangential", "Brown and Conrady's: of most lenses"),
+    "equidistant": ("Equidistant", "Kannala and Brandt's: of fisheyes"),
     "rolling": ("Rolling", "Each line is of its own moment"),
     "global": ("Global", "All lines are of one moment, that of the time stamp"),
     "scene": ("Scene", "The sky's color where there is sky, else a mean that lamps do not move"),
