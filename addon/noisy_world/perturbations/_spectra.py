@@ -55,6 +55,8 @@ _TROT_STRIDE: tuple[Band, ...] = ((1.9, 2.1, 0.9), (3.8, 4.2, 0.1))
 _TROT_STEP: tuple[Band, ...] = ((3.8, 4.2, 0.8), (7.6, 8.4, 0.15), (11.0, 20.0, 0.05))
 _FLOOR = falling(1.0, 32.0, 5)
 _ROTOR: tuple[Band, ...] = ((45.0, 55.0, 0.1), (90.0, 110.0, 0.6), (180.0, 220.0, 0.3))
+_OPEN_M = AxisSpectrum(0.005 / 3**0.5, ((0.5, 20.0, 1.0),))
+_OPEN_DEG = AxisSpectrum(0.5 / 3**0.5, ((0.5, 20.0, 1.0),))
 
 SPECTRA: Mapping[SourceName, Spectrum] = {
     "tremor": Spectrum(
@@ -81,10 +83,7 @@ SPECTRA: Mapping[SourceName, Spectrum] = {
         (AxisSpectrum(3e-5, _ROTOR), AxisSpectrum(5e-5, _ROTOR), AxisSpectrum(3e-5, _ROTOR)),
         (AxisSpectrum(0.02, _ROTOR), AxisSpectrum(0.01, _ROTOR), AxisSpectrum(0.02, _ROTOR)),
     ),
-    "band": Spectrum(
-        tuple(AxisSpectrum(0.005 / 3**0.5, ((0.5, 20.0, 1.0),)) for _ in range(3)),
-        tuple(AxisSpectrum(0.5 / 3**0.5, ((0.5, 20.0, 1.0),)) for _ in range(3)),
-    ),
+    "band": Spectrum((_OPEN_M, _OPEN_M, _OPEN_M), (_OPEN_DEG, _OPEN_DEG, _OPEN_DEG)),
 }
 
 
