@@ -52,12 +52,12 @@ OFFSETS = (5, 10, 20)
 # The demo's walk in ten seconds at 20 Hz, the rate of the paper's sequences; its frame that is the demo's FRAME.
 WALK = "scenes.0.trajectory.handheld={frames: 200, rate_hz: 20}"
 WALK_FRAME = 5 * FRAME
-ON_THE_LENS = ("lens_drops", "lens_dirt")
+ON_THE_LENS = ("vignetting", "lens_drops", "lens_dirt")
 TILE_PX = (280, 158)  # like the rest below, chosen for a picture 852 pixels wide
 DETAIL_PX = (200, 330)  # column and row of the part's upper left corner
 SAMPLE_PX = (560, 317)  # the clean frame, to try things on
 GAP_PX = 6
-JPEG = (cv2.IMWRITE_JPEG_QUALITY, 62, cv2.IMWRITE_JPEG_OPTIMIZE, 1, cv2.IMWRITE_JPEG_PROGRESSIVE, 1)  # 1 MB in all
+JPEG = (cv2.IMWRITE_JPEG_QUALITY, 52, cv2.IMWRITE_JPEG_OPTIMIZE, 1, cv2.IMWRITE_JPEG_PROGRESSIVE, 1)  # 1 MB in all
 EDGE = 0.05  # of depth: a jump by this share
 SHAKEN_S = 5.0  # how long smooth motion is shown
 AXES_RGB = ((200, 40, 40), (40, 140, 40), (40, 70, 200))
