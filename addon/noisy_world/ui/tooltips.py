@@ -235,6 +235,25 @@ SEEN: dict[str, dict[str, str]] = {
         "max_angle_deg": "Higher: the streaks' direction varies more from frame to frame",
         "angle_deg": "Turns the streaks",
     },
+    "vibration": {
+        "source": "What shakes the camera",
+        "strength": "Higher: the camera shakes further",
+        "translation_m": "Higher: it shakes further aside; below 0: as far as the source",
+        "rotation_deg": "Higher: it turns further; below 0: as far as the source",
+        "low_hz": "Higher: slow movements are left out; below 0: none",
+        "high_hz": "Lower: fast movements are left out; below 0: none",
+    },
+    "drift": {
+        "rotation_deg": "Higher: the camera leans further",
+        "translation_m": "Higher: the camera shifts further",
+        "period_s": "Higher: it drifts more slowly",
+    },
+    "jerk": {
+        "per_minute": "Higher: more shocks",
+        "duration_s": "Lower: shocks are shorter and harder",
+        "translation_m": "Higher: a shock throws the camera further",
+        "rotation_deg": "Higher: a shock turns the camera further",
+    },
     "motion_deviation": {
         "rotation_deg": "Higher: the camera shakes more; at 20 degrees it looks elsewhere in each frame",
         "translation_m": "Higher: the camera jumps further off its path",
