@@ -2,6 +2,8 @@
 """Datasets seen through a lens that distorts: what is written, what is refused, and the way back to a pinhole."""
 
 import json
+import sys
+import tarfile
 
 import cv2
 import numpy as np
@@ -9,17 +11,23 @@ import pytest
 import yaml
 from analytic import box_depth, look_at
 from cases import cases
+from packed import pack_to
 from worlds import HIGH, LOW, write_replica, write_world
 from written import run
 
 pytest.importorskip("embreex", reason="embreex is not installed: make .venv/.extras brings it")
 
+import noisy_world
 from noisy_world.core.datasets.layouts import find_sequence
 from noisy_world.core.errors import InputError, StorageError
 from noisy_world.core.geometry import Intrinsics
 from noisy_world.core.lens import lens_rays
 from noisy_world.core.optics import Distortion
 from noisy_world.core.planning.travel import travel_px
+from noisy_world.core.progress import PlainProgress
+from noisy_world.evaluation.maps.reading import read_sequence
+from noisy_world.evaluation.systems.index import given_sequence
+from noisy_world.recipes.of_dataset import recipe_of
 
 SIZE = (64, 48)
 CAMERA = Intrinsics(*SIZE, 32.0, 32.0, 31.5, 23.5)  # as write_world has it
@@ -250,3 +258,28 @@ def test_a_lens_that_needs_too_large_a_pinhole_is_refused_but_for_rays(tmp_path)
     with pytest.raises(InputError, match=r"camera\.distortion: needs a pinhole's .* use render\.engine: embree"):
         run(world(tmp_path, wide, engine="cycles"), tmp_path / "out", overrides=["camera.fx=25", "camera.fy=25"])
     run(world(tmp_path, wide), tmp_path / "out", overrides=["camera.fx=25", "camera.fy=25"])
+
+
+# --- readers ---
+
+
+def test_those_who_open_it_are_told_the_lens(made, tmp_path):
+    opened = noisy_world.open(made[1])
+    assert opened["clean/box"].distortion == LENS
+    recipe = made[0].parent / "a.recipe"
+    recipe.write_text(recipe_of(made[1], PlainProgress(sys.stderr)).text())
+    assert noisy_world.open(recipe)["clean/box"].distortion == LENS
+    packed = f"file://{tmp_path}/packed"
+    pack_to(made[1], packed)
+    assert noisy_world.open(packed)["clean/box"].distortion == LENS
+    with tarfile.open(next((tmp_path / "packed").rglob("*.tar"))) as tar:
+        told = next(json.load(tar.extractfile(item)) for item in tar if item.name.endswith(".json"))
+    assert told["camera"]["distortion"] == LENS.content()
+
+
+def test_systems_and_maps_refuse_a_lens_that_they_would_ignore(made):
+    folder = made[1] / "clean/box"
+    with pytest.raises(InputError, match=r"its lens distorts; make a dataset of it first, with undistort: true"):
+        given_sequence(folder)
+    with pytest.raises(InputError, match=r"its lens distorts, and maps are fused and rendered by a pinhole"):
+        read_sequence(folder)
