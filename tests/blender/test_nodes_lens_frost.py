@@ -23,7 +23,7 @@ class Drawn:
     """What the reference is given: the numbers that nodes drew."""
 
     def __init__(self, numbers, drift_frames=0):
-        self.numbers, self.drift_frames = numbers, drift_frames
+        self.numbers, self.drift_frames, self.lit = numbers, drift_frames, False
 
     def pattern_stream(self):
         return self

@@ -2,6 +2,8 @@
 """Datasets seen through a lens that distorts: what is written, what is refused, and the way back to a pinhole."""
 
 import json
+import sys
+import tarfile
 
 import cv2
 import numpy as np
@@ -9,17 +11,23 @@ import pytest
 import yaml
 from analytic import box_depth, look_at
 from cases import cases
+from packed import pack_to
 from worlds import HIGH, LOW, write_replica, write_world
 from written import run
 
 pytest.importorskip("embreex", reason="embreex is not installed: make .venv/.extras brings it")
 
+import noisy_world
 from noisy_world.core.datasets.layouts import find_sequence
 from noisy_world.core.errors import InputError, StorageError
 from noisy_world.core.geometry import Intrinsics
 from noisy_world.core.lens import lens_rays
 from noisy_world.core.optics import Distortion
 from noisy_world.core.planning.travel import travel_px
+from noisy_world.core.progress import PlainProgress
+from noisy_world.evaluation.maps.reading import read_sequence
+from noisy_world.evaluation.systems.index import given_sequence
+from noisy_world.recipes.of_dataset import recipe_of
 
 SIZE = (64, 48)
 CAMERA = Intrinsics(*SIZE, 32.0, 32.0, 31.5, 23.5)  # as write_world has it
@@ -156,6 +164,23 @@ def test_layouts_that_know_lenses_write_them(tmp_path, layout, read):
             assert f"distortion_model: {model}" in text
 
 
+@cases(
+    ("keys", "named"),
+    [
+        (KEYS, {**KEYS, "colmap": "OPENCV", "kalibr": "radtan"}),
+        ({"k1": -0.1, "k3": 0.01}, {"k1": -0.1, "k2": 0.0, "p1": 0.0, "p2": 0.0, "k3": 0.01, "colmap": "FULL_OPENCV"}),
+        (
+            {"model": "equidistant", "k1": -0.02},
+            {"k1": -0.02, "k2": 0.0, "k3": 0.0, "k4": 0.0, "colmap": "OPENCV_FISHEYE", "kalibr": "equidistant"},
+        ),
+    ],
+)
+def test_cam_params_has_the_names_of_other_tools(tmp_path, keys, named):
+    run(world(tmp_path, keys), tmp_path / "out", frames=slice(0, 1), overwrite=True)
+    told = json.loads((tmp_path / "out/clean/cam_params.json").read_text())["distortion"]
+    assert {name: value for name, value in told.items() if name not in ("model", "coefficients")} == named
+
+
 def test_a_layout_that_cannot_say_it_is_refused(tmp_path):
     with pytest.raises(InputError, match=r"its lens distorts, which the VSLAM-LAB layout cannot say"):
         run(world(tmp_path, KEYS, layout="vslamlab"), tmp_path / "out")
@@ -250,3 +275,28 @@ def test_a_lens_that_needs_too_large_a_pinhole_is_refused_but_for_rays(tmp_path)
     with pytest.raises(InputError, match=r"camera\.distortion: needs a pinhole's .* use render\.engine: embree"):
         run(world(tmp_path, wide, engine="cycles"), tmp_path / "out", overrides=["camera.fx=25", "camera.fy=25"])
     run(world(tmp_path, wide), tmp_path / "out", overrides=["camera.fx=25", "camera.fy=25"])
+
+
+# --- readers ---
+
+
+def test_those_who_open_it_are_told_the_lens(made, tmp_path):
+    opened = noisy_world.open(made[1])
+    assert opened["clean/box"].distortion == LENS
+    recipe = made[0].parent / "a.recipe"
+    recipe.write_text(recipe_of(made[1], PlainProgress(sys.stderr)).text())
+    assert noisy_world.open(recipe)["clean/box"].distortion == LENS
+    packed = f"file://{tmp_path}/packed"
+    pack_to(made[1], packed)
+    assert noisy_world.open(packed)["clean/box"].distortion == LENS
+    with tarfile.open(next((tmp_path / "packed").rglob("*.tar"))) as tar:
+        told = next(json.load(tar.extractfile(item)) for item in tar if item.name.endswith(".json"))
+    assert told["camera"]["distortion"] == LENS.content()
+
+
+def test_systems_and_maps_refuse_a_lens_that_they_would_ignore(made):
+    folder = made[1] / "clean/box"
+    with pytest.raises(InputError, match=r"its lens distorts; make a dataset of it first, with undistort: true"):
+        given_sequence(folder)
+    with pytest.raises(InputError, match=r"its lens distorts, and maps are fused and rendered by a pinhole"):
+        read_sequence(folder)

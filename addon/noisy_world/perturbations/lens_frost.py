@@ -36,6 +36,7 @@ from ._crystals import (
 )
 from ._frost_nodes import build
 from ._patterns import three_channels
+from ._white_noise import white_noise
 
 Float32: TypeAlias = NDArray[np.float32]
 
@@ -86,7 +87,9 @@ def apply(rgb: Float32, parameters: LensFrost, context: FrameContext) -> Float32
     """Let frost grow before (H, W, 3)."""
     import cv2
 
-    pane = pane_of(context.pattern_stream().random(3))
+    # On lit frames what the nodes draw; on others the draws of before, whose bytes stay.
+    drawn = white_noise(context).numbers(0) if context.lit else context.pattern_stream().random(3)
+    pane = pane_of(np.asarray(drawn, np.float64))
     grown_s = context.drift_frames / parameters.frame_rate_hz
     grown = min(max(parameters.coverage + parameters.growth_per_s * grown_s, 0.0), 1.0)
     linear = by_bands(rgb, rgb.dtype, decoded)

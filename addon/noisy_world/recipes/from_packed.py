@@ -19,6 +19,7 @@ from ..core.datasets.layouts import Modality
 from ..core.datasets.storage import sha256_of_bytes
 from ..core.errors import InputError
 from ..core.geometry import Intrinsics
+from ..core.optics import Distortion
 from ..storage.finished import Packed, open_packed
 from ..storage.packed_table import AGAIN
 from .frame_numbers import FrameNumbers
@@ -106,6 +107,11 @@ class PackedSequence(OpenedSequence):
     def camera(self) -> Intrinsics:
         """The intrinsics of its frames."""
         return self._opened.packed.camera(self.name)
+
+    @property
+    def distortion(self) -> Distortion | None:
+        """The lens of its frames."""
+        return self._opened.packed.distortion(self.name)
 
     def _frame(self, index: int) -> "PackedFrame":
         (row,) = self._rows.slice(int(np.searchsorted(self._order, index)), 1).to_pylist()

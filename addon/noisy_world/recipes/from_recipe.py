@@ -19,6 +19,7 @@ from ..core.channels import CHANNELS, COLOUR_AND_DEPTH
 from ..core.channels.pair import View
 from ..core.errors import InputError
 from ..core.geometry import Intrinsics
+from ..core.optics import Distortion
 from ..core.perturbing.kinds import LIGHT_STAGES
 from ..core.perturbing.steps import Setting
 from ..core.planning.exposed import open_render
@@ -246,6 +247,11 @@ class SequenceOfRecipe(OpenedSequence):
     def camera(self) -> Intrinsics:
         """The intrinsics of its frames."""
         return self.render.camera
+
+    @property
+    def distortion(self) -> Distortion | None:
+        """The lens of its frames."""
+        return self.render.optics.distortion
 
     @cached_property
     def motion(self) -> list[dict[str, Any]]:

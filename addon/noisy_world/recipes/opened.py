@@ -20,6 +20,7 @@ from ..core.channels.rgb import CHANNEL as RGB
 from ..core.errors import InputError
 from ..core.geometry import Intrinsics
 from ..core.machine import end_opencv_threads_before_forks
+from ..core.optics import Distortion
 from ..core.presets.selection import near_names, selected
 from ..core.schema import ConfigPath, shown
 from .frame_numbers import FrameNumbers
@@ -98,6 +99,7 @@ class OpenedSequence(ABC):
     """A sequence: its frames by their numbers, in any order.
 
     name: its name. frames: the numbers of its frames. camera: the intrinsics of its frames, None where unknown.
+    distortion: of their lens, None for a pinhole's.
     """
 
     name: str
@@ -111,6 +113,11 @@ class OpenedSequence(ABC):
     @abstractmethod
     def camera(self) -> Intrinsics | None:
         """The intrinsics of its frames; None where no file says them."""
+
+    @property
+    @abstractmethod
+    def distortion(self) -> Distortion | None:
+        """The lens that its colour, and depth seen through it, distort by; None for a pinhole's frames."""
 
     @abstractmethod
     def _frame(self, index: int) -> Frame:

@@ -29,6 +29,7 @@ from ..core.scenes.mesh_files import check_mesh, imported_format
 from ..core.scenes.selfcheck import reprojection_problem
 from ..core.scenes.turning import Up
 from ..core.schema import ConfigPath
+from ..core.trajectories.bodies import BODIES, embodied
 from ..core.trajectories.frame_request import FrameRequest
 from ..core.trajectories.sensor_paths import SensorPaths
 from ..core.trajectories.trajectory import Axes, Trajectory, evenly_stamped
@@ -131,23 +132,65 @@ class MeshSource(SimpleSource):
         return self.spec.handheld
 
     def trajectory(self) -> Trajectory:
-        """Return the path that was read, or generate one through the mesh."""
+        """Return the path that was read, or generate one through the mesh; of a body, where it is carried along it."""
+        if self.spec.body is not None:
+            return self._carried_path
         return self.known_path if self.known_path is not None else self._made_path
+
+    @cached_property
+    def _carried_path(self) -> Trajectory:
+        spec = self.spec.body
+        assert spec is not None, "is asked for where there is a body"
+        route = self.known_path if self.known_path is not None else self._made_path
+        try:
+            path = embodied(route, spec.kind, seed=self.path_seed, motion=spec.motion)
+        except NoisyWorldError as error:
+            raise self.place.at("trajectory").at("body").error(str(error)) from error
+        self.check_room(path)
+        return path
+
+    def check_room(self, path: Trajectory) -> None:
+        """Refuse a path of the body's camera on which the mesh is too near. Raises InputError."""
+        from ..core.trajectories.body_room import first_narrow
+
+        spec, where = self.spec.body, self.place.at("trajectory").at("body")
+        assert spec is not None, "is asked for where there is a body"
+        body = BODIES[spec.kind]
+        try:
+            narrow = first_narrow(load_mesh(self.mesh_path, self.room, self.up), path, body)
+        except NoisyWorldError as error:
+            raise where.error(str(error)) from error
+        if narrow is not None:
+            place = ", ".join(f"{value:.2f}" for value in narrow.place_m)
+            raise where.error(
+                f"a {spec.kind} cannot go this way: at {narrow.time_s:.2f} s, at ({place}) m, the mesh is "
+                f"{narrow.gap_m:.2f} m away, and it needs {body.radius_m} m",
+                "take another path, or another body",
+            )
+
+    @property
+    def path_seed(self) -> int:
+        """The seed of what is random in the path."""
+        handheld = self.spec.handheld
+        return self.seed if handheld is None or handheld.seed is None else handheld.seed
 
     @cached_property
     def _made_path(self) -> Trajectory:
         from ..core.trajectories.handheld import handheld_path
 
         spec = self._handheld
+        body = None if self.spec.body is None else BODIES[self.spec.body.kind]
+        carried = {} if body is None else body.route
         try:
             path = handheld_path(
                 load_mesh(self.mesh_path, self.room, self.up),
-                seed=self.seed if spec.seed is None else spec.seed,
+                seed=self.path_seed,
                 frames=spec.frames,
                 rate_hz=spec.rate_hz,
                 speed_m_s=spec.speed_m_s,
                 clearance_m=spec.clearance_m,
                 revisit=spec.revisit,
+                **carried,
             )
         except NoisyWorldError as error:
             raise self.place.at("trajectory").at("handheld").error(str(error)) from error

@@ -18,7 +18,9 @@ from ..perturbations import registry
 from ..sources import read_scenes
 from . import footage
 from .described import LARGEST_INT, is_offered, notify_once, tell
-from .document import CAMERA, CLEAN, DEVIATION, HANDHELD, OWN_FIELDS, TRAJECTORY, own_motion
+from .document import CAMERA, CLEAN, DEVIATION, HANDHELD, NO_BODY, OWN_FIELDS, TRAJECTORY, own_motion
+from .imu_fields import take_rig, unshown_rig
+from .lens_fields import take_distortion
 from .shown_sources import PANEL_SOURCES, shown, shown_as
 from .step_list import clear_entries, put_step, take_step
 from .typed_numbers import set_value
@@ -99,6 +101,7 @@ def _apply(panel: Any, preset: Preset, wanted: str) -> None:
         _apply_camera(panel, preset)
         _apply_output(panel, preset)
         panel.seed, panel.backend = preset.spec.seed, chosen.backend
+        take_rig(panel, preset.spec.rig)
         if chosen.name != CLEAN:
             panel.setting_name = chosen.name
         _apply_steps(panel, chosen)
@@ -159,7 +162,7 @@ def _refuse_unshown(preset: Preset, part: Part | None = None) -> None:
     if part is None:
         asked |= {
             "only": spec.only != OnlySpec() and "chooses a part of the scenes or settings",
-            "rig": spec.rig is not None and "places sensors on a robot",
+            **unshown_rig(spec.rig),
             "seed": spec.seed > LARGEST_INT and f"is {spec.seed}, and the panel counts to {LARGEST_INT}",
         }
     for key, problem in asked.items():
@@ -195,12 +198,17 @@ def _apply_path(panel: Any, preset: Preset) -> None:
     else:
         for name, field in HANDHELD.items():
             set_value(panel, name, getattr(handheld, field))
+    panel.body = NO_BODY if path.body is None else path.body.kind
+    if path.body is not None:
+        set_value(panel, "body_motion", path.body.motion)
     panel.every = path.every
 
 
 def _apply_camera(panel: Any, preset: Preset) -> None:
     panel.lens_source = "SCENE" if preset.spec.camera is None else "GIVEN"
     panel.recorded_camera = "RECORDED" if preset.spec.camera is None else "GIVEN"
+    if shown(panel).loads:
+        take_distortion(panel, preset.spec.mesh_camera.distortion)
     if preset.spec.camera is None and shown(panel).lens_field:
         return
     for name, field in CAMERA.items():

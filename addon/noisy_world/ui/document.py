@@ -25,7 +25,9 @@ from ..core.yaml_reading import yaml_text
 from ..perturbations import registry
 from ..planning import make_plan
 from . import footage, scene_copy, this_scene
+from .imu_fields import rig_of
 from .keyed import curve_ends, curve_of, levels_of
+from .lens_fields import distortion_of
 from .output_place import absolute
 from .properties import OVERRIDE, parameters_of, perturbation_of
 from .shown_sources import shown
@@ -40,6 +42,7 @@ CAMERA = {
     "width_px": "width", "height_px": "height", "fx_px": "fx", "fy_px": "fy", "cx_px": "cx", "cy_px": "cy",
     "near_m": "near_m", "far_m": "far_m",
 }  # fmt: skip
+NO_BODY = "NONE"
 INTRINSICS = ("width_px", "height_px", "fx_px", "fy_px", "cx_px", "cy_px")
 HANDHELD = {
     "handheld_frames": "frames", "handheld_rate_hz": "rate_hz", "handheld_speed_m_s": "speed_m_s",
@@ -65,7 +68,8 @@ def to_document(panel: Any, folder: Path | None = None) -> dict[str, Any]:
     return {
         "seed": panel.seed,
         "scenes": [scene_of(panel, folder)],
-        **({"camera": camera_of(panel)} if source.gives_lens(panel) else {}),
+        **({"camera": camera_of(panel) | _lens(panel)} if source.gives_lens(panel) else {}),
+        **(rig_of(panel) if source.carries else {}),
         "render": {
             **({"engine": engine_of(panel), "samples": panel.samples} if source.gives_render(panel) else {}),
             "backend": panel.backend,
@@ -125,6 +129,12 @@ def camera_of(panel: Any) -> dict[str, Any]:
     return {key: value_of(panel, name) for name, key in CAMERA.items()}
 
 
+def _lens(panel: Any) -> dict[str, Any]:
+    """Return the lens that meshes are seen through; a recording's is said of its scene."""
+    source = shown(panel)
+    return distortion_of(panel, rendered=True) if source.distorts and source.loads else {}
+
+
 def _path(path: str, folder: Path | None) -> str:
     whole = absolute(path)
     if folder is None or not whole or not Path(whole).is_relative_to(folder.resolve()):
@@ -138,6 +148,8 @@ def _trajectory(panel: Any, folder: Path | None) -> dict[str, Any]:
     else:
         made = {"file": _path(panel.trajectory_path, folder)}
         made |= {key: value_of(panel, name) for name, key in TRAJECTORY.items()}
+    if panel.body != NO_BODY:
+        made["body"] = {"kind": panel.body, "motion": value_of(panel, "body_motion")}
     return made | ({"every": panel.every} if panel.every > 1 else {})
 
 

@@ -13,7 +13,10 @@ from ..core.perturbing.kinds import Perturbation, Stage
 from ..perturbations import registry
 from . import asset_library, camera_link, footage, generate, header_presets, operators, paths, preview, tracking, world
 from .described import CAMERA, DEVIATION, OUTPUT, PERTURBATIONS, SCENE, TRAJECTORY
+from .document import NO_BODY
+from .imu_fields import draw_imu
 from .keyed import without_effect
+from .lens_fields import draw_distortion
 from .long_text import write
 from .offered import BENCHMARK, PACKAGES, PHYSICAL, Offered, line_on, offered
 from .own_objects import own_object
@@ -113,6 +116,8 @@ class NOISYWORLD_PT_trajectory(PanelSection, bpy.types.Panel):
         else:
             names = ("handheld_frames", "handheld_rate_hz", "handheld_speed_m_s", "handheld_clearance_m")
         column = layout.column(align=True)
+        if panel.trajectory_source != "CAMERA":
+            names += ("body",) if panel.body == NO_BODY else ("body", "body_motion")
         for name in (*names, "every"):
             column.prop(panel, name)
         layout.operator("noisy_world.load_trajectory", icon="CON_FOLLOWPATH")
@@ -150,6 +155,8 @@ class NOISYWORLD_PT_camera(PanelSection, bpy.types.Panel):
         """Draw it."""
         layout, panel = self.fields(context), panel_of(context.scene)
         source = shown(panel)
+        if source.distorts and not source.loads:
+            draw_distortion(layout, panel, rendered=False)
         if source.lens_field:
             layout.prop(panel, source.lens_field)
             if not source.gives_lens(panel):
@@ -159,6 +166,8 @@ class NOISYWORLD_PT_camera(PanelSection, bpy.types.Panel):
             column = layout.column(align=True)
             for name in names:
                 column.prop(panel, name)
+        if source.distorts and source.loads:
+            draw_distortion(layout, panel, rendered=True)
         if source.loads and own_object(context.scene, "camera") is None:
             layout.operator("noisy_world.set_camera", icon="CAMERA_DATA")
 
@@ -300,6 +309,8 @@ class NOISYWORLD_PT_output(PanelSection, bpy.types.Panel):
         column.enabled = panel.use_depth
         column.prop(panel, "depth_scale_per_m")
         column.prop(panel, "depth_beyond")
+        if source.carries:
+            draw_imu(layout, panel)
         column = layout.column(heading="Write", align=True)
         for name in (*(f"use_{channel}" for channel in CHANNELS), "overview"):
             column.prop(panel, name)

@@ -20,11 +20,13 @@ from ..core.presets.preset import (
     RenderSpec,
     SettingSpec,
 )
-from ..core.presets.scene_keys import HandheldSpec, SceneKeys, TrajectorySpec
+from ..core.presets.scene_keys import BodySpec, HandheldSpec, SceneKeys, TrajectorySpec
 from ..perturbations import registry
 from ..perturbations.faster_motion import FasterMotion
 from ..perturbations.motion_deviation import MotionDeviation
 from .described import LARGEST_INT, LISTENERS, channel_flag, choice, described, notify_once, tell
+from .imu_fields import imu_members
+from .lens_fields import lens_members
 from .source_fields import GROUPS, ITEMS, source_members
 from .tooltips import seen
 from .typed_numbers import property_name, set_value
@@ -248,6 +250,16 @@ def _panel_members() -> dict[str, Any]:
         "handheld_rate_hz": described(HandheldSpec, "rate_hz", label="Frame Rate", update="handheld_rate_hz"),
         "handheld_speed_m_s": described(HandheldSpec, "speed_m_s", update="handheld_speed_m_s"),
         "handheld_clearance_m": described(HandheldSpec, "clearance_m", update="handheld_clearance_m"),
+        "body": choice(
+            "body", "Body", "What carries the camera along the path, with its own motion",
+            ("NONE", "None", "The path is the camera's"),
+            ("walker", "Walker", "A head that walks"),
+            ("runner", "Runner", "A head that runs"),
+            ("quadruped", "Quadruped", "A small robot on four legs that trots"),
+            ("rover", "Rover", "A robot on four wheels, on a rough floor"),
+            ("drone", "Drone", "A multicopter, which leans into its acceleration"),
+        ),
+        "body_motion": described(BodySpec, "motion", label="Body Motion", update="body_motion"),
         "every": described(
             TrajectorySpec, "every", label="Every Nth Pose", update="every",
             description="Use every pose, every second one, every third, and so on",
@@ -273,6 +285,8 @@ def _panel_members() -> dict[str, Any]:
         },
         "near_m": described(CameraSpec, "near_m", update="near_m", precision=4),
         "far_m": described(CameraSpec, "far_m", update="far_m"),
+        **lens_members(),
+        **imu_members(),
         "steps": bpy.props.CollectionProperty(type=NoisyWorldStep, name="Perturbations"),
         "active_step": _whole(
             name="Active Perturbation", description="The perturbation whose parameters are shown", min=0
