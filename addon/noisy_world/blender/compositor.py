@@ -17,7 +17,8 @@ from ..core.geometry import Intrinsics
 from ..core.node_graphs.chain import is_active, socket_of, socket_values, step_node
 from ..core.node_graphs.draws import Divided, pooled
 from ..core.node_graphs.graph import Graph
-from ..core.perturbing.kinds import ColourPerturbation, Identifiers
+from ..core.perturbing.contexts import Identifiers
+from ..core.perturbing.kinds import ColourPerturbation
 from ..core.perturbing.steps import Step
 from ..core.scratch import ScratchFolder
 from ..core.trajectories.camera_state import camera_state_of
