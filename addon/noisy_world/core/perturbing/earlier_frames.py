@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What a camera's automatics have seen before a frame: the clean frames of its sequence, small, in linear light."""
 
-from bisect import bisect_left
+from bisect import bisect_right
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeAlias
@@ -32,14 +32,14 @@ ReadEarlier: TypeAlias = Callable[[float], tuple[EarlierFrame, ...]]
 
 
 def earlier_than(stamps_s: Sequence[float] | NDArray[np.float64], frame: int, span_s: float) -> range:
-    """Return the frames of a sequence from `span_s` before a frame up to it, without itself; one at least.
+    """Return the frames of a sequence from the one shown `span_s` before a frame up to it, without itself.
 
     Before its first frame a sequence has shown that frame.
     """
     if frame == 0:
         return range(1)
-    first = bisect_left(stamps_s, float(stamps_s[frame]) - span_s, 0, frame)
-    return range(min(first, frame - 1), frame)
+    shown = bisect_right(stamps_s, float(stamps_s[frame]) - span_s, 0, frame)
+    return range(max(shown - 1, 0), frame)
 
 
 def small_light(rgb: NDArray[Any], light: NDArray[np.float32] | None = None) -> NDArray[np.float32]:

@@ -98,7 +98,8 @@ class Perturbation:
     drift, where it has that. counts: parameters that are whole numbers, which a fractional severity rounds.
     implied: for a parameter that only counts with a value of another one, that one and the value, which it has
     where the first is given and it is not. other_severities: by a parameter that is a bool, the table that holds
-    where it is true, of the same parameters. version: raised when equal parameters give other results, so that
+    where it is true, of the same parameters. contradiction: parameters -> what cannot be in their values together, ""
+    for nothing; a preset with it is refused. version: raised when equal parameters give other results, so that
     datasets of before do not grow. distribution: the installed package that brought it, set when it is found; None
     for our own.
 
@@ -118,6 +119,7 @@ class Perturbation:
     counts: frozenset[str] = frozenset()
     implied: Mapping[str, tuple[str, Any]] = field(default_factory=dict)
     other_severities: Mapping[str, Mapping[str, Sequence[float]]] = field(default_factory=dict)
+    contradiction: Callable[[Any], str] | None = None
     version: int = 1
     distribution: Distribution | None = None
 
