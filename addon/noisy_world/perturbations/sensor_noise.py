@@ -13,10 +13,11 @@ from ..core.schema import key
 from ..core.streams import stream
 from ._bands import by_bands
 from ._grain import grain
-from ._quantiles import look_up, scaled_normal, uniform_codes
+from ._quantiles import CODES, look_up, scaled_normal, uniform_codes
 
 MS_PER_S = 1000.0
-FEW = 32.0  # electrons below which their number is drawn from Poisson's law itself; chosen
+FEW = 8.0  # mean number of electrons below which Poisson's law itself is drawn; chosen
+MOST = 40  # electrons of what has fewer than that on average: more come once in 1e14 times
 
 
 @dataclass(frozen=True)
@@ -121,9 +122,7 @@ class _Drawn:
 
     def __init__(self, parameters: SensorNoise, context: FrameContext, shape: tuple[int, int]) -> None:
         self._read = parameters.read_noise_electrons
-        self._photons, self._few, self._reading = (
-            context.pattern_stream(name) for name in ("photons", "few", "reading")
-        )
+        self._photons, self._reading = (context.pattern_stream(name) for name in ("photons", "reading"))
         rows = look_up(uniform_codes(context.pattern_stream("rows"), (shape[0], 1)), scaled_normal(1.0))
         rows = (rows * np.float32(parameters.row_noise_electrons)).reshape(-1, 1, 1)
         self.fields: tuple[NDArray[np.float32], ...] = (rows,)
@@ -139,24 +138,48 @@ class _Drawn:
             found *= soft
             found += mean
         else:
-            found = self._poisson(mean)
+            found = poisson(mean, uniform_codes(self._photons, mean.shape))
             noise = look_up(uniform_codes(self._reading, mean.shape), scaled_normal(1.0))
             noise *= np.float32(self._read)
             found += noise
         return np.add(found, rows, out=found)
 
-    def _poisson(self, mean: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Draw numbers with Poisson's mean, variance and skewness; from his law itself where they are few."""
-        normal = look_up(uniform_codes(self._photons, mean.shape), scaled_normal(1.0))
-        found = normal * np.sqrt(mean)
-        normal *= normal
-        normal -= 1
-        normal *= np.float32(1 / 6)  # Cornish and Fisher, 1938: skewness / 6 x (z^2 - 1) x deviation
-        found += normal
-        found += mean
-        few = mean < np.float32(FEW)
-        found[few] = self._few.poisson(mean[few])
-        return found
+
+def poisson(mean: NDArray[np.float32], codes: NDArray[np.uint16]) -> NDArray[np.float32]:
+    """Return numbers with Poisson's law about a mean, one for each code: by inversion where they are few.
+
+    Elsewhere by Cornish's and Fisher's expansion (1938), which has his mean, variance, skewness and kurtosis and is not
+    rounded to whole numbers. Each number depends on its own mean and code alone.
+    """
+    normal = look_up(codes, scaled_normal(1.0))
+    root = np.sqrt(np.maximum(mean, np.float32(FEW)))
+    square = normal * normal
+    found = normal * root
+    found += (square - np.float32(1)) * np.float32(1 / 6)
+    found += normal * (np.float32(1) - square) / (root * np.float32(72))
+    found += mean
+    few = mean < np.float32(FEW)
+    if few.any():
+        found[few] = _inverted(mean[few], codes[few])
+    return found
+
+
+def _inverted(mean: NDArray[np.float32], codes: NDArray[np.uint16]) -> NDArray[np.float32]:
+    """Return (N,) the numbers below which Poisson's law of a mean (N,) has the probability of a code (N,)."""
+    uniform = (codes.astype(np.float32) + np.float32(0.5)) * np.float32(1 / CODES)
+    found = np.zeros_like(mean)
+    places = np.arange(len(mean))
+    chance = np.exp(-mean)
+    total = chance.copy()
+    for number in range(1, MOST):
+        more = uniform >= total
+        if not more.any():
+            break
+        places, mean, uniform, chance, total = (part[more] for part in (places, mean, uniform, chance, total))
+        found[places] = number
+        chance = chance * mean / np.float32(number)
+        total = total + chance
+    return found
 
 
 def _hot_electrons(
