@@ -73,6 +73,12 @@ CHANGES = {
     "camera.cy": ("mesh", "camera.cy=20"),
     "camera.near_m": ("mesh", "camera.near_m=0.1"),
     "camera.far_m": ("mesh", "camera.far_m=100"),
+    "camera.distortion.model": ("bent", "camera.distortion.model=equidistant"),
+    **{
+        f"camera.distortion.{name}": ("bent", f"camera.distortion.{name}=0.011")
+        for name in ("k1", "k2", "k3", "k4", "k5", "k6", "p1", "p2")
+    },
+    "camera.distortion.undistort": ("bent", "camera.distortion.undistort=true"),
     **{
         f"rig.{sensor}.{name}": ("rig", *text)
         for sensor in ("rgb", "depth")
@@ -83,6 +89,34 @@ CHANGES = {
             "matrix[]": [f"rig.{sensor}={{matrix: {IDENTITY}}}"],
         }.items()
     },
+    **{
+        f"rig.imu.{name}": ("felt", f"rig.imu.{name}={value}")
+        for name, value in {
+            "translation_m": "[0, 0, 0.3]",
+            "quat_wxyz": "[0.5, 0.5, 0.5, 0.5]",
+            "rotation_euler_deg": "[-90, 0, 0]",
+            "device": "adis16448",
+            "rate_hz": 100,
+            "gravity_m_s2": 1.62,
+            "time_offset_s": 0.01,
+            "clock_drift_ppm": 5,
+            "gyro_noise_density": 1e-4,
+            "gyro_random_walk": 1e-5,
+            "accel_noise_density": 1e-3,
+            "accel_random_walk": 1e-4,
+            "gyro_bias_rad_s": "[0.01, 0, 0]",
+            "accel_bias_m_s2": "[0.1, 0, 0]",
+            "gyro_scale_error": "[0.01, 0, 0]",
+            "accel_scale_error": "[0.01, 0, 0]",
+            "gyro_misalignment_deg": "[0.1, 0, 0]",
+            "accel_misalignment_deg": "[0.1, 0, 0]",
+            "gyro_range_deg_s": 500,
+            "accel_range_m_s2": 40,
+            "gyro_step_deg_s": 0.1,
+            "accel_step_m_s2": 0.01,
+        }.items()
+    },
+    "rig.imu.matrix[]": ("felt", f"rig.imu={{matrix: {IDENTITY}}}"),
     "rig.depth.sensor": ("rig", "rig.depth.sensor=choi_2015"),
     "render.engine": ("mesh", "render.engine=embree"),
     "render.backend": ("noisy", "render.backend=compositor"),
@@ -184,6 +218,12 @@ def presets(tmp_path_factory):
         "noises": {**document, "settings": [{"sweep": NOISES}]},
         "swept": {**document, "settings": [{"sweep": SWEPT}]},
         "rig": {**document, "rig": RIG},
+        "felt": {**document, "rig": {"imu": {}}},
+        "bent": {
+            **document,
+            "camera": {**document["camera"], "distortion": {"k1": 0.01}},
+            "render": {"engine": "embree", "backend": "reference"},
+        },
         "surfaces": {**document, "scenes": [numbered], "output": {"modalities": ["rgb", "normal", "instance", "flow"]}},
         "grey": {**document, "output": {"layout": "euroc"}},
         "recording": {**bare, "scenes": [{"name": "box", "sequence": "tum"}]},

@@ -19,6 +19,7 @@ from noisy_world.core.geometry import Intrinsics
 from noisy_world.core.perturbing.exposing import SceneAround
 from noisy_world.core.perturbing.reading import parse_steps
 from noisy_world.core.planning.exposed import ExposedSource
+from noisy_world.core.optics import PINHOLE
 from noisy_world.core.planning.travel import travel_px
 from noisy_world.core.schema import ConfigPath
 from noisy_world.core.trajectories.sensor_paths import SensorPaths
@@ -35,7 +36,7 @@ def blurred(session, sensors, *more, camera=CAMERA, **parameters):
     blur = {"camera_motion_blur": {"shutter_ms": 1000 * SHUTTER_S, **parameters}}
     steps = parse_steps([*more, blur], ConfigPath("test"), registry())
     scene = SimpleNamespace(source=SimpleNamespace(capabilities=SimpleNamespace(moving=False)))
-    render = SimpleNamespace(exposure=steps, camera=camera, depth_camera=camera, scene=scene)
+    render = SimpleNamespace(exposure=steps, camera=camera, depth_camera=camera, scene=scene, optics=PINHOLE)
     return ExposedSource(session, render).frame(sensors.request(len(sensors) // 2))
 
 

@@ -8,10 +8,12 @@ from ..core.datasets.dataset import Dataset
 from ..core.datasets.dataset_state import OVERVIEW
 from ..core.datasets.depth_range import RangeLoss, range_loss
 from ..core.datasets.layouts import OutputFormat, SequenceFacts
+from ..core.datasets.layouts.imu_files import imu_texts
 from ..core.datasets.layouts.stated_optics import stated_optics
 from ..core.datasets.overview import draw_overview
 from ..core.datasets.provenance import cameras_agree, cameras_of, manifest, optics_of
 from ..core.datasets.records import FrameRecord
+from ..core.inertial.imu import ImuSamples, measure
 from ..core.messages import Message
 from ..core.planning.motion_record import motion_of_frames
 from ..core.planning.plan import Plan, Render
@@ -19,6 +21,7 @@ from ..core.planning.scene import Scene
 from ..core.planning.sequence import Sequence, written_paths
 from ..core.presets.preset import canonical
 from ..core.trajectories.sensor_paths import SensorPaths
+from ..core.trajectories.stamps import FrameStamps
 
 
 def channel_texts(format_: OutputFormat, scene: Scene) -> dict[str, str]:
@@ -32,6 +35,16 @@ def channel_texts(format_: OutputFormat, scene: Scene) -> dict[str, str]:
         elif (mesh := scene.source.mesh) is not None:
             texts[f"{item.name}.json"] = canonical(item.content(mesh(), scene.source.location))
     return texts
+
+
+def _imu_samples(plan: Plan, sequence: Sequence, paths: SensorPaths, stamps: FrameStamps) -> ImuSamples | None:
+    """Return what the rig's IMU measures along a sequence's whole path; None without one.
+
+    It draws by seed and scene alone: settings that follow the same path have the same samples.
+    """
+    if plan.rig is None or plan.rig.imu is None or paths.robot is None:
+        return None
+    return measure(paths.robot, plan.rig.imu, stamps.pose.ns[0], (plan.preset.spec.seed, sequence.scene))
 
 
 class Completion:
@@ -68,8 +81,11 @@ class Completion:
                 paths = written_paths(sequence, self._paths_of(render))
                 stamps = render.scene.source.frame_stamps
                 frames = tuple(records)
-                facts = SequenceFacts(format_, render.camera, self._plan.rig, frames, paths, stamps, render.optics)
-                texts = format_.layout.sequence_texts(facts)
+                imu = _imu_samples(self._plan, sequence, paths, stamps)
+                facts = SequenceFacts(
+                    *(format_, render.camera, self._plan.rig, frames, paths, stamps, render.optics, imu)
+                )
+                texts = format_.layout.sequence_texts(facts) | imu_texts(facts)
                 texts |= channel_texts(format_, render.scene)
                 if not one_camera:
                     texts |= format_.setting_texts(render.camera, render.optics)

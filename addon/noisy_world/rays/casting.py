@@ -62,7 +62,7 @@ class LineView:
     def beside(
         self, row: NDArray[np.intp], column: NDArray[np.intp], right: NDArray[np.float64], down: NDArray[np.float64]
     ) -> "LineView":
-        """Return rays beside those of some pixels (N,), as many for each as `right` and `down` (S,) have: N rows."""
+        """Return rays beside those of some pixels (N,): N rows. right, down: (S,) or (N, S), how far beside."""
         height, width = len(self.starts_m), self.starts_m.shape[1]
         line = (np.minimum(row, height - 1), np.minimum(column, width - 1))
         middle = [

@@ -12,7 +12,9 @@ from numpy.typing import NDArray
 from ..core.channels.surface import Surface
 from ..core.channels.surface_images import SurfaceImages
 from ..core.geometry import Intrinsics
+from ..core.lens import lens_rays
 from ..core.machine import available_threads, keep_freed_memory
+from ..core.optics import Distortion
 from ..core.planning.source import RenderedFrame, RenderOptions
 from ..core.scenes.mesh import Mesh
 from ..core.scenes.recentring import recentring_m
@@ -30,8 +32,17 @@ class RaySession:
     origin_m: (3,) float64, around which it is seen. notes: what a user should know about how its rays are cast.
     """
 
-    def __init__(self, mesh: Mesh, paths: SensorPaths, intrinsics: Intrinsics, options: RenderOptions) -> None:
+    def __init__(
+        self,
+        mesh: Mesh,
+        paths: SensorPaths,
+        intrinsics: Intrinsics,
+        options: RenderOptions,
+        lens: Distortion | None = None,
+    ) -> None:
         """Copy the mesh. paths: of the sensors; the scene is recentred so that what is near them is precise.
+
+        lens: that rays pass before the image of these intrinsics; it is sound there.
 
         Raises MissingDependencyError where embreex cannot be imported.
         """
@@ -49,6 +60,7 @@ class RaySession:
         self._faces = triangle_faces(mesh) if "faces" in needs else None
         self._right = (np.arange(self._width) - intrinsics.cx_px) / intrinsics.fx_px
         self._down = (np.arange(self._height) - intrinsics.cy_px) / intrinsics.fy_px
+        self._lens = None if lens is None else lens_rays(intrinsics, lens)
         self._grid = grid_of(options.samples) if options.samples > 1 else None
         self._focal_px = intrinsics.fx_px, intrinsics.fy_px
         self._threads = ThreadPoolExecutor(options.threads or available_threads(), thread_name_prefix="rays")
@@ -88,8 +100,11 @@ class RaySession:
         """Return the rays of an image each row or column of which has its own pose (L, 4, 4)."""
         lines = (len(c2w), 1) if rows else (1, len(c2w))
         starts_m = (c2w[:, :3, 3] - self.origin_m).reshape(*lines, 3)
+        axes, lens = c2w[:, :3, :3].reshape(*lines, 3, 3), self._lens
+        if lens is not None:
+            return LineView(starts_m, axes, lens.right, lens.down)
         right, down = (np.asarray(values, np.float64) for values in (self._right[None], self._down[:, None]))
-        return LineView(starts_m, c2w[:, :3, :3].reshape(*lines, 3, 3), right, down)
+        return LineView(starts_m, axes, right, down)
 
     def _smooth(self, view: View, c2w: NDArray[np.float64], rgb: NDArray[np.float32]) -> int | None:
         """Average the colours of uneven pixels, in place; return how many rays all pixels took, None where one each."""
@@ -107,7 +122,10 @@ class RaySession:
                 centres = np.ascontiguousarray(view.across[:, column] + view.down[:, row])
                 rays: View = RayView(view.origin_m, beside, centres)
             else:
-                rays = view.beside(row, column, beside_right, beside_down)
+                places = (beside_right, beside_down)
+                if self._lens is not None:
+                    places = self._lens.beside(row, column, grid.right_px, grid.down_px)
+                rays = view.beside(row, column, *places)
             found = np.empty((len(row), beside.shape[1], 3), dtype=np.float32)
             self._caster.cast(rays, slice(0, len(found)), CastImages(found, None, None))
             colours[pixels[part]] = mean_colours(colours[pixels[part]], found, grid)
@@ -115,8 +133,10 @@ class RaySession:
         self._each(smooth, len(pixels), PIXELS_AT_ONCE)
         return self._width * self._height + beside.shape[1] * len(pixels)
 
-    def _view(self, c2w: NDArray[np.float64]) -> RayView:
+    def _view(self, c2w: NDArray[np.float64]) -> View:
         """Return the rays of a pose (4, 4)."""
+        if self._lens is not None:
+            return self._lines(c2w[None], rows=True)
         right, down, forward = (c2w[:3, axis, None] for axis in range(3))
         return RayView(c2w[:3, 3] - self.origin_m, self._right * right + forward, self._down * down)
 

@@ -41,7 +41,14 @@ class LitMeshSource(MeshSource):
     @property
     def capabilities(self) -> SourceCapabilities:
         """Rendered frames from any pose, by settings of its own."""
-        return replace(super().capabilities, own=self.rendering, surface=SEEN, objects=lambda: self._objects, lit=True)
+        return replace(
+            super().capabilities,
+            own=self.rendering,
+            surface=SEEN,
+            objects=lambda: self._objects,
+            lit=True,
+            distorts=False,
+        )
 
     @cached_property
     def _objects(self) -> tuple[SceneObject, ...]:

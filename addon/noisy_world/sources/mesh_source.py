@@ -17,8 +17,10 @@ from ..core.channels.surface import Fact
 from ..core.datasets.storage import sha256_of_file
 from ..core.errors import NoisyWorldError
 from ..core.geometry import Intrinsics
+from ..core.optics import PINHOLE, Distortion, Optics
 from ..core.planning.simple_source import SimpleSource
 from ..core.planning.source import PreparedSource, RenderOptions, SourceCapabilities, SourceFrame
+from ..core.presets.distortion import DistortionSpec, sound_lens
 from ..core.presets.preset import Preset
 from ..core.presets.scene_keys import HandheldSpec, TrajectorySpec
 from ..core.scenes.embedded import room_mesh
@@ -34,7 +36,8 @@ from .beginning import Beginning, beginning_of, check_beginning
 from .mesh_reading import files_of_mesh, read_mesh
 from .mesh_reading import forget_meshes as forget_read_meshes
 from .path_files import path_file_of, read_path, selected_poses, sha256_of_path
-from .rendering import RenderSession, open_session
+from .rectification import Rectification
+from .rendering import RenderSession, open_session, undistorted
 
 TOLD: frozenset[Fact] = frozenset({"normals", "faces", "objects"})  # of its surface
 
@@ -46,7 +49,8 @@ class MeshSource(SimpleSource):
     name: of the scene. mesh_path: None is an embedded room. path_file: None where the path is generated in the mesh.
     known_path: the path that was read. seed: of a generated path that has no seed of its own. room: which embedded
     room it is. up: the axis of the mesh's file that points up; None is what the file declares. casts_rays: whether its
-    frames are made of rays, as embree's are.
+    frames are made of rays, as embree's are. distortion: of the lens that it is seen through; None for a pinhole.
+    lens_place: where the preset says that.
     """
 
     name: str
@@ -59,6 +63,8 @@ class MeshSource(SimpleSource):
     room: int = 0
     up: Up | None = None
     casts_rays: bool = False
+    distortion: DistortionSpec | None = None
+    lens_place: ConfigPath | None = None
 
     @property
     def location(self) -> str:
@@ -74,8 +80,23 @@ class MeshSource(SimpleSource):
     def _capabilities(self) -> SourceCapabilities:
         imported = self.mesh_path is not None and imported_format(self.mesh_path) is not None
         return SourceCapabilities(
-            rendered=True, any_pose=True, imported=imported, surface=TOLD, casts_rays=self.casts_rays
+            rendered=True,
+            any_pose=True,
+            imported=imported,
+            surface=TOLD,
+            casts_rays=self.casts_rays,
+            distorts=self.casts_rays,
         )
+
+    def optics(self, camera: Intrinsics) -> Optics:
+        """Return the lens that its frames show. Raises InputError where it folds over within the image."""
+        return PINHOLE if self.distortion is None or self.lens(camera) is None else self.distortion.left
+
+    def lens(self, camera: Intrinsics) -> Distortion | None:
+        """Return the lens that rays pass. Raises InputError where it folds over within the image."""
+        if self.distortion is None:
+            return None
+        return sound_lens(self.distortion, camera, self.lens_place or self.place)
 
     @property
     def stamps_s(self) -> NDArray[np.float64]:
@@ -182,6 +203,9 @@ class PreparedMesh:
         self._closing = closing
         self._session: RenderSession | None = None
         self._unchecked: list[Mesh] = []
+        self._lens = source.lens(camera)
+        again = source.distortion is not None and source.distortion.undistort
+        self._rectified = Rectification(camera, Optics(distortion=self._lens), undistort=True) if again else None
 
     def open(self, paths: SensorPaths, options: RenderOptions, note: Callable[[str], None]) -> "OpenMesh":
         """Return the mesh ready to be rendered along the paths.
@@ -192,7 +216,9 @@ class PreparedMesh:
         if session is None or not session.serves(paths, options):
             session = self._build(paths, options)
         beginning = self._source.beginning(paths, options.first_frames)
-        return OpenMesh(session, self._unchecked, self._camera, note, beginning)
+        return OpenMesh(
+            session, self._unchecked, self._camera, note, beginning, lens=self._lens, rectified=self._rectified
+        )
 
     def _build(self, paths: SensorPaths, options: RenderOptions) -> RenderSession:
         self._closing.close()
@@ -202,7 +228,7 @@ class PreparedMesh:
             self._tell(text)
         if options.engine == "workbench" and mesh.texture is not None and (mesh.texture.face_pictures < 0).any():
             self._tell("Workbench shows a texture or other colours: faces without a texture are grey")
-        opened = open_session(mesh, self._source.name, paths, self._camera, options)
+        opened = open_session(mesh, self._source.name, paths, self._camera, options, lens=self._lens)
         session = self._closing.enter_context(opened)
         for text in session.notes:
             self._tell(text)
@@ -233,13 +259,21 @@ class OpenMesh:
         camera: Intrinsics,
         note: Callable[[str], None],
         beginning: Beginning | None = None,
+        *,
+        lens: Distortion | None = None,
+        rectified: Rectification | None = None,
     ) -> None:
-        """Keep what frames are rendered with. unchecked: the mesh, until a frame has been checked; then emptied."""
+        """Keep what frames are rendered with. unchecked: the mesh, until a frame has been checked; then emptied.
+
+        lens: that frames passed. rectified: what makes a pinhole's frames of them; None leaves them as they are.
+        """
         self._session = session
         self._unchecked = unchecked
         self._camera = camera
         self._note = note
         self._beginning = beginning
+        self._lens = lens
+        self._rectified = rectified
         self._first = True
 
     def frame(self, request: FrameRequest) -> SourceFrame:
@@ -253,7 +287,7 @@ class OpenMesh:
         if self._unchecked:
             self._unchecked.clear()
             forget_meshes()
-        return frame
+        return frame if self._rectified is None else undistorted(frame, self._rectified)
 
     def _check(self, request: FrameRequest, depth_m: NDArray[np.float32]) -> None:
         """Note what looks wrong with the first frame, early enough to stop the run."""
@@ -263,7 +297,7 @@ class OpenMesh:
             self._note(f"{where} sees nothing; {declared}")
             return
         for mesh in self._unchecked:
-            if problem := reprojection_problem(mesh, request.depth_c2w, self._camera, depth_m):
+            if problem := reprojection_problem(mesh, request.depth_c2w, self._camera, depth_m, self._lens):
                 self._note(f"{where}: {problem}")
 
 
@@ -311,8 +345,9 @@ def mesh_scene(
         check_mesh(mesh_path)  # the header only: its errors need not wait until earlier scenes are rendered
     seed, where = preset.spec.seed, place.at("trajectory")
     rays = preset.spec.render.engine == "embree"
+    lens = preset.spec.mesh_camera.distortion, preset.place("camera").at("distortion")
     if path_file is None and spec.file is None:
-        return MeshSource(name, place, mesh_path, spec, None, None, seed, room, up, rays)
+        return MeshSource(name, place, mesh_path, spec, None, None, seed, room, up, rays, *lens)
     path = path_file or path_file_of(preset, where, spec, parts)
     chosen, read_as = read_path(path, spec, where, preset.spec.mesh_camera.intrinsics)
-    return MeshSource(name, place, mesh_path, read_as, path, chosen, seed, room, up, rays)
+    return MeshSource(name, place, mesh_path, read_as, path, chosen, seed, room, up, rays, *lens)

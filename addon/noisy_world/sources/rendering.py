@@ -8,10 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.geometry import Intrinsics
+from ..core.optics import Distortion
 from ..core.planning.source import RenderedFrame, RenderOptions
 from ..core.scenes.mesh import Mesh
 from ..core.trajectories.frame_request import FrameRequest
 from ..core.trajectories.sensor_paths import SensorPaths
+from .rectification import Rectification
 
 
 class RenderSession(Protocol):
@@ -33,13 +35,29 @@ class RenderSession(Protocol):
 
 
 def open_session(
-    mesh: Mesh, name: str, paths: SensorPaths, camera: Intrinsics, options: RenderOptions
+    mesh: Mesh,
+    name: str,
+    paths: SensorPaths,
+    camera: Intrinsics,
+    options: RenderOptions,
+    *,
+    lens: Distortion | None = None,
 ) -> AbstractContextManager[RenderSession]:
-    """Hand a mesh to the renderer that the options ask for. Raises MissingDependencyError where it cannot run here."""
+    """Hand a mesh to the renderer that the options ask for. lens: that distorts, which only Embree's rays pass.
+
+    Raises MissingDependencyError where the renderer cannot run here.
+    """
     if options.engine == "embree":
         from ..rays.session import RaySession
 
-        return RaySession(mesh, paths, camera, options)
+        return RaySession(mesh, paths, camera, options, lens)
     from ..blender.session import Session
 
     return Session(mesh, name, paths, camera, options)
+
+
+def undistorted(frame: RenderedFrame, rectified: Rectification) -> RenderedFrame:
+    """Return the colour and depth of a frame that passed a lens as a pinhole's."""
+    rgb = None if frame.rgb is None else rectified.rgb(frame.rgb)
+    depth_m = None if frame.depth_m is None else rectified.depth_m(frame.depth_m)
+    return RenderedFrame(rgb, depth_m, colour_rays=frame.colour_rays)

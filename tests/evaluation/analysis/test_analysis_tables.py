@@ -93,6 +93,23 @@ def test_differences_to_clean_are_scene_by_scene(tables):
     assert set(tables["differences"]["setting"]) == {"fog1", "fog5", "blur3", "fast"}
 
 
+def test_ps_of_differences_are_paired_t_tests_of_logarithms_corrected_over_settings():
+    runs, sequences = made()
+    runs["ate_rmse_m"] *= np.random.default_rng(5).lognormal(0.0, 0.7, len(runs))
+    table = analyse(runs, sequences)["differences"]
+    logs = runs.assign(log=np.log(runs["ate_rmse_m"])).groupby(["system", "setting", "scene"])["log"].mean()
+    mine = table[(table["system"] == "one") & (table["measure"] == "ate_rmse_m")].set_index("setting")
+    expected = {
+        setting: stats.ttest_rel(logs["one", setting].to_numpy(), logs["one", "clean"].to_numpy()).pvalue
+        for setting in mine.index
+    }
+    assert mine["p"].to_dict() == pytest.approx(expected, rel=1e-9)
+    inside = (mine["ratio_low"] <= 1.0) & (mine["ratio_high"] >= 1.0)
+    assert ((mine["p"] < 0.05) == ~inside).all()
+    assert mine["p_holm"].min() == pytest.approx(min(1.0, len(mine) * min(expected.values())))
+    assert (mine["p_holm"] >= mine["p"]).all()
+
+
 def test_a_failed_run_is_counted_and_not_averaged(tables):
     ate = row_of(tables["spread"], system="two", setting="fog5", measure="ate_rmse_m")
     assert (ate["n_runs"], ate["n_failed"], ate["n"]) == (6, 1, 5)

@@ -13,6 +13,7 @@ from noisy_world.evaluation.analysis.intervals import (
     exponential,
     here_interval,
     mean_interval,
+    mean_p,
     share_interval,
 )
 
@@ -29,9 +30,23 @@ def test_a_mean_has_students_interval(scenes):
     assert np.isfinite(exponential(Interval(-1e4, 1e4))).all()
 
 
+@pytest.mark.parametrize("scenes", [2, 3, 6])
+def test_a_means_p_is_that_of_a_t_test_and_below_5_percent_where_the_interval_has_no_0(scenes):
+    draws = np.random.default_rng(scenes)
+    said = []
+    for _ in range(200):
+        values = draws.normal(1.0, 1.0, scenes)
+        assert mean_p(values) == pytest.approx(stats.ttest_1samp(values, 0.0).pvalue, rel=1e-9)
+        low, high = mean_interval(values)
+        assert (mean_p(values) < 0.05) == (not low <= 0.0 <= high)
+        said.append(mean_p(values) < 0.05)
+    assert 0 < sum(said) < 200
+
+
 def test_no_spread_is_no_interval():
     for values in ([], [0.3], [0.1 + 0.2, 0.3, 0.3], [0.0, 0.0]):
         assert np.isnan(mean_interval(values)).all()
+        assert np.isnan(mean_p(values))
     assert np.isnan(here_interval([[1.0, 2.0], [3.0]])).all()  # one seed in a scene
     assert np.isnan(here_interval([[1.0, 1.0], [3.0, 3.0]])).all()
     assert np.isnan(here_interval([])).all()

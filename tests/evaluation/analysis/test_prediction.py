@@ -4,8 +4,16 @@
 import numpy as np
 import pandas as pd
 import pytest
+from scipy import stats
 
-from noisy_world.evaluation.analysis.prediction import auc, fit_failure_model, held_out_predictions, prediction_tables
+from noisy_world.core.streams import stream
+from noisy_world.evaluation.analysis.prediction import (
+    auc,
+    auc_interval,
+    fit_failure_model,
+    held_out_predictions,
+    prediction_tables,
+)
 from noisy_world.evaluation.analysis.run_table import tidy_runs, tidy_sequences
 
 
@@ -73,6 +81,46 @@ def test_a_scene_is_predicted_without_its_own_results():
     assert np.array_equal(base[scenes == "b"], again_base[scenes == "b"])
     alone, _ = held_out_predictions(x, failed, np.full(90, "a"))
     assert np.isnan(alone).all()
+
+
+def test_the_interval_of_an_auc_is_that_of_whole_scenes_drawn_again():
+    rng = np.random.default_rng(14)
+    scenes = np.array(list("abcdef") * 12)
+    failed = (rng.random(72) < 0.4).astype(float)
+    score = np.round(failed + rng.normal(scale=1.2, size=72), 1)
+    found = []
+    for taken in stream("analysis", "auc", "s").multinomial(6, np.full(6, 1 / 6), size=2000):
+        often = np.repeat(np.arange(72), taken[np.searchsorted(list("abcdef"), scenes)])
+        found.append(auc(failed[often], score[often]))
+    half = stats.t.ppf(0.975, 5) * np.std(found) * np.sqrt(6 / 5)
+    expected = np.clip([auc(failed, score) - half, auc(failed, score) + half], 0.0, 1.0)
+    assert auc_interval(failed, score, scenes, "s") == pytest.approx(expected, rel=1e-9)
+    for scores, of in ((np.full(72, np.nan), failed), (score, np.zeros(72))):
+        assert np.isnan(auc_interval(of, scores, scenes, "s")).all()
+    assert np.isnan(auc_interval(failed, score, np.full(72, "a"), "s")).all()
+
+
+def test_an_error_above_twice_the_clean_one_is_an_outcome_of_its_own():
+    rng = np.random.default_rng(15)
+    runs, sequences = [], []
+    for scene, clean_m in (("a", 0.001), ("b", 0.02), ("c", 0.2)):
+        for number in range(30):
+            contrast = rng.uniform(0.1, 0.9)
+            over = 1.0 if number == 0 else 3.0 if contrast < 0.4 else 1.5
+            key = {"scene": scene, "setting": f"s{number}", "seed": 1, "perturbation": "fog" if number else "clean"}
+            sequences.append({**key, "contrast_mean": contrast})
+            ate_m = over * clean_m
+            runs.append({**key, "system": "s", "repeat": 1, "ate_rmse_m": ate_m, "success_10cm": float(ate_m < 0.1)})
+    table = pd.DataFrame(runs).assign(outcome="finished", failure="", tracked_share=1.0)
+    folds, _, predicted = prediction_tables(tidy_runs(table), tidy_sequences(pd.DataFrame(sequences)))
+    whole = folds[folds["held_out"] == "all"].set_index("outcome")
+    assert list(whole["n"]) == [90, 87]  # a clean run is not held against itself
+    assert whole.loc["success_10cm", "n_without_success"] == 30  # all of scene c, whatever was done
+    worse = predicted[predicted["outcome"] == "success_2x_clean"].set_index(["scene", "setting"])["without_success"]
+    over = table.assign(over=table["ate_rmse_m"] / table["scene"].map({"a": 0.001, "b": 0.02, "c": 0.2}))
+    expected = (over.set_index(["scene", "setting"])["over"] > 2.0).astype(float)
+    assert worse.to_dict() == {key: value for key, value in expected.to_dict().items() if key[1] != "s0"}
+    assert whole.loc["success_2x_clean", "auc"] > 0.98
 
 
 def tables(noise):

@@ -19,10 +19,12 @@ from noisy_world.core.errors import InputError, StorageError
 from noisy_world.evaluation.analysis import tables as analysis_tables
 from noisy_world.evaluation.analysis import analyse
 from noisy_world.evaluation.report import write_report
+from noisy_world.evaluation.report.found_thresholds import threshold_text
 from noisy_world.evaluation.report.per_setting import settings_table
 from noisy_world.evaluation.report.reading import read_results
 from noisy_world.evaluation.study.results import ResultsFolder as StudyResults
 from noisy_world.evaluation.study.tables import write_tables
+from noisy_world.evaluation.thresholds.trials import FORMAT, KIND
 
 # A name that HTML, LaTeX, Markdown and matplotlib would each take for something else.
 HOSTILE = "a<b>&\"'|_$%#{~^`*[x](y)\\frac"
@@ -293,3 +295,49 @@ def test_maps_are_shown_by_their_names_where_they_were_scored(tmp_path):
     headings = {column.name: column.heading for column in settings_of(folder).columns}
     assert headings["map.accuracy_m.mean"] == "map accuracy↓ [m]"
     assert "map.psnr_db.mean" not in headings  # which has no value in any run
+
+
+# What the search of a threshold writes when it has ended, of a system that bears up to 15 frames.
+SEARCHED = {
+    "identity": {"system": {"name": "alpha"}, "success": "success_10cm"},
+    "found": {
+        "axis": {"perturbation": "desync", "parameter": "offset", "unit": "frames", "mild": 1, "worst": 40}
+        | {"logarithmic": True, "whole": True},
+        "verdict": "found",
+        "runs": 18,
+        "threshold": 14.9,
+        "mild": 11.64,
+        "worst": 18.8,
+    },
+}
+
+
+def test_thresholds_in_the_folder_are_a_part(made, tmp_path, quick):
+    folder = tmp_path / "results"
+    shutil.copytree(made[0], folder)
+    assert "Thresholds" not in (folder / "report.md").read_text()
+    searches = folder / "thresholds" / "desync.offset"
+    searches.mkdir(parents=True)
+    (searches / "alpha.threshold.json").write_text(json.dumps({"kind": KIND, "format": FORMAT, **SEARCHED}))
+    write_report(folder)
+    text = (folder / "report.html").read_text()
+    assert ">Thresholds</h2>" in text
+    assert "14.9 [11.6, 18.8] frames" in text
+    assert b"desync: offset [frames]" in (folder / "figures" / "thresholds.svg").read_bytes()
+    (row,) = csv.DictReader((folder / "tables" / "thresholds.csv").open(newline=""))
+    assert (row["system"], float(row["threshold"]), row["runs"]) == ("alpha", 14.9, "18")
+
+
+@pytest.mark.parametrize(
+    ("verdict", "ends", "said"),
+    [
+        ("found", (2.0, 1.5, 3.25), "2 [1.5, 3.25] m"),
+        ("ended", (2.0, None, None), "2 [before 0.5, beyond 9] m"),
+        ("holds", (None, None, None), "beyond 9 m"),
+        ("fails", (None, None, None), "before 0.5 m"),
+    ],
+)
+def test_thresholds_beyond_what_was_searched_are_no_number(verdict, ends, said):
+    threshold, mild, worst = ends
+    row = {"unit": "m", "verdict": verdict, "searched_from": 0.5, "searched_to": 9.0}
+    assert threshold_text({**row, "threshold": threshold, "mild_end": mild, "worst_end": worst}) == said

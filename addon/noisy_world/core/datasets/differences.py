@@ -108,6 +108,9 @@ def _short(value: object) -> str:
 
 def _common(key: str, there: Any, here: Any) -> str:
     name = IN_PRESET.get(key, key)
+    if key == "rig" and (there or {}).get("imu") != (here or {}).get("imu"):
+        before, now = (content.get("imu") for content in (there or {}, here or {}))
+        return first_difference(before, now, f"{name}.imu") or f"{name}.imu"
     if key == "rig":
         return f"{name}: the sensors have other poses on the robot than in the dataset"
     if key == "output":

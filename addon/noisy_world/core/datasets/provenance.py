@@ -11,7 +11,7 @@ import platform
 import re
 import sys
 from collections.abc import Mapping
-from dataclasses import asdict
+from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any
 
@@ -29,7 +29,7 @@ from ..planning.scene import Scene, SceneEntry
 from ..presets.preset import canonical
 from ..regular_files import read_text
 from ..schema import deciding_values
-from ..trajectories.rig import Sensor
+from ..trajectories.rig import Rig, Sensor
 from ..trajectories.trajectory import Trajectory
 from .depth_range import RangeLoss
 from .layouts import EVERY, OutputFormat
@@ -87,7 +87,7 @@ def identity(plan: Plan, renderer: Mapping[str, str], *, paths: bool = True) -> 
         "seed": spec.seed,
         "near_m": spec.mesh_camera.near_m if rendered else None,
         "far_m": spec.mesh_camera.far_m if rendered else None,
-        "rig": None if plan.rig is None else {"rgb": _sensor(plan.rig.rgb), "depth": _sensor(plan.rig.depth)},
+        "rig": None if plan.rig is None else _rig(plan.rig),
         "render": {name: getattr(spec.render, name) for name in ("engine", "device", "samples")} if rendered else None,
         "output": _output(plan.format),
         "scenes": {scene.name: _scene(plan, scene, cameras[scene.name], paths) for scene in plan.scenes},
@@ -118,6 +118,16 @@ def _sensor(sensor: Sensor | None) -> list[list[float]] | None:
     return None if sensor is None else (sensor.robot_from_sensor + 0.0).tolist()
 
 
+def _rig(rig: Rig) -> dict[str, Any]:
+    """Return the sensors' poses, and all that an IMU measures by; without one as datasets of before say it."""
+    found: dict[str, Any] = {"rgb": _sensor(rig.rgb), "depth": _sensor(rig.depth)}
+    if rig.imu is not None:
+        content = {item.name: getattr(rig.imu, item.name) for item in fields(rig.imu)}
+        content["robot_from_sensor"] = (rig.imu.robot_from_sensor + 0.0).tolist()
+        found["imu"] = content | {"model": asdict(rig.imu.model)}
+    return found
+
+
 def _output(format_: OutputFormat) -> dict[str, Any]:
     coloured = "rgb" in format_.modalities
     formats = {name: kind for name, kind in format_.formats if name in format_.modalities}
@@ -138,7 +148,8 @@ def _scene(plan: Plan, scene: Scene, camera: Intrinsics, paths: bool) -> dict[st
     path: dict[str, Any] = {"frames": scene.frame_count}
     if paths:
         path["sha256"] = path_sha256(scene.source.trajectory(), scene.source.stamps_s, scene.frame_count)
-        if any(render.exposure for render in plan.renders if render.scene.name == scene.name):
+        looked = any(render.exposure for render in plan.renders if render.scene.name == scene.name)
+        if looked or (plan.rig is not None and plan.rig.imu is not None):
             path[BETWEEN] = between_sha256(scene.source.trajectory())
     return {
         "entry": relevant_entry(scene.entry),

@@ -62,3 +62,20 @@ def check_exposed(exposing: str, preset: Preset) -> None:
     if asked := (*surface_channels(modalities), *pair_channels(modalities)):
         problem = f"{exposing} makes colour and depth of several moments, and no {asked[0].name}"
         raise preset.place("output.modalities").error(problem, "take one of them out")
+
+
+def check_distorts(scene: Scene, preset: Preset) -> None:
+    """Refuse a lens of the preset's camera that a scene's frames do not pass, and channels that are not undistorted.
+
+    Raises InputError.
+    """
+    camera = preset.spec.camera
+    if camera is None or (spec := camera.distortion) is None:
+        return
+    place = preset.place("camera").at("distortion")
+    if not scene.source.capabilities.distorts:
+        problem = f"{scene.name} is not seen through it: its source makes frames of a pinhole"
+        raise place.error(problem, "leave it out, or take that scene out")
+    if spec.undistort and (asked := surface_channels(preset.spec.output.modalities)):
+        problem = f"{asked[0].name} is not interpolated"
+        raise place.at("undistort").error(problem, Message("take it out of ", PresetKey("output.modalities")))

@@ -123,8 +123,8 @@ class _Around:
         depth_m = self.take(middle_s, None).depth_m
         assert depth_m is not None, "a step that measures travel has depth"
         here, (c2w, _) = self._request.after(middle_s), self._request.poses_after(times_s)
-        cameras = self._render.depth_camera, self._render.camera
-        longest_px = travel_px(depth_m, here.depth_c2w, c2w, *cameras)
+        cameras, lens = (self._render.depth_camera, self._render.camera), self._render.optics.distortion
+        longest_px = travel_px(depth_m, here.depth_c2w, c2w, *cameras, lens=lens)
         if not self._render.scene.source.capabilities.moving:
             return longest_px
         first, last = (self._request.after(float(times_s[at])) for at in (0, -1))

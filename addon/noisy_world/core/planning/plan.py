@@ -24,9 +24,9 @@ from ..presets.names import format_same_folder
 from ..presets.preset import EngineName, Preset
 from ..presets.selection import selected
 from ..trajectories.rig import Rig
-from .channel_checks import check_exposed, check_pairs, check_surface
+from .channel_checks import check_distorts, check_exposed, check_pairs, check_surface
 from .numbers import Numbers, union
-from .rig_sensors import check_sensors, depth_sensor, read_rig
+from .rig_sensors import check_imu, check_sensors, depth_sensor, read_rig
 from .scene import Scene
 from .sequence import Sequence, lay_out
 from .sharing import PartsMade
@@ -208,6 +208,8 @@ def lay_out_plan(
         renders=(),
         chosen=chosen,
     )
+    if plan.rig is not None:
+        check_imu(plan.rig, settings, scenes, preset)
     return replace(plan, renders=tuple(render for scene in scenes for render in _renders(plan, scene)))
 
 
@@ -247,7 +249,9 @@ def _renders(plan: Plan, scene: Scene) -> list[Render]:
             )
             raise scene.error(problem, "take that setting out", "render the scene's mesh")
         key = _shown_key(setting, moving, scene.frame_count, identifiers)
-        first = moved.get(key, Render(f"{scene.name}@{setting.name}", scene, range(0), (), camera, moving, identifiers))
+        first = moved.get(
+            key, Render(f"{scene.name}@{setting.name}", scene, range(0), (), camera, moving, identifiers, optics=optics)
+        )
         sequences = (*first.sequences, sequence)
         moved[key] = replace(
             first, frames=needed_sources(sequences, modalities), sequences=sequences, exposure=setting.exposure
@@ -294,6 +298,7 @@ def _check_exposure(
 
 def _optics(scene: Scene, plan: Plan, camera: Intrinsics) -> Optics:
     """Return what a scene's cameras have beyond one pinhole. Raises InputError where the layout cannot tell it."""
+    check_distorts(scene, plan.preset)
     optics, layout = scene.source.optics(camera), plan.format.layout
     if optics.plain or layout.optics:
         return optics

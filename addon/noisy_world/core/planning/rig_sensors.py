@@ -1,15 +1,20 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The sensors of a robot as a preset says them: where they sit, and what measures depth."""
 
+from collections.abc import Sequence as Many
+from dataclasses import replace
 from typing import Any
 
+from ..inertial.imu import MOST_SAMPLES, Imu
 from ..perturbing.kinds import DepthPerturbation
 from ..perturbing.reading import Registry, parse_sensor
 from ..perturbing.steps import Setting, Step
-from ..presets.preset import Preset, SensorSpec
+from ..presets.preset import ImuSpec, Preset, SensorSpec
 from ..schema import ConfigPath
 from ..trajectories.rig import Rig, Sensor, sensor_from_extrinsics
+from ..trajectories.stamps import NS_PER_S, FrameStamps
 from ..trajectories.trajectory import Axes
+from .scene import Scene
 
 
 def depth_sensor(preset: Preset, registry: Registry) -> tuple[Step[DepthPerturbation], ...]:
@@ -55,7 +60,45 @@ def read_rig(preset: Preset, axes: set[Axes]) -> Rig | None:
     (robot_axes,) = axes
     apart = spec.depth is not None and not spec.depth.shares_place(spec.rgb)
     depth = _sensor(spec.depth, robot_axes, place.at("depth")) if spec.depth is not None and apart else None
-    return Rig(_sensor(spec.rgb, robot_axes, place.at("rgb")), depth)
+    imu = None if spec.imu is None else _imu(spec.imu, robot_axes, place.at("imu"))
+    return Rig(_sensor(spec.rgb, robot_axes, place.at("rgb")), depth, imu)
+
+
+def check_imu(rig: Rig, settings: tuple[Setting, ...], scenes: Many[Scene], preset: Preset) -> None:
+    """Refuse an IMU on paths that have no acceleration, and stamps before 0, which no file of a layout can say."""
+    if rig.imu is None:
+        return
+    place = preset.place("rig").at("imu")
+    for setting in settings:
+        moving = [step.perturbation for step in setting.motion if step.severity != 0]
+        for kind in moving:
+            if kind.apply is not None and not kind.continuous:
+                raise place.error(
+                    f"{setting.name}: {kind.name} moves each pose by itself, so its path has no finite acceleration",
+                    "take one of them out; vibration, drift and jerk deviate along a smooth path",
+                )
+    for scene in scenes:
+        stamps_ns = FrameStamps.of(scene.source.frame_stamps).rgb.ns
+        numbers = rig.imu.sample_numbers((stamps_ns[-1] - stamps_ns[0]) / NS_PER_S)
+        if (first_ns := stamps_ns[0] + round(numbers.start / rig.imu.rate_hz * NS_PER_S)) < 0:
+            problem = f"puts the IMU's first stamp on {scene.name} at {first_ns / NS_PER_S:g} s, before 0"
+            raise place.at("time_offset_s").error(problem, "use 0 or more, or a path with later stamps")
+        if len(numbers) > MOST_SAMPLES:
+            problem = f"makes {len(numbers):,} samples along {scene.name}, more than {MOST_SAMPLES:,}"
+            raise place.at("rate_hz").error(problem, "use a lower one")
+
+
+def _imu(spec: ImuSpec, robot_axes: Axes, place: ConfigPath) -> Imu:
+    turned = spec.quat_wxyz or spec.rotation_euler_deg or spec.matrix
+    with_axes = spec if turned else replace(spec, quat_wxyz=(1.0, 0.0, 0.0, 0.0))  # the robot's
+    return Imu(
+        _sensor(with_axes, robot_axes, place).robot_from_sensor,
+        spec.model,
+        spec.rate_hz,
+        spec.gravity_m_s2,
+        spec.time_offset_s,
+        spec.clock_drift_ppm,
+    )
 
 
 def _sensor(spec: SensorSpec, robot_axes: Axes, place: ConfigPath) -> Sensor:

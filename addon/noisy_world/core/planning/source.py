@@ -153,7 +153,8 @@ class SourceCapabilities:
     pixel sees, for normals and the like. objects: returns the objects that it shows; None where they are a mesh's
     own. moving: whether anything but the camera may move. instants_only: why it has nothing between its frames; ""
     where it answers requests for any time. lit: its frames have scene-linear light before a view transform
-    (`light_of`). casts_rays: whether it gives the rays that a request asks for.
+    (`light_of`). casts_rays: whether it gives the rays that a request asks for. distorts: whether its frames pass the
+    lens that a preset's camera has.
     """
 
     rendered: bool
@@ -167,6 +168,7 @@ class SourceCapabilities:
     instants_only: str = ""
     lit: bool = False
     casts_rays: bool = False
+    distorts: bool = False
 
 
 @dataclass(frozen=True)

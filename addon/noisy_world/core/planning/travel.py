@@ -5,6 +5,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..geometry import Intrinsics
+from ..lens import lens_rays, projected
+from ..optics import Distortion
 
 GRID = 25, 15  # pixels across and down that are looked at, corners among them; chosen
 VOID_M = 1e5  # void is as far as that, and moves by rotation alone
@@ -17,12 +19,14 @@ def travel_px(
     c2w: NDArray[np.float64],
     depth_camera: Intrinsics,
     camera: Intrinsics,
+    *,
+    lens: Distortion | None = None,
 ) -> float:
     """Return the longest way on the image, in pixels, of what a grid of pixels sees.
 
     depth_m: (H, W) planar depth, 0 = void, seen from depth_c2w (4, 4) through depth_camera. c2w: (N, 4, 4), the poses
     of the camera one after another. A way from one to the next counts while the point is before the camera and within
-    an image's size of the image.
+    an image's size of the image; with a lens that distorts both images, while it is within the image.
     """
     height, width = depth_m.shape
     across, down = (np.unique(np.linspace(0, size - 1, count).round().astype(int)) for size, count in zip(
@@ -31,14 +35,17 @@ def travel_px(
     seen_m = depth_m[np.ix_(down, across)].astype(np.float64).ravel()
     u, v = (values.ravel() for values in np.meshgrid(across, down))
     seen_m[seen_m == 0.0] = VOID_M
-    local = np.stack([(u - depth_camera.cx_px) / depth_camera.fx_px, (v - depth_camera.cy_px) / depth_camera.fy_px])
+    if lens is None:
+        local = np.stack([(u - depth_camera.cx_px) / depth_camera.fx_px, (v - depth_camera.cy_px) / depth_camera.fy_px])
+    else:
+        rays = lens_rays(depth_camera, lens)
+        local = np.stack([rays.right[v, u], rays.down[v, u]])
     points = np.concatenate([local * seen_m, seen_m[None]])
     world = depth_c2w[:3, :3] @ points + depth_c2w[:3, 3:]
     placed = c2w[:, :3, :3].transpose(0, 2, 1) @ (world - c2w[:, :3, 3:])
     before = placed[:, 2] > NEAREST * seen_m
-    distance = np.where(before, placed[:, 2], 1.0)
-    at_u = camera.fx_px * placed[:, 0] / distance + camera.cx_px
-    at_v = camera.fy_px * placed[:, 1] / distance + camera.cy_px
+    placed[:, 2] = np.where(before, placed[:, 2], 1.0)
+    at_u, at_v = projected(placed.transpose(0, 2, 1), camera, lens)
     before &= (np.abs(at_u - width / 2) < 1.5 * width) & (np.abs(at_v - height / 2) < 1.5 * height)
     step_px = np.hypot(np.diff(at_u, axis=0), np.diff(at_v, axis=0))
     return float(np.where(before[1:] & before[:-1], step_px, 0.0).sum(axis=0).max(initial=0.0))

@@ -15,6 +15,8 @@ from ..messages import CommandLineOnly, Message, PresetKey
 from ..regular_files import open_regular
 from ..schema import ConfigPath, key, parse
 from ..yaml_reading import LARGEST_BYTES, read_yaml
+from .distortion import DistortionSpec, check_distortion
+from .imu import ImuKeys
 from .including import included
 from .output import OutputSpec, check_output
 from .overrides import override
@@ -43,6 +45,7 @@ class CameraSpec:
     far_m: float = key(
         "what is farther is not seen", unit="m", default=1000.0, above=0, maximum=1e6, identity="meaning"
     )
+    distortion: DistortionSpec | None = key("the lens that meshes are seen through, where it distorts", default=None)
 
     @property
     def intrinsics(self) -> Intrinsics:
@@ -96,11 +99,19 @@ class DepthSensorSpec(SensorSpec):
 
 
 @dataclass(frozen=True)
+class ImuSpec(SensorSpec, ImuKeys):
+    """An inertial measurement unit: where it sits, its axes in the robot's frame, and what it measures by."""
+
+
+@dataclass(frozen=True)
 class RigSpec:
     """A robot with sensors; the trajectory is then the robot's centre."""
 
     rgb: SensorSpec = key("the colour sensor", default=SensorSpec())
     depth: DepthSensorSpec | None = key("the depth sensor, where it is not the colour sensor's place", default=None)
+    imu: ImuSpec | None = key(
+        "the inertial measurement unit, with the robot's axes if it has no rotation", default=None
+    )
 
 
 @dataclass(frozen=True)
@@ -282,10 +293,12 @@ def _check(spec: PresetSpec, place: ConfigPath) -> None:
     if spec.camera is not None and spec.camera.far_m <= spec.camera.near_m:
         problem = Message(f"is {spec.camera.far_m:g} m, not beyond ", PresetKey("near_m"))
         raise place.at("camera").at("far_m").error(problem)
+    if spec.camera is not None and spec.camera.distortion is not None:
+        check_distortion(spec.camera.distortion, place.at("camera").at("distortion"))
     check_output(spec.output, place.at("output"))
     _check_render(spec.render, place.at("render"))
     if spec.rig:
-        for name, sensor in (("rgb", spec.rig.rgb), ("depth", spec.rig.depth)):
+        for name, sensor in (("rgb", spec.rig.rgb), ("depth", spec.rig.depth), ("imu", spec.rig.imu)):
             if sensor:
                 _check_sensor(sensor, place.at("rig").at(name))
 

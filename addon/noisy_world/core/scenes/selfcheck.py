@@ -9,6 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..geometry import Intrinsics, invert_pose
+from ..lens import projected
+from ..optics import Distortion
 from .mesh import Mesh
 
 # Chosen: an error of a convention moves nearly all vertices, a correct frame none but the exceptions named here.
@@ -18,17 +20,19 @@ ALLOWED = 0.02  # of the vertices: those of things so thin that they meet no pix
 LEAST = 200  # vertices in view: the share of fewer is too uncertain
 
 
-def share_in_front(mesh: Mesh, c2w: ArrayLike, camera: Intrinsics, depth_m: NDArray[np.float32]) -> float | None:
+def share_in_front(
+    mesh: Mesh, c2w: ArrayLike, camera: Intrinsics, depth_m: NDArray[np.float32], lens: Distortion | None = None
+) -> float | None:
     """Return the share of vertices in view that are nearer than all depths rendered in the 3 x 3 pixels around them.
 
-    c2w: (4, 4) with OpenCV axes, metres. depth_m: (H, W) planar depth, 0 = void. None where too few are in view.
+    c2w: (4, 4) with OpenCV axes, metres. depth_m: (H, W) planar depth, 0 = void. lens: that distorts; None for a
+    pinhole. None where too few are in view.
     """
     used = mesh.corner_vertices[:: max(1, len(mesh.corner_vertices) // SAMPLES)]
     w2c = invert_pose(c2w)
     points_m = mesh.vertices_m[used] @ w2c[:3, :3].T + w2c[:3, 3]
     points_m = points_m[points_m[:, 2] > 0.1]
-    column = np.rint(points_m[:, 0] / points_m[:, 2] * camera.fx_px + camera.cx_px)
-    row = np.rint(points_m[:, 1] / points_m[:, 2] * camera.fy_px + camera.cy_px)
+    column, row = map(np.rint, projected(points_m, camera, lens))
     inside = (column >= 1) & (column < camera.width_px - 1) & (row >= 1) & (row < camera.height_px - 1)
     if np.count_nonzero(inside) < LEAST:
         return None
@@ -38,9 +42,11 @@ def share_in_front(mesh: Mesh, c2w: ArrayLike, camera: Intrinsics, depth_m: NDAr
     return float(np.mean(points_m[inside, 2] < nearest_m * (1 - TOLERANCE)))
 
 
-def reprojection_problem(mesh: Mesh, c2w: ArrayLike, camera: Intrinsics, depth_m: NDArray[np.float32]) -> str | None:
-    """Return what is wrong with a rendered depth as a sentence, or None."""
-    share = share_in_front(mesh, c2w, camera, depth_m)
+def reprojection_problem(
+    mesh: Mesh, c2w: ArrayLike, camera: Intrinsics, depth_m: NDArray[np.float32], lens: Distortion | None = None
+) -> str | None:
+    """Return what is wrong with a rendered depth as a sentence, or None. lens: that distorts; None for a pinhole."""
+    share = share_in_front(mesh, c2w, camera, depth_m, lens)
     if share is None or share <= ALLOWED:
         return None
     return f"{share:.0%} of the mesh in view lies in front of the rendered depth: pose or intrinsics went wrong"

@@ -8,12 +8,14 @@ the path goes on as fast as there.
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Protocol, TypeAlias
+from typing import Protocol, TypeAlias, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..errors import NoisyWorldError
 from ..geometry import pose
+from .body_motion import BodyMotion
 from .rotation_spline import RotationSpline
 
 Float64: TypeAlias = NDArray[np.float64]
@@ -25,6 +27,23 @@ class Curve(Protocol):
     def pose_at(self, times_s: ArrayLike) -> Float64:
         """(...) seconds -> (..., 4, 4) float64, rigid, camera-to-world, OpenCV axes, metres."""
         ...
+
+
+@runtime_checkable
+class MovingCurve(Curve, Protocol):
+    """A curve that tells its derivatives too."""
+
+    def motion_at(self, times_s: Float64) -> BodyMotion:
+        """(N,) seconds -> the camera's motion then, by analytic derivatives."""
+        ...
+
+
+def motion_of(curve: Curve, times_s: Float64) -> BodyMotion:
+    """Return the motion along a curve at times (N,). Raises NoisyWorldError for a curve that tells no derivatives."""
+    if not isinstance(curve, MovingCurve):
+        name = type(curve).__name__
+        raise NoisyWorldError(f"a path of {name} has no derivatives, which an IMU needs: give {name} motion_at")
+    return curve.motion_at(times_s)
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,18 +83,31 @@ class NaturalSpline:
         """(...) -> (..., D)."""
         asked = np.asarray(times, dtype=np.float64)
         t = asked.ravel()
+        inside, left, gap, (low, begin, square, cube) = self._pieces(t)
+        u = (inside - self.knots[left])[:, None] / gap
+        found = low + u * (begin + u * (square + u * cube))
+        found = np.where(u == 1.0, self.values[np.minimum(left + 1, len(self.knots) - 1)], found)
+        beyond = np.where((t < inside)[:, None], self._slopes[0], self._slopes[-1])
+        return (found + (t - inside)[:, None] * beyond).reshape(*asked.shape, -1)
+
+    def derivatives_at(self, times: Float64) -> tuple[Float64, Float64]:
+        """(N,) -> the first and the second derivative (N, D)."""
+        inside, left, gap, (_, begin, square, cube) = self._pieces(times)
+        u = (inside - self.knots[left])[:, None] / gap
+        first = (begin + u * (2.0 * square + u * 3.0 * cube)) / gap
+        second = (2.0 * square + u * 6.0 * cube) / gap**2
+        return first, np.where((times == inside)[:, None], second, 0.0)
+
+    def _pieces(self, t: Float64) -> tuple[Float64, NDArray[np.intp], Float64, tuple[Float64, ...]]:
+        """Return times (N,) inside the knots, the knot before, the gap (N, 1), and the cubic's coefficients (N, D)."""
         last = len(self.knots) - 1
         inside = np.clip(t, self.knots[0], self.knots[-1])
         left = np.clip(np.searchsorted(self.knots, inside, side="right") - 1, 0, max(last - 1, 0))
         right = np.minimum(left + 1, last)
         gap = np.where(right > left, self.knots[right] - self.knots[left], 1.0)[:, None]
-        u = (inside - self.knots[left])[:, None] / gap
         low, high = self.values[left], self.values[right]
         rise, begin, end = high - low, gap * self._slopes[left], gap * self._slopes[right]
-        found = low + u * (begin + u * (3.0 * rise - 2.0 * begin - end + u * (begin + end - 2.0 * rise)))
-        found = np.where(u == 1.0, high, found)
-        beyond = np.where((t < inside)[:, None], self._slopes[0], self._slopes[-1])
-        return (found + (t - inside)[:, None] * beyond).reshape(*asked.shape, -1)
+        return inside, left, gap, (low, begin, 3.0 * rise - 2.0 * begin - end, begin + end - 2.0 * rise)
 
 
 def _solve_tridiagonal(below: Float64, middle: Float64, above: Float64, right: Float64) -> Float64:
@@ -112,6 +144,16 @@ class SplineCurve:
         positions, rotations = self._splines
         return pose(rotations.at(passed_s), positions.at(passed_s) + self.c2w[0, :3, 3])
 
+    def motion_at(self, times_s: Float64) -> BodyMotion:
+        """(N,) seconds -> the motion then."""
+        passed_s = times_s - self.stamps_s[0]
+        positions, rotations = self._splines
+        rate_rad_s, angular_rad_s2 = rotations.rates_at(passed_s)
+        position_m = positions.at(passed_s) + self.c2w[0, :3, 3]
+        return BodyMotion(
+            rotations.at(passed_s), position_m, *positions.derivatives_at(passed_s), rate_rad_s, angular_rad_s2
+        )
+
 
 @dataclass(frozen=True, eq=False)
 class WarpedCurve:
@@ -124,6 +166,11 @@ class WarpedCurve:
         """(...) seconds -> (..., 4, 4)."""
         return self.curve.pose_at(self.clock.at(times_s)[..., 0])
 
+    def motion_at(self, times_s: Float64) -> BodyMotion:
+        """(N,) seconds -> the motion then."""
+        speed, speeding = self.clock.derivatives_at(times_s)
+        return motion_of(self.curve, self.clock.at(times_s)[:, 0]).sped(speed[:, 0], speeding[:, 0])
+
 
 @dataclass(frozen=True, eq=False)
 class MountedCurve:
@@ -135,3 +182,7 @@ class MountedCurve:
     def pose_at(self, times_s: ArrayLike) -> Float64:
         """(...) seconds -> (..., 4, 4)."""
         return self.curve.pose_at(times_s) @ self.body_from_sensor
+
+    def motion_at(self, times_s: Float64) -> BodyMotion:
+        """(N,) seconds -> the sensor's motion then, with its lever arm."""
+        return motion_of(self.curve, times_s).carried(self.body_from_sensor)

@@ -3,6 +3,7 @@
 
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,6 +19,9 @@ from ..geometry import (
 from .curve import MountedCurve
 from .trajectory import Axes, Trajectory, convert_convention
 
+if TYPE_CHECKING:
+    from ..inertial.imu import Imu
+
 # As for trajectory files: rounding is mended, anything more is a mistake and refused.
 _ROTATION_TOLERANCE = 5e-3
 _QUAT_NORM_TOLERANCE = 1e-2
@@ -32,10 +36,11 @@ class Sensor:
 
 @dataclass(frozen=True, eq=False)
 class Rig:
-    """The two sensors of an RGB-D robot; depth is None where it has the colour sensor's pose."""
+    """The sensors of an RGB-D robot; depth is None where it has the colour sensor's pose, imu where there is none."""
 
     rgb: Sensor
     depth: Sensor | None
+    imu: "Imu | None" = None
 
 
 def sensor_trajectory(robot: Trajectory, sensor: Sensor) -> Trajectory:

@@ -66,19 +66,38 @@ class RotationSpline:
         """(...) -> (..., 3, 3)."""
         asked = np.asarray(times, dtype=np.float64)
         t, last = asked.ravel(), len(self.knots) - 1
-        inside = np.clip(t, self.knots[0], self.knots[-1])
         if last == 0:
             return np.broadcast_to(self.rotations[0], (*asked.shape, 3, 3)).copy()
-        left = np.clip(np.searchsorted(self.knots, inside, side="right") - 1, 0, last - 1)
-        gap = (self.knots[left + 1] - self.knots[left])[:, None]
+        inside, left, gap, (begin, square, cube) = self._pieces(t)
         u = (inside - self.knots[left])[:, None] / gap
-        turn = self._turns[left]
-        begin = gap * self._rates[left]
-        end = gap * (_rotvec_rate_from_rate(turn) @ self._rates[left + 1][..., None])[..., 0]
-        rotvec = u * (begin + u * (3.0 * turn - 2.0 * begin - end + u * (begin + end - 2.0 * turn)))
+        rotvec = u * (begin + u * (square + u * cube))
         beyond = (t - inside)[:, None] * np.where((t < inside)[:, None], self._rates[0], self._rates[-1])
         found = self.rotations[left] @ rotation_from_rotvec(rotvec) @ rotation_from_rotvec(beyond)
         return found.reshape(*asked.shape, 3, 3)
+
+    def rates_at(self, times: Float64) -> tuple[Float64, Float64]:
+        """(N,) -> the angular velocity (N, 3), rad a unit of the knots, in the turned axes, and its derivative."""
+        if len(self.knots) == 1:
+            return np.zeros((len(times), 3)), np.zeros((len(times), 3))
+        inside, left, gap, (begin, square, cube) = self._pieces(times)
+        u = (inside - self.knots[left])[:, None] / gap
+        rotvec = u * (begin + u * (square + u * cube))
+        first = (begin + u * (2.0 * square + u * 3.0 * cube)) / gap
+        second = (2.0 * square + u * 6.0 * cube) / gap**2
+        to_rate = _rate_from_rotvec_rate(rotvec)
+        rate = (to_rate @ first[..., None])[..., 0]
+        change = (to_rate @ second[..., None])[..., 0] + _bending(rotvec, first)
+        return rate, np.where((times == inside)[:, None], change, 0.0)
+
+    def _pieces(self, t: Float64) -> tuple[Float64, NDArray[np.intp], Float64, tuple[Float64, ...]]:
+        """Return times (N,) inside the knots, the knot before, the gap (N, 1), and the cubic's coefficients (N, 3)."""
+        inside = np.clip(t, self.knots[0], self.knots[-1])
+        left = np.clip(np.searchsorted(self.knots, inside, side="right") - 1, 0, len(self.knots) - 2)
+        gap = (self.knots[left + 1] - self.knots[left])[:, None]
+        turn = self._turns[left]
+        begin = gap * self._rates[left]
+        end = gap * (_rotvec_rate_from_rate(turn) @ self._rates[left + 1][..., None])[..., 0]
+        return inside, left, gap, (begin, 3.0 * turn - 2.0 * begin - end, begin + end - 2.0 * turn)
 
 
 def _cross_matrix(vectors: Float64) -> Float64:

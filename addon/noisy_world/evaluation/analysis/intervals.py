@@ -50,6 +50,20 @@ def mean_interval(of_scenes: ArrayLike) -> Interval:
     return _around(float(np.mean(values)), half)
 
 
+def mean_p(of_scenes: ArrayLike) -> float:
+    """(S,) a value of each scene -> the two-sided p of their mean being 0 over scenes at large, by Student's t.
+
+    It is below 0.05 where 0 is outside of `mean_interval`, and NaN where there is no such interval.
+    """
+    from scipy.special import stdtr
+
+    values = np.asarray(of_scenes, dtype=np.float64)
+    if not np.isfinite(mean_interval(values).low):
+        return float("nan")
+    error = float(np.std(values, ddof=1)) / np.sqrt(len(values))
+    return float(2.0 * stdtr(len(values) - 1, -abs(float(np.mean(values))) / error))
+
+
 def exponential(interval: Interval) -> Interval:
     """Return the interval of a geometric mean, of a ratio: from that of its logarithm; no end is below 0."""
     return Interval(*(float(np.exp(min(end, LARGEST_LOG))) for end in interval))

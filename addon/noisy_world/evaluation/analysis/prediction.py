@@ -1,16 +1,18 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Can a sequence's indicators tell whether a system will fail on it? A small model, tested on other scenes."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..metrics.over_clean import success_over_clean_name
 from .columns import Columns, table_of
 from .correlation import with_indicators
-from .run_table import SEQUENCE, SUCCESS
+from .intervals import NONE, Interval, bootstrap_interval, clipped
+from .run_table import CLEAN, SEQUENCE, SUCCESS
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -34,9 +36,16 @@ PENALTY = 1.0
 
 BOTTOM = 1e-3
 
-FOLDS = ["system", "held_out", "n", "n_without_success", "n_fitted", "base_rate", "auc", "brier", "brier_base", "skill"]
-COEFFICIENTS = ["system", "feature", "coefficient", "mean", "standard_deviation", "n"]
-PREDICTED = ["system", *SEQUENCE, "without_success", "predicted", "base_rate"]
+TWICE_CLEAN = success_over_clean_name(2.0)
+OUTCOMES = (SUCCESS, TWICE_CLEAN)
+"""The successes that are predicted, each by itself: an error below 10 cm, and one below twice the clean one."""
+
+FOLDS = [
+    *("system", "outcome", "held_out", "n", "n_scenes", "n_without_success", "n_fitted", "base_rate"),
+    *("auc", "auc_low", "auc_high", "brier", "brier_base", "skill"),
+]
+COEFFICIENTS = ["system", "outcome", "feature", "coefficient", "mean", "standard_deviation", "n"]
+PREDICTED = ["system", "outcome", *SEQUENCE, "without_success", "predicted", "base_rate"]
 ALL = "all"
 
 
@@ -94,31 +103,71 @@ def fit_failure_model(features: ArrayLike, failed: ArrayLike, penalty: float = P
 def prediction_tables(runs: Columns, sequences: Columns) -> tuple["DataFrame", "DataFrame", "DataFrame"]:
     """Return how well failure is predicted in scenes that the model has not seen, coefficients, and each prediction.
 
-    A failure is a run without success_10cm, an incomplete one too. The unit is a sequence: repeats of a system on it
+    A failure is a run without the success that `outcome` names, of OUTCOMES those that the runs have; an incomplete one
+    too. Clean sequences have no part in what is over clean. The unit is a sequence: repeats of a system on it
     are averaged, and a half or more of failures is one. Each scene in turn is left out of the fit and predicted; row
-    "all" is over all of them. base_rate is the share of failures in the fit, brier_base the Brier score of saying
-    nothing else, skill 1 - brier / brier_base. The coefficients are those of the fit to all scenes.
+    "all" is over all of them, with the interval of the AUC over scenes at large. base_rate is the share of failures in
+    the fit, brier_base the Brier score of saying nothing else, skill 1 - brier / brier_base. The coefficients are those
+    of the fit to all scenes.
     """
     folds, coefficients, predicted = [], [], []
     names = [name for name in FEATURES if name in sequences]
+    outcomes = [name for name in OUTCOMES if name in runs and np.isfinite(runs[name]).any()] or [SUCCESS]
     for (system,), of_system in runs.groups(["system"]):
-        labelled = _labelled(of_system, sequences, names)
-        if not len(labelled):
-            continue
-        features, failed, scenes = transformed(labelled, names), labelled["failed"], labelled["scene"]
-        chance, base = held_out_predictions(features, failed, scenes)
-        for scene in [*sorted(set(scenes)), ALL]:
-            chosen = np.ones(len(scenes), bool) if scene == ALL else scenes == scene
-            row = {"system": system, "held_out": scene, "n_fitted": np.nan if scene == ALL else int((~chosen).sum())}
-            folds.append(row | judged(failed, chance, base, chosen))
-        model = fit_failure_model(features, failed)
-        for name, *values in zip(names, model.coefficients, model.mean, model.deviation, strict=True):
-            row = dict(zip(("coefficient", "mean", "standard_deviation"), map(float, values), strict=True))
-            coefficients.append({"system": system, "feature": name, **row, "n": len(failed)})
-        for key, *values in zip(labelled.rows(SEQUENCE), failed, chance, base, strict=True):
-            row = dict(zip(("without_success", "predicted", "base_rate"), map(float, values), strict=True))
-            predicted.append({"system": system, **dict(zip(SEQUENCE, key, strict=True)), **row})
+        for outcome in outcomes:
+            labelled = _labelled(of_system, sequences, names, outcome)
+            if not len(labelled):
+                continue
+            key = {"system": system, "outcome": outcome}
+            features, failed, scenes = transformed(labelled, names), labelled["failed"], labelled["scene"]
+            chance, base = held_out_predictions(features, failed, scenes)
+            folds += [{**key, **row} for row in _folds(failed, chance, base, scenes, system)]
+            model = fit_failure_model(features, failed)
+            for name, *values in zip(names, model.coefficients, model.mean, model.deviation, strict=True):
+                row = dict(zip(("coefficient", "mean", "standard_deviation"), map(float, values), strict=True))
+                coefficients.append({**key, "feature": name, **row, "n": len(failed)})
+            for place, *values in zip(labelled.rows(SEQUENCE), failed, chance, base, strict=True):
+                row = dict(zip(("without_success", "predicted", "base_rate"), map(float, values), strict=True))
+                predicted.append({**key, **dict(zip(SEQUENCE, place, strict=True)), **row})
     return table_of(folds, FOLDS), table_of(coefficients, COEFFICIENTS), table_of(predicted, PREDICTED)
+
+
+def _folds(
+    failed: Float64, chance: Float64, base: Float64, scenes: NDArray[Any], system: str
+) -> Iterator[dict[str, Any]]:
+    """Yield what is said of each scene that was left out, and of all."""
+    for scene in [*sorted(set(scenes)), ALL]:
+        chosen = np.ones(len(scenes), bool) if scene == ALL else scenes == scene
+        row = {"held_out": scene, "n_fitted": np.nan if scene == ALL else int((~chosen).sum())}
+        ends = auc_interval(failed, chance, scenes, system) if scene == ALL else NONE
+        row |= {"n_scenes": len(set(scenes[chosen])), "auc_low": ends.low, "auc_high": ends.high}
+        yield row | judged(failed, chance, base, chosen)
+
+
+def auc_interval(failed: Float64, score: Float64, scenes: NDArray[Any], *names: str) -> Interval:
+    """Return the interval of an AUC over scenes at large, by a bootstrap of whole scenes, within 0 and 1.
+
+    Scenes that are taken several times count as often in each pair. NaN where scores or scenes are too few.
+    """
+    every = sorted(set(scenes))
+    if not np.isfinite(score).all() or not every:
+        return NONE
+    bad = [score[(failed == 1.0) & (scenes == scene)] for scene in every]
+    good = [score[(failed == 0.0) & (scenes == scene)] for scene in every]
+    ahead = np.array([[_pairs_in_order(one, other) for other in good] for one in bad])
+    n_bad, n_good = (np.array([float(len(part)) for part in parts]) for parts in (bad, good))
+
+    def of_taken(taken: Float64) -> Float64:
+        with np.errstate(invalid="ignore"):
+            return np.einsum("bs,st,bt->b", taken, ahead, taken) / ((taken @ n_bad) * (taken @ n_good))
+
+    return clipped(bootstrap_interval(of_taken, len(every), "auc", *names))
+
+
+def _pairs_in_order(bad: Float64, good: Float64) -> float:
+    """Return in how many pairs the first is above the second, ties half."""
+    above = bad[:, None] - good[None, :]
+    return float((above > 0.0).sum() + 0.5 * (above == 0.0).sum())
 
 
 def held_out_predictions(features: Float64, failed: Float64, scenes: NDArray[Any]) -> tuple[Float64, Float64]:
@@ -166,10 +215,12 @@ def transformed(table: Columns, names: Sequence[str]) -> Float64:
     return found
 
 
-def _labelled(runs: Columns, sequences: Columns, names: list[str]) -> Columns:
+def _labelled(runs: Columns, sequences: Columns, names: list[str], outcome: str) -> Columns:
     """Return the sequences that a system was run on, with indicators and whether half of the runs or more failed."""
+    if outcome == TWICE_CLEAN:
+        runs = runs.where((runs["perturbation"] != CLEAN) & np.isfinite(runs[outcome]))
     joined = with_indicators(runs, sequences, names)
-    failed = 1.0 - np.nan_to_num(runs[SUCCESS]) if SUCCESS in runs else runs["failed"]
+    failed = 1.0 - np.nan_to_num(runs[outcome]) if outcome in runs else runs["failed"]
     shares = {key: np.mean(group["lost"]) for key, group in runs.with_column("lost", failed).groups(SEQUENCE)}
     return joined.with_column("failed", np.array([float(shares[key] >= 0.5) for key in joined.rows(SEQUENCE)]))
 

@@ -19,10 +19,12 @@ from .intervals import (
     exponential,
     here_interval,
     mean_interval,
+    mean_p,
     share_interval,
 )
 from .log_scale import log_errors
 from .run_table import CLEAN, FAILED, INCOMPLETE, SETTING, is_averaged_in_logs, is_error, is_score, is_share
+from .significance import holm
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -38,7 +40,7 @@ MEAN = ["average", "mean", "low", "high", "here_low", "here_high"]
 SPREAD = [*COUNTS, *MEAN, "median", "minimum", "maximum", "standard_deviation"]
 DIFFERENCE = [
     *("n", "n_scenes", "average", "mean", "clean_mean", "difference", "low", "high", "here_low", "here_high"),
-    *("ratio", "ratio_low", "ratio_high"),
+    *("ratio", "ratio_low", "ratio_high", "p", "p_holm"),
 ]
 
 
@@ -90,7 +92,8 @@ def difference_of(runs: Columns, clean: Columns, measure: str) -> Row:
 
     Of an error, the ratio of the geometric means, if no clean one is 0, which here_* then are of; of all else the
     difference. Scenes without a
-    value on one side are left out. n: values of these runs.
+    value on one side are left out. n: values of these runs. p: of no difference over scenes at large, whose interval
+    low, high or ratio_low, ratio_high is; p_holm is left to `difference_table`.
     """
     row: Row = dict.fromkeys(DIFFERENCE, float("nan"))
     mine, theirs = cells_of(runs, measure), cells_of(clean, measure)
@@ -104,12 +107,13 @@ def difference_of(runs: Columns, clean: Columns, measure: str) -> Row:
     row |= {"mean": float(np.mean(means)), "clean_mean": float(np.mean(clean_means))}
     difference = row["mean"] - row["clean_mean"]
     ends, here = mean_interval(means - clean_means), difference_here_interval(ours, others)
+    row["p"] = mean_p(means - clean_means)
     if not is_averaged_in_logs(measure):
         row |= {"difference": difference, "low": ends.low, "high": ends.high}
         return row | dict(zip(("here_low", "here_high"), here, strict=True))
     row |= {name: float(np.exp(row[name])) for name in ("mean", "clean_mean")}
     if (clean[measure] == 0.0).any():
-        return row
+        return row | {"p": float("nan")}
     row["ratio"] = float(np.exp(difference))
     row["ratio_low"], row["ratio_high"] = exponential(ends)
     row["here_low"], row["here_high"] = exponential(here)
@@ -154,15 +158,24 @@ def spread_table(runs: Columns, measures: list[str]) -> "DataFrame":
 
 
 def difference_table(runs: Columns, measures: list[str]) -> "DataFrame":
-    """Return how each setting differs from clean, for each system and measure, scene by scene."""
+    """Return how each setting differs from clean, for each system and measure, scene by scene.
+
+    p_holm: Holm's correction of p over the settings of one system and measure.
+    """
     keys = ["system", *SETTING]
     rows = []
     for (system,), of_system in runs.groups(["system"]):
         is_clean = of_system["perturbation"] == CLEAN
         reference = of_system.where(is_clean)
+        of_settings: list[Row] = []
         for key, group in of_system.where(~is_clean).groups(SETTING):
             shared = {"system": system, **dict(zip(SETTING, key, strict=True))}
-            rows += [{**shared, "measure": name, **difference_of(group, reference, name)} for name in measures]
+            of_settings += [{**shared, "measure": name, **difference_of(group, reference, name)} for name in measures]
+        for name in measures:
+            family = [row for row in of_settings if row["measure"] == name]
+            for row, corrected in zip(family, holm([row["p"] for row in family]), strict=True):
+                row["p_holm"] = float(corrected)
+        rows += of_settings
     return table_of(rows, [*keys, "measure", *DIFFERENCE])
 
 

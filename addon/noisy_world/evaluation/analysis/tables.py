@@ -11,7 +11,7 @@ from .over_clean import over_clean_table
 from .prediction import prediction_tables
 from .robustness_table import robustness_table
 from .run_results import LEFT_OUT
-from .run_table import SETTING, SUCCESS, headline_of, measures_of, tidy_runs, tidy_sequences
+from .run_table import SETTING, headline_of, measures_of, tidy_runs, tidy_sequences
 from .sequences_table import sequences_tables
 from .significance import against_clean_table
 from .spread import difference_table, spread_table
@@ -47,7 +47,8 @@ CAPTIONS = {
     "worst.",
     "indicator_correlations": "Pearson: ATE, log10 ATE with what sequences are like; Spearman: failed and incomplete "
     "runs as worst.",
-    "prediction": f"Predicting runs without success ({SUCCESS} is not 1) in scenes that the model was not fitted on.",
+    "prediction": "Predicting runs without success (the outcome is not 1) in scenes that the model was not fitted on; "
+    "auc_low, auc_high: 95 % for scenes at large.",
     "prediction_coefficients": "That model, fitted to all scenes: above 0, more of the feature goes with failure.",
     "predictions": "The predicted probability of no success on each sequence, by the model without its scene.",
     "images": "What the images of each setting are like, over its sequences; frames are sampled.",

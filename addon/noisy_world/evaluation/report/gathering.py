@@ -3,7 +3,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from .contents import Contents, Section
 from .evaluated import again, command, facts, opening
 from .figures.heat_map import Scale, heat_map
 from .findings import Ranked, SystemFound, found_of, ranking_picture, sentences, times
+from .found_thresholds import threshold_section
 from .headline import headline_table
 from .labels import column_of
 from .paper_comparison import notes, paper_comparison
@@ -27,6 +28,8 @@ from .tables import NOTHING, Table, shown
 if TYPE_CHECKING:
     from .figures.drawing import Picture
     from .run_pictures import FramePicture
+
+T = TypeVar("T")
 
 SCORE = "success_auc"
 RUN_COLUMNS = (
@@ -54,6 +57,7 @@ def gather(results: Results, analyses: Analyses) -> Contents:
             pictures=_some(_heat_map(results, found, gate)),
             tables=[settings_table(results, analyses["spread"])],
         ),
+        *_some(threshold_section(results.folder)),
         Section("runs", "Single runs", _RUNS, _run_pictures(results, missing), tables=[_runs_table(results)]),
         Section("frames", "Where it went wrong", _FRAMES, frames=_frames(results, missing)),
     ]
@@ -142,5 +146,5 @@ def _runs_table(results: Results) -> Table:
     return Table("runs", "All runs", caption, results.runs, columns)
 
 
-def _some(picture: "Picture | None") -> "list[Picture]":
-    return [] if picture is None else [picture]
+def _some(item: T | None) -> list[T]:
+    return [] if item is None else [item]

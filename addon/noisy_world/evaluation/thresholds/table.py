@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from ...core.datasets.storage import storage_errors
+from ..report.figures.drawing import Picture
 from ..report.figures.thresholds import ThresholdBar, thresholds
 from ..study.results import ResultsFolder
 from ..study.tables import csv_text
@@ -40,18 +41,23 @@ def read_thresholds(folder: Path) -> list[SystemThreshold]:
     return sorted(found, key=lambda item: (item.found.axis.name, item.system))
 
 
+def drawn(found: list[SystemThreshold]) -> Picture:
+    """Draw thresholds by system, a panel for each parameter."""
+    return thresholds([ThresholdBar(item.system, item.found) for item in found])
+
+
 def write_thresholds(folder: Path) -> list[Path]:
     """Write thresholds.csv and thresholds.svg from the searches in a folder; return the files. Raises StorageError."""
     found = read_thresholds(folder)
-    bars = [ThresholdBar(item.system, item.found) for item in found]
-    files = {"thresholds.csv": csv_text(map(_row, found), COLUMNS).encode(), "thresholds.svg": thresholds(bars).svg}
+    files = {"thresholds.csv": csv_text(map(row_of, found), COLUMNS).encode(), "thresholds.svg": drawn(found).svg}
     for name, data in files.items():
         with storage_errors(folder / name):
             (folder / name).write_bytes(data)
     return [folder / name for name in files]
 
 
-def _row(item: SystemThreshold) -> dict[str, Any]:
+def row_of(item: SystemThreshold) -> dict[str, Any]:
+    """Return a row of the table, by COLUMNS."""
     found, axis = item.found, item.found.axis
     return {
         "perturbation": axis.perturbation,

@@ -167,7 +167,7 @@ def sensor_yaml(
     distortion: Distortion | None = None,
 ) -> str:
     """Return the text of a sensor.yaml. rate_hz: None for a single frame, which has no rate."""
-    matrix = (",\n" + " " * 9).join(", ".join(map(_yaml_number, row)) for row in (body_from_sensor + 0.0).tolist())
+    matrix = (",\n" + " " * 9).join(", ".join(map(yaml_number, row)) for row in (body_from_sensor + 0.0).tolist())
     rows = [
         f"sensor_type: {kind}",
         f"comment: {comment}",
@@ -186,20 +186,20 @@ def sensor_yaml(
         rows += [
             f"resolution: [{camera.width_px}, {camera.height_px}]",
             "camera_model: pinhole",
-            f"intrinsics: [{', '.join(map(_yaml_number, numbers))}] # fu, fv, cu, cv",
+            f"intrinsics: [{', '.join(map(yaml_number, numbers))}] # fu, fv, cu, cv",
             f"distortion_model: {lens.model}",
-            f"distortion_coefficients: [{', '.join(map(_yaml_number, lens.coefficients))}]",
+            f"distortion_coefficients: [{', '.join(map(yaml_number, lens.coefficients))}]",
         ]
     if depth_scale_per_m is not None:
         rows += [
             "",
             "# Planar depth in 16 bits, 0 where there is none; steps a metre.",
-            f"{DEPTH_SCALE_KEY}: {_yaml_number(depth_scale_per_m)}",
+            f"{DEPTH_SCALE_KEY}: {yaml_number(depth_scale_per_m)}",
         ]
     return lines(rows)
 
 
-def _yaml_number(value: float) -> str:
+def yaml_number(value: float) -> str:
     """Return a number with a point: PyYAML and others that follow YAML 1.1 take 1e-05 for a text."""
     digits, e, exponent = repr(float(value)).partition("e")
     return f"{digits}{'' if '.' in digits or not e else '.0'}{e}{exponent}"

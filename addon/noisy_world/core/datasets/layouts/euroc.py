@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ...errors import InputError
 from ...geometry import invert_pose
 from ...optics import DepthCamera, Optics
-from ...trajectories.rig import Sensor, sensor_trajectory
+from ...trajectories.rig import Rig, Sensor, sensor_trajectory
 from ...trajectories.stamps import FrameStamps
 from ...trajectories.trajectory import Trajectory
 from ..association import associate_frames
@@ -30,11 +30,13 @@ from .asl import (
     stamp_text,
     stamps_problem,
 )
+from .imu_files import imu_yaml, samples_csv, states_csv
 from .layout import Image, Layout, SequenceFacts, StampsLike, lines, poses_at
 
 MAV = "mav0"
 COLOUR = f"{MAV}/cam0"
 DEPTH = f"{MAV}/depth0"
+IMU = f"{MAV}/imu0"
 TRUE_STATE = f"{MAV}/state_groundtruth_estimate0"
 NOMINAL_STATE = f"{MAV}/state_nominal0"
 # Two texts of the same pose differ by less than this, sensors at different poses by more. Chosen.
@@ -44,8 +46,8 @@ _SAME_POSE = 1e-9
 class EurocLayout(Layout):
     """`mav0/cam0`, `mav0/depth0`, `mav0/state_groundtruth_estimate0`, each a `data.csv` and a `sensor.yaml`.
 
-    Images are named after their time stamps in nanoseconds. The body is the robot if there is one, else the colour
-    camera.
+    Images are named after their time stamps in nanoseconds. The body is the IMU if there is one, with `mav0/imu0`;
+    else the robot if there is one, else the colour camera.
     """
 
     name = "euroc"
@@ -54,6 +56,7 @@ class EurocLayout(Layout):
     images = ("png",)
     colours = ("grey", "rgb")  # grey by default: Basalt aborts at images of more than one channel
     optics = True  # in sensor.yaml
+    holds_imu = True
     depth_scale_per_m = 5000.0  # TUM's, so that depth images can be linked from one layout to the other
     conventions: ClassVar[dict[str, str]] = {
         "pose": "body-to-world; T_BS of a sensor.yaml is sensor-to-body; camera axes x right, y down, z forward "
@@ -64,7 +67,7 @@ class EurocLayout(Layout):
         *(f"{folder}/data/{'[0-9]' * STAMP_DIGITS}.png" for folder in (COLOUR, DEPTH)),
         *(
             f"{folder}/{name}"
-            for folder in (COLOUR, DEPTH, TRUE_STATE, NOMINAL_STATE)
+            for folder in (COLOUR, DEPTH, IMU, TRUE_STATE, NOMINAL_STATE)
             for name in ("data.csv", "sensor.yaml")
         ),
         f"{COLOUR}/timestamps.txt",
@@ -97,11 +100,12 @@ class EurocLayout(Layout):
 
     def sequence_texts(self, facts: SequenceFacts) -> dict[str, str]:
         """Return the lists of images, the descriptions of the sensors, and the body's path or paths."""
-        body_from_rgb = np.eye(4) if facts.rig is None else facts.rig.rgb.robot_from_sensor
+        body, body_from_robot = _body(facts.rig)
+        body_from_rgb = np.eye(4) if facts.rig is None else body_from_robot @ facts.rig.rgb.robot_from_sensor
         of_depth = None if facts.rig is None else facts.rig.depth
-        body_from_depth = body_from_rgb if of_depth is None else of_depth.robot_from_sensor
+        body_from_depth = body_from_rgb if of_depth is None else body_from_robot @ of_depth.robot_from_sensor
         rate_hz, seen = _rate_hz(facts.paths.rgb), facts.optics.depth
-        texts = {f"{MAV}/body.yaml": f"comment: {'the colour camera' if facts.rig is None else 'the robot'}\n"}
+        texts = {f"{MAV}/body.yaml": f"comment: {body}\n"}
         if "rgb" in facts.format.modalities:
             names = [PurePosixPath(facts.names.rgb(frame)).name for frame in facts.frames]
             comment = "grey of colour" if facts.format.colour == "grey" else "colour"
@@ -132,7 +136,10 @@ class EurocLayout(Layout):
         if facts.timed is None:
             return texts
         chosen, stamps = facts.timed
-        states = {TRUE_STATE: (chosen.robot or chosen.rgb, "where the body was")}
+        followed = chosen.rgb
+        if chosen.robot is not None:
+            followed = sensor_trajectory(chosen.robot, Sensor(invert_pose(body_from_robot)))
+        states = {TRUE_STATE: (followed, "where the body was")}
         if chosen.nominal is not None:
             # The nominal path is the colour camera's; this layout holds poses of the body.
             rgb_from_body = Sensor(invert_pose(body_from_rgb))
@@ -143,6 +150,10 @@ class EurocLayout(Layout):
         for folder, (path, comment) in states.items():
             texts[f"{folder}/data.csv"] = poses_csv(path, stamps.ns)
             texts[f"{folder}/sensor.yaml"] = sensor_yaml("pose", comment, np.eye(4))
+        if facts.imu is not None:
+            texts[f"{TRUE_STATE}/data.csv"] = states_csv(facts.imu.true_states(facts.frames_ns))
+            texts[f"{IMU}/data.csv"] = samples_csv(facts.imu)
+            texts[f"{IMU}/sensor.yaml"] = imu_yaml(facts.imu.imu, np.eye(4))
         return texts
 
     def recognises(self, folder: Path) -> bool:
@@ -215,6 +226,15 @@ def _optics(path: Path, colour: AslSensor, depth: AslSensor) -> Optics:
     rows = tuple(tuple(row) for row in between.tolist()) if apart else None
     lens = depth.distortion is not None and not apart
     return Optics(DepthCamera(depth.camera, rows, lens), colour.distortion)
+
+
+def _body(rig: Rig | None) -> tuple[str, NDArray[np.float64]]:
+    """Return what the body is, and the robot's pose in its frame (4, 4)."""
+    if rig is None:
+        return "the colour camera", np.eye(4)
+    if rig.imu is None:
+        return "the robot", np.eye(4)
+    return "the IMU", invert_pose(rig.imu.robot_from_sensor)
 
 
 def _rate_hz(path: Trajectory) -> float | None:

@@ -15,6 +15,7 @@ from ...channels import CHANNELS, COLOUR_AND_DEPTH
 from ...channels.channel import FileKind
 from ...errors import InputError
 from ...geometry import Intrinsics
+from ...inertial.imu import ImuSamples
 from ...optics import PINHOLE, Optics
 from ...trajectories.rig import Rig
 from ...trajectories.sensor_paths import SensorPaths
@@ -34,6 +35,9 @@ Colour = Literal["rgb", "grey"]
 StampsLike: TypeAlias = FrameStamps | Sequence[float] | NDArray[np.float64]
 """The stamps of a path's frames; as seconds (N,) where colour, depth and poses have the same."""
 
+IMU_FILES = ("imu.csv", "imu.yaml", "imu_states.csv")
+"""An IMU's files in a sequence's folder: its samples, what it is, its true states."""
+
 _SPOKEN: dict[Image, str] = {"jpg": "JPEG", "png": "PNG"}
 
 
@@ -45,7 +49,8 @@ class Layout(ABC):
     preset gives another. conventions: those that differ from the manifest's for all layouts. patterns: glob patterns of
     all files that a sequence's folder may hold. setting_files: the names of those that a setting's folder may hold.
     Patterns and setting_files say what to remove when a dataset is replaced. gaps: whether frames may lack a pose.
-    optics: whether its files can say that depth has a camera of its own, and how a lens distorts.
+    optics: whether its files can say that depth has a camera of its own, and how a lens distorts. holds_imu: whether
+    sequence_texts has an IMU's files; else they lie beside the images (IMU_FILES).
 
     All names have forward slashes and are relative to the sequence's (or setting's) folder.
     """
@@ -61,6 +66,7 @@ class Layout(ABC):
     setting_files: ClassVar[tuple[str, ...]] = ()
     gaps: ClassVar[bool] = True
     optics: ClassVar[bool] = False
+    holds_imu: ClassVar[bool] = False
 
     @property
     def summary(self) -> str:
@@ -88,7 +94,7 @@ class Layout(ABC):
     def all_patterns(self) -> tuple[str, ...]:
         """Glob patterns of all files that a sequence's folder may hold, those of other channels too."""
         others = [name for name in CHANNELS if name not in COLOUR_AND_DEPTH]
-        return (*self.patterns, *(pattern for name in others for pattern in self.channel_patterns(name)))
+        return (*self.patterns, *IMU_FILES, *(pattern for name in others for pattern in self.channel_patterns(name)))
 
     def image_note(self, image: Image) -> str:
         """Return a sentence on who does not find colour images of this kind, or ""."""
@@ -230,7 +236,8 @@ class SequenceFacts:
 
     frames: the numbers of the frames that exist. paths: of the whole sequence; frame i has the i-th pose.
     rig: the sensors' poses on the robot; None where there is no rig. stamps: frame i has the i-th; None where colour,
-    depth and poses have those of the paths. optics: what the cameras have beyond one pinhole.
+    depth and poses have those of the paths. optics: what the cameras have beyond one pinhole. imu: what the rig's IMU
+    measured along the whole path, whichever frames exist.
     """
 
     format: OutputFormat
@@ -240,6 +247,7 @@ class SequenceFacts:
     paths: SensorPaths
     stamps: FrameStamps | None = None
     optics: Optics = PINHOLE
+    imu: ImuSamples | None = None
 
     @cached_property
     def chosen(self) -> SensorPaths:
@@ -264,6 +272,11 @@ class SequenceFacts:
             return None
         stamps = self.taken.pose.take(order)
         return self.chosen.each(lambda path: path.at(order, stamps.seconds)), stamps
+
+    @property
+    def frames_ns(self) -> NDArray[np.int64]:
+        """(N,): when the poses of the frames that exist were taken, nanoseconds."""
+        return np.array(self.taken.pose.ns, dtype=np.int64)
 
     @property
     def names(self) -> FrameNames:

@@ -1,0 +1,178 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Datasets seen through a lens that distorts: what is written, what is refused, and the way back to a pinhole."""
+
+import json
+
+import cv2
+import numpy as np
+import pytest
+import yaml
+from analytic import box_depth, look_at
+from cases import cases
+from worlds import HIGH, LOW, write_replica, write_world
+from written import run
+
+pytest.importorskip("embreex", reason="embreex is not installed: make .venv/.extras brings it")
+
+from noisy_world.core.datasets.layouts import find_sequence
+from noisy_world.core.errors import InputError, StorageError
+from noisy_world.core.geometry import Intrinsics
+from noisy_world.core.lens import lens_rays
+from noisy_world.core.optics import Distortion
+from noisy_world.core.planning.travel import travel_px
+
+SIZE = (64, 48)
+CAMERA = Intrinsics(*SIZE, 32.0, 32.0, 31.5, 23.5)  # as write_world has it
+COUNT, SCALE = 3, 6553.5
+LENS = Distortion("radial-tangential", (-0.2, 0.03, 0.001, -0.002))
+KEYS = {"k1": -0.2, "k2": 0.03, "p1": 0.001, "p2": -0.002}
+POSES = np.stack([look_at([-0.4 + 0.1 * n, 0.1, 1.2], [1.0, 0.4, 1.0]) for n in range(COUNT)])
+
+
+def world(folder, distortion=None, *, settings=({"name": "clean"},), engine="embree", layout="replica", **keys):
+    preset = write_world(
+        folder, size=SIZE, settings=list(settings), render={"engine": engine, "backend": "reference"},
+        output={"layout": layout, "image": "png"}, **keys,
+    )  # fmt: skip
+    write_replica(folder / "traj.txt", POSES)
+    if distortion is not None:
+        document = yaml.safe_load(preset.read_text())
+        document["camera"]["distortion"] = distortion
+        preset.write_text(yaml.safe_dump(document))
+    return preset
+
+
+def images(out, frame, name="clean"):
+    places = [str(out / name / f"box/results/{what}{frame:06d}.png") for what in ("frame", "depth")]
+    return cv2.imread(places[0]), cv2.imread(places[1], cv2.IMREAD_UNCHANGED) / SCALE
+
+
+def through(lens, c2w):
+    """Planar depth of the room behind a lens, in closed form, through a hundred times as many pixels' neighbours."""
+    rays = lens_rays(CAMERA, lens)
+    local = np.stack([rays.right, rays.down, np.ones(rays.right.shape)], axis=-1) @ c2w[:3, :3].T
+    with np.errstate(divide="ignore"):
+        bounds = np.sort(np.where(local > 0, HIGH - c2w[:3, 3], LOW - c2w[:3, 3]) / local, axis=-1)
+    return bounds[..., 0], bounds[..., 1] - bounds[..., 0] > 0.05
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("made")
+    settings = [
+        {"name": "clean"},
+        {"name": "rolling", "perturb": [{"rolling_shutter": {"readout_ms": 1}}]},
+        {"name": "moved", "perturb": [{"motion_deviation": {"rotation_deg": 3}}]},
+        {"name": "blurred", "perturb": [{"camera_motion_blur": {"shutter_ms": 100}}]},
+    ]
+    preset = world(folder, KEYS, settings=settings)
+    run(preset, folder / "out")
+    return preset, folder / "out"
+
+
+def test_depth_is_planar_behind_the_lens(made):
+    for frame in range(COUNT):
+        true_m, sure = through(LENS, POSES[frame])
+        assert sure.mean() > 0.6
+        assert np.abs(images(made[1], frame)[1] - true_m)[sure].max() < 0.5 / SCALE + 2e-5
+
+
+@cases("name", ["clean", "rolling", "moved", "blurred"])
+def test_each_sequence_says_its_lens(made, name):
+    found = find_sequence(made[1] / name / "box")
+    assert found.optics.distortion == LENS
+    manifest = json.loads((made[1] / "manifest.json").read_text())
+    assert manifest["camera"]["distortion"] == LENS.content()
+
+
+def test_ways_on_the_image_are_those_of_the_lens():
+    """A wall before a camera that goes sideways and turns, every point projected by OpenCV."""
+    rays = lens_rays(CAMERA, LENS)
+    depth_m = np.full(rays.right.shape, 2.0, np.float32)
+    c2w = np.tile(np.eye(4), (9, 1, 1))
+    c2w[:, 0, 3] = np.linspace(-0.1, 0.1, 9)
+    points = np.stack([rays.right, rays.down, np.ones_like(rays.right)], axis=-1).reshape(-1, 3) * 2.0
+    places = []
+    for pose in c2w:
+        found, _ = cv2.projectPoints(
+            points - pose[:3, 3], np.zeros(3), np.zeros(3), CAMERA.matrix, np.array(LENS.coefficients)
+        )
+        places.append(found.reshape(-1, 2))
+    places = np.array(places)
+    inside = ((places > -0.5) & (places < np.array(SIZE) - 0.5)).all(axis=-1)
+    steps = np.where(inside[1:] & inside[:-1], np.linalg.norm(np.diff(places, axis=0), axis=-1), 0.0)
+    true_px = steps.sum(axis=0).max()
+    # A grid of pixels is looked at, and the widest ray through the image counts as within it.
+    assert travel_px(depth_m, c2w[4], c2w, CAMERA, CAMERA, lens=LENS) == pytest.approx(true_px, rel=0.02)
+    assert travel_px(depth_m, c2w[4], c2w, CAMERA, CAMERA) == pytest.approx(3.2, abs=1e-6)  # 32 px x .2 m / 2 m
+
+
+def test_a_frame_alone_is_that_of_the_run(made, tmp_path):
+    run(made[0], tmp_path / "alone", frames=slice(1, 2))
+    for name in ("clean", "rolling", "moved", "blurred"):
+        for kind in ("frame", "depth"):
+            file = f"{name}/box/results/{kind}000001.png"
+            assert (tmp_path / "alone" / file).read_bytes() == (made[1] / file).read_bytes()
+
+
+@cases("changed", ["k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"])
+def test_each_coefficient_is_in_the_identity(made, tmp_path, changed):
+    was = KEYS.get(changed, 0.0)
+    with pytest.raises(StorageError, match=rf"camera\.distortion\.{changed}"):
+        run(made[0], made[1], overrides=[f"camera.distortion.{changed}={was + 0.001}"])
+
+
+def test_frames_that_are_undistorted_are_a_pinholes(made, tmp_path):
+    run(made[0], tmp_path / "again", overrides=["camera.distortion.undistort=true"])
+    run(world(tmp_path / "plain"), tmp_path / "pinhole")
+    assert find_sequence(tmp_path / "again/clean/box").optics.plain
+    matrix, values = CAMERA.matrix, np.array(LENS.coefficients)
+    for frame in range(COUNT):
+        rgb, depth_m = images(tmp_path / "again", frame)
+        # OpenCV's own undistortion of the bent frame, within the rounding of its maps to 1/32 px.
+        opencv = cv2.undistort(images(made[1], frame)[0], matrix, values)
+        assert np.abs(rgb.astype(int) - opencv).max() <= 8
+        seen = depth_m > 0
+        true_m, sure = box_depth(CAMERA, POSES[frame], LOW, HIGH)
+        assert np.abs(depth_m / true_m - 1)[sure & seen].max() < 0.05  # of the nearest pixel, half of one away
+    with pytest.raises(StorageError, match=r"camera\.distortion\.undistort"):
+        run(made[0], made[1], overrides=["camera.distortion.undistort=true"])
+
+
+@cases(("layout", "read"), [("euroc", "mav0/cam0/sensor.yaml"), ("tum", None)])
+def test_layouts_that_know_lenses_write_them(tmp_path, layout, read):
+    for model, keys, coefficients in (
+        ("radial-tangential", KEYS, LENS.coefficients),
+        ("radial-tangential", KEYS | {"k3": 0.01}, (*LENS.coefficients, 0.01)),
+        ("equidistant", {"k1": -0.02, "k4": 0.001}, (-0.02, 0.0, 0.0, 0.001)),
+    ):
+        folder = tmp_path / f"{layout}{model}{len(coefficients)}"
+        folder.mkdir()
+        run(world(folder, {"model": model, **keys}, layout=layout), folder / "out")
+        found = find_sequence(folder / "out/clean/box")
+        assert found.optics.distortion == Distortion(model, coefficients)
+        if read:
+            text = (folder / "out/clean/box" / read).read_text()
+            assert f"distortion_model: {model}" in text
+
+
+def test_a_layout_that_cannot_say_it_is_refused(tmp_path):
+    with pytest.raises(InputError, match=r"its lens distorts, which the VSLAM-LAB layout cannot say"):
+        run(world(tmp_path, KEYS, layout="vslamlab"), tmp_path / "out")
+    run(world(tmp_path / "pinhole", KEYS | {"undistort": True}, layout="vslamlab"), tmp_path / "out")
+
+
+@cases(
+    ("distortion", "message"),
+    [
+        ({"k1": -0.9}, r"camera\.distortion: folds over .* 64 x 48 px; lower its coefficients"),
+        ({"k1": 0.0}, r"camera\.distortion: has no coefficient that is not 0"),
+        ({"model": "equidistant", "k1": 0.1, "p1": 0.1}, r"camera\.distortion\.p1: goes with radial-tangential"),
+        ({"model": "fisheye", "k1": 0.1}, r"camera\.distortion\.model: .*radial-tangential"),
+        ({"k1": float("inf")}, r"camera\.distortion\.k1: "),
+    ],
+)
+def test_lenses_that_make_no_image_are_refused(tmp_path, distortion, message):
+    with pytest.raises(InputError, match=message):
+        run(world(tmp_path, distortion), tmp_path / "out")
+    assert not (tmp_path / "out").exists()
