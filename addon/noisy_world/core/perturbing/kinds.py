@@ -18,6 +18,7 @@ from ..installed import Distribution
 from ..trajectories.frame_request import RequestedRays, Shutter
 from ..trajectories.trajectory import Trajectory
 from .contexts import FrameContext, SequenceContext, Temporal
+from .contexts import Identifiers as Identifiers  # noqa: PLC0414 - is found here too
 from .exposing import ExposureApply
 from .parameter_rules import check_no_temporals, check_parameters
 
