@@ -14,6 +14,7 @@ from ..core.datasets.images import as_bytes, as_float
 from ..core.datasets.layouts import Modality, OutputFormat
 from ..core.datasets.registration import Registration
 from ..core.geometry import Intrinsics
+from ..core.perturbing.earlier_frames import EarlierFrame
 from ..core.perturbing.execution import ColourWork, Notes
 from ..core.perturbing.kinds import FrameContext
 from ..core.perturbing.lit import acts_on_light, after_light, on_light
@@ -92,6 +93,10 @@ class CleanFrame:
         """What a meter sees of it, as `small_light`."""
         return light_seen(self._image)
 
+    def alone(self, _span_s: float) -> tuple[EarlierFrame, ...]:
+        """Return what was before it if it had been shown for long; a function that contexts can hand on."""
+        return (EarlierFrame(0.0, self.light_seen),)
+
     @property
     def light(self) -> SceneLight | None:
         """Colour before the view transform, of a lit frame."""
@@ -135,7 +140,8 @@ class Camera:
 
     intrinsics: None where unknown. stamps_s: (N,) time stamps of the images of the path's frames, colour or depth,
     seconds; frame i of a sequence has the i-th. path: of the camera, a pose for each source frame; None where unknown.
-    earlier: what sequences showed before a frame; None where no step of colour asks.
+    earlier: what sequences showed before a frame; None where no step of colour asks, or where a frame is
+    shown alone: it is seen as if it had been shown for long.
     """
 
     intrinsics: Intrinsics | None
@@ -150,9 +156,9 @@ class Camera:
         the depth was taken.
         """
         setting = sequence.setting
-        earlier, key = (None, None)
-        if self.earlier is not None and setting.looks_back:
-            earlier, key = self.earlier.before(sequence, frame)
+        earlier, key = None, None
+        if setting.looks_back:
+            earlier, key = (clean.alone, None) if self.earlier is None else self.earlier.before(sequence, frame)
         return FrameContext(
             index=frame,
             identifiers=sequence.identifiers,
