@@ -148,7 +148,7 @@ peer-env: .venv-peer/.installed ## an environment with Open3D and pyrender, to c
 	$(ENVIRONMENT) "$(PYTHON311)" .venv-peer --only-binary :all: --no-deps -r $<
 	touch $@
 
-corruptions-env: .venv-corruptions/.installed ## an environment with imagecorruptions, to compare with; Python 3.11, a compiler
+corruptions-env: .venv-corruptions/.installed ## an environment with imagecorruptions, to compare with; needs Python 3.11
 
 .venv-corruptions/.installed: tests/peer/corruptions.txt
 	@test -n "$(PYTHON311)" || { echo "make: imagecorruptions needs Python 3.11, which is not here" >&2; exit 1; }

@@ -111,7 +111,7 @@ def times(names: list[str], frames: NDArray[np.uint8], peer: Contestant | None) 
         for _ in range(5):
             mine.append(timed(call, 8))
             if peer and name not in SLOW:
-                order = {"name": name, "severity": TIMED_SEVERITY, "frames": [0, 1 % count]}
+                order = {"name": name, "severity": TIMED_SEVERITY, "frames": [index % count for index in range(8)]}
                 theirs.append(peer.ask(do="time", **order)["frame_s"])
         found_ms[name] = 1e3 * float(np.median(mine))
         fields: tuple[object, object] = ("-", "-")

@@ -1,9 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Lit frames: environment and lens act on light before the view transform, in both executions and in the preview."""
 
-import sys
-import threading
-
 import cv2
 import numpy as np
 import pytest
@@ -11,6 +8,7 @@ import pytest
 bpy = pytest.importorskip("bpy", reason="bpy is not installed")
 
 from group_tools import IDENTIFIERS, by_groups, step_of
+from lit_scenes import LAMPS, lit_hall, make, write_preset
 from own_scenes import new_scene, opened, save
 
 from noisy_world.blender.chain_scene import refresh_chain
@@ -22,39 +20,12 @@ from noisy_world.core.geometry import Intrinsics
 from noisy_world.core.perturbing.execution import ColourWork
 from noisy_world.core.perturbing.kinds import FrameContext
 from noisy_world.core.perturbing.lit import on_light
-from noisy_world.core.presets.preset import read_preset
-from noisy_world.core.progress import PlainProgress
-from noisy_world.pipeline.run import Run
-from noisy_world.planning import make_plan
 
-LAMPS = (4.0, 20.0, 100.0)
 CHAIN = ("fog_depth", "snow_depth", "frost", "lens_drops", "lens_dirt")
 
 
-def lit_hall(folder):
-    """The hall with three lamps in view, each a ball that emits as many times white, shown by AgX."""
-    scene = new_scene(samples=2)
-    for place, strength in enumerate(LAMPS):
-        bpy.ops.mesh.primitive_uv_sphere_add(radius=0.15, location=(place - 1, 3, 0.6))
-        material = bpy.data.materials.new(f"Lamp {strength:g}")
-        shader = material.node_tree.nodes["Principled BSDF"]
-        shader.inputs["Emission Color"].default_value = (1, 1, 1, 1)
-        shader.inputs["Emission Strength"].default_value = strength
-        bpy.context.object.data.materials.append(material)
-    scene.view_settings.view_transform = "AgX"
-    scene.frame_end = 1
-    return save(folder, "lit")
-
-
 def written(folder, settings, backend):
-    (folder / "lit.yaml").write_text(
-        "scenes: [{name: hall, blend: lit.blend}]\n"
-        f"settings: [{{name: clean}}, {settings}]\n"
-        f"render: {{backend: {backend}}}\noutput: {{image: png, modalities: [rgb]}}\n"
-    )
-    out = folder / f"out-{backend}"
-    preset = read_preset(folder / "lit.yaml")
-    Run(make_plan(preset), out, progress=PlainProgress(sys.stderr), stop=threading.Event()).make_dataset()
+    out = make(write_preset(folder, settings, backend=backend), folder / f"out-{backend}")
     return {path.parts[-4]: cv2.imread(str(path))[..., ::-1] for path in out.glob("*/hall/results/frame*.png")}
 
 

@@ -49,6 +49,8 @@ CHANGES = {
     "scenes[].trajectory.handheld.speed_m_s": ("handheld", "scenes.0.trajectory.handheld.speed_m_s=0.8"),
     "scenes[].trajectory.handheld.clearance_m": ("handheld", "scenes.0.trajectory.handheld.clearance_m=0.3"),
     "scenes[].trajectory.handheld.revisit": ("long", "scenes.0.trajectory.handheld.revisit=true"),
+    "scenes[].trajectory.body.kind": ("carried", "scenes.0.trajectory.body.kind=runner"),
+    "scenes[].trajectory.body.motion": ("carried", "scenes.0.trajectory.body.motion=2"),
     "scenes[].trajectory.format": ("mesh", "scenes.0.trajectory.format=kitti"),
     "scenes[].trajectory.pose": ("mesh", "scenes.0.trajectory.pose=w2c"),
     "scenes[].trajectory.axes": ("mesh", "scenes.0.trajectory.axes=opengl"),
@@ -63,6 +65,12 @@ CHANGES = {
     "scenes[].poses": ("lost", "scenes.0.poses=keep"),
     "scenes[].undistort": ("lens", "scenes.0.undistort=true"),
     "scenes[].register": ("lens", "scenes.0.register=true"),
+    "scenes[].distortion.model": ("rebent", "scenes.0.distortion.model=equidistant"),
+    **{
+        f"scenes[].distortion.{name}": ("rebent", f"scenes.0.distortion.{name}=0.011")
+        for name in ("k1", "k2", "k3", "k4", "k5", "k6", "p1", "p2")
+    },
+    "scenes[].distortion.undistort": ("rebent", "scenes.0.distortion.undistort=true"),
     "scenes[].name": ("mesh", "scenes.0.name=hut"),
     "seed": ("mesh", "seed=4"),
     "camera.width": ("mesh", "camera.width=60"),
@@ -211,6 +219,7 @@ def presets(tmp_path_factory):
         "stamped": {**document, "scenes": [{**box, "trajectory": {"file": "stamped.txt", "stamp_unit": "s"}}]},
         "textured": {**document, "scenes": [{**box, "mesh": "quad.obj", "up": "y", "trajectory": "traj.txt"}]},
         "handheld": {**document, "scenes": [{**box, "trajectory": {"handheld": {"frames": 3}}}]},
+        "carried": {**document, "scenes": [{**box, "trajectory": {"handheld": {"frames": 3}, "body": "walker"}}]},
         "long": {**document, "scenes": [{**box, "trajectory": {"handheld": LONG}}]},
         "replica": {**document, "scenes": [{"replica": "room0"}]},
         "noisy": {**document, "settings": [NOISY]},
@@ -228,6 +237,7 @@ def presets(tmp_path_factory):
         "grey": {**document, "output": {"layout": "euroc"}},
         "recording": {**bare, "scenes": [{"name": "box", "sequence": "tum"}]},
         "lens": {**bare, "scenes": [{"name": "box", "sequence": "lens"}]},
+        "rebent": {**bare, "scenes": [{"name": "box", "sequence": "tum", "distortion": {"k1": 0.01}}]},
         "lost": {**bare, "scenes": [{"name": "box", "sequence": "lost"}]},
         "unstamped": {**bare, "scenes": [{"name": "box", "sequence": "unstamped"}]},
         "plates": {

@@ -2,6 +2,8 @@
 """Datasets seen through a lens that distorts: what is written, what is refused, and the way back to a pinhole."""
 
 import json
+import sys
+import tarfile
 
 import cv2
 import numpy as np
@@ -9,17 +11,23 @@ import pytest
 import yaml
 from analytic import box_depth, look_at
 from cases import cases
+from packed import pack_to
 from worlds import HIGH, LOW, write_replica, write_world
 from written import run
 
 pytest.importorskip("embreex", reason="embreex is not installed: make .venv/.extras brings it")
 
+import noisy_world
 from noisy_world.core.datasets.layouts import find_sequence
 from noisy_world.core.errors import InputError, StorageError
 from noisy_world.core.geometry import Intrinsics
 from noisy_world.core.lens import lens_rays
 from noisy_world.core.optics import Distortion
 from noisy_world.core.planning.travel import travel_px
+from noisy_world.core.progress import PlainProgress
+from noisy_world.evaluation.maps.reading import read_sequence
+from noisy_world.evaluation.systems.index import given_sequence
+from noisy_world.recipes.of_dataset import recipe_of
 
 SIZE = (64, 48)
 CAMERA = Intrinsics(*SIZE, 32.0, 32.0, 31.5, 23.5)  # as write_world has it
@@ -176,3 +184,102 @@ def test_lenses_that_make_no_image_are_refused(tmp_path, distortion, message):
     with pytest.raises(InputError, match=message):
         run(world(tmp_path, distortion), tmp_path / "out")
     assert not (tmp_path / "out").exists()
+
+
+# --- bent from a pinhole's images ---
+
+
+def stored_preset(folder, sequence, **keys):
+    folder.mkdir(parents=True, exist_ok=True)
+    document = {
+        "seed": 3,
+        "scenes": [{"name": "box", "sequence": str(sequence), **keys}],
+        "render": {"backend": "reference"},
+        "output": {"layout": "replica", "image": "png"},
+    }
+    path = folder / "stored.yaml"
+    path.write_text(yaml.safe_dump(document))
+    return path
+
+
+def test_a_recording_is_bent_and_what_it_did_not_see_is_void(made, tmp_path):
+    run(world(tmp_path / "world"), tmp_path / "pinhole")
+    run(stored_preset(tmp_path / "bent", tmp_path / "pinhole/clean/box", distortion=KEYS), tmp_path / "out")
+    assert find_sequence(tmp_path / "out/clean/box").optics.distortion == LENS
+    rays = lens_rays(CAMERA, LENS)
+    u, v = rays.right * 32 + 31.5, rays.down * 32 + 23.5
+    inside = (u >= -0.5) & (u < 63.5) & (v >= -0.5) & (v < 47.5)
+    assert 0.02 < (~inside).mean() < 0.5
+    for frame in range(COUNT):
+        rgb, depth_m = images(tmp_path / "out", frame)
+        cast_rgb, cast_m = images(made[1], frame)
+        true_m, sure = through(LENS, POSES[frame])
+        assert not rgb[~inside].any()
+        assert not depth_m[~inside].any()
+        # Steps of 1 / 6553.5 m; beside the walls' edges a pixel has the nearest one's depth.
+        error = np.abs(depth_m / true_m - 1)[sure & inside]
+        assert np.quantile(error, 0.8) < 2e-4
+        assert error.max() < 0.05
+        assert np.abs(depth_m - cast_m)[sure & inside].mean() < 0.01
+        assert np.median(np.abs(rgb.astype(int) - cast_rgb)[inside]) <= 2
+
+
+@cases(
+    ("keys", "message"),
+    [
+        ({"distortion": KEYS}, r"scenes\.0\.distortion: its lens distorts already; set undistort: true"),
+        ({"distortion": {"k1": 0.0}}, r"scenes\.0\.distortion: has no coefficient"),
+        ({"distortion": {"k1": -0.9}, "undistort": True}, r"scenes\.0\.distortion: folds over"),
+        ({"distortion": KEYS | {"undistort": True}}, r"scenes\.0\.distortion\.undistort: is for what is rendered"),
+    ],
+)
+def test_recordings_that_cannot_be_bent_are_refused(made, tmp_path, keys, message):
+    with pytest.raises(InputError, match=message):
+        run(stored_preset(tmp_path, made[1] / "clean/box", **keys), tmp_path / "out")
+
+
+def test_another_lens_takes_the_place_of_a_recordings_own(made, tmp_path):
+    keys = {"undistort": True, "distortion": {"model": "equidistant", "k1": 0.02}}
+    run(stored_preset(tmp_path, made[1] / "clean/box", **keys), tmp_path / "out")
+    assert find_sequence(tmp_path / "out/clean/box").optics.distortion == Distortion(
+        "equidistant", (0.02, 0.0, 0.0, 0.0)
+    )
+
+
+def test_a_lens_of_the_camera_is_not_laid_over_a_recording(made, tmp_path):
+    preset = stored_preset(tmp_path, made[1] / "clean/box", undistort=True)
+    camera = "camera={width: 64, height: 48, fx: 32, fy: 32, cx: 31.5, cy: 23.5, distortion: {k1: -0.1}}"
+    with pytest.raises(InputError, match=r"camera\.distortion: box is not seen through it"):
+        run(preset, tmp_path / "out", overrides=[camera])
+
+
+def test_a_lens_that_needs_too_large_a_pinhole_is_refused_but_for_rays(tmp_path):
+    wide = {"model": "equidistant", "k1": 0.05}
+    with pytest.raises(InputError, match=r"camera\.distortion: needs a pinhole's .* use render\.engine: embree"):
+        run(world(tmp_path, wide, engine="cycles"), tmp_path / "out", overrides=["camera.fx=25", "camera.fy=25"])
+    run(world(tmp_path, wide), tmp_path / "out", overrides=["camera.fx=25", "camera.fy=25"])
+
+
+# --- readers ---
+
+
+def test_those_who_open_it_are_told_the_lens(made, tmp_path):
+    opened = noisy_world.open(made[1])
+    assert opened["clean/box"].distortion == LENS
+    recipe = made[0].parent / "a.recipe"
+    recipe.write_text(recipe_of(made[1], PlainProgress(sys.stderr)).text())
+    assert noisy_world.open(recipe)["clean/box"].distortion == LENS
+    packed = f"file://{tmp_path}/packed"
+    pack_to(made[1], packed)
+    assert noisy_world.open(packed)["clean/box"].distortion == LENS
+    with tarfile.open(next((tmp_path / "packed").rglob("*.tar"))) as tar:
+        told = next(json.load(tar.extractfile(item)) for item in tar if item.name.endswith(".json"))
+    assert told["camera"]["distortion"] == LENS.content()
+
+
+def test_systems_and_maps_refuse_a_lens_that_they_would_ignore(made):
+    folder = made[1] / "clean/box"
+    with pytest.raises(InputError, match=r"its lens distorts; make a dataset of it first, with undistort: true"):
+        given_sequence(folder)
+    with pytest.raises(InputError, match=r"its lens distorts, and maps are fused and rendered by a pinhole"):
+        read_sequence(folder)

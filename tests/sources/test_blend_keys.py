@@ -20,6 +20,7 @@ from noisy_world.planning import make_plan
         ({"mesh": "a.ply"}, r"scenes\.0: names mesh and blend, but needs one of mesh, replica,"),
         ({"blend": None, "mesh": "a.ply"}, r"scenes\.0\.frames: goes with blend; leave it out"),
         ({"trajectory": {"handheld": {"frames": 9}}}, r"trajectory\.handheld: is made through a mesh"),
+        ({"trajectory": {"file": "traj.txt", "body": "walker"}}, r"trajectory\.body: needs a mesh, whose walls"),
         ({"compositor": "on"}, r"scenes\.0\.compositor: unknown value 'on'"),
         ({"depth_alpha": 2}, r"scenes\.0\.depth_alpha: is 2, out of range; allowed: 0 to 1"),
         ({"blend": "none.blend"}, r"scenes\.0\.blend: no such file: .*none\.blend"),

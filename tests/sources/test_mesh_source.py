@@ -127,3 +127,30 @@ def test_up_turns_a_mesh_and_is_an_input(tmp_path):
     x, y, z = as_stored.mesh().vertices_m.T
     assert np.array_equal(turned.mesh().vertices_m, np.stack([x, -z, y], axis=1))
     assert [source.hashes()["mesh_up"] for source in (as_stored, turned)] == ["z", "y"]
+
+
+def path_in_room(folder, ahead_m, **keys):
+    """A camera in the embedded room that goes straight ahead by so much from where a hand-held path begins."""
+    mesh = {"mesh": "embedded:room", "trajectory": {"handheld": {"frames": 1}, "body": "walker"}}
+    start = source_of(scene_with(folder, {"engine": "embree"}, **mesh)).trajectory().c2w[0]
+    poses = np.repeat(start[None], 21, axis=0)
+    level = start[:2, 2] / np.linalg.norm(start[:2, 2])
+    poses[:, :2, 3] += np.outer(np.linspace(0, ahead_m, 21), level)
+    np.savetxt(folder / "ahead.txt", poses.reshape(-1, 16))
+    return scene_with(folder, {"engine": "embree"}, mesh="embedded:room", trajectory={"file": "ahead.txt", **keys})
+
+
+def test_a_body_is_carried_along_a_file_unless_there_is_a_wall(tmp_path):
+    source = source_of(path_in_room(tmp_path, 0.1, body="walker"))
+    plain = source_of(path_in_room(tmp_path, 0.1)).trajectory()
+    carried = source.trajectory()
+    np.testing.assert_array_equal(carried.stamps_s, plain.stamps_s)
+    away_m = np.linalg.norm((carried.c2w - plain.c2w)[:, :3, 3], axis=1)
+    assert 1e-5 < away_m.max() < 0.05
+    still = source_of(path_in_room(tmp_path, 0.1, body={"kind": "walker", "motion": 0})).trajectory()
+    np.testing.assert_allclose(still.c2w, plain.c2w, atol=1e-9)
+    with pytest.raises(InputError) as caught:
+        source_of(path_in_room(tmp_path, 9.0, body="drone")).trajectory()
+    assert "trajectory.body: a drone cannot go this way: at " in str(caught.value)
+    assert "m away, and it needs 0.2 m; take another path, or another body" in str(caught.value)
+    assert len(source_of(path_in_room(tmp_path, 9.0)).trajectory()) == 21  # without a body it may

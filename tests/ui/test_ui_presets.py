@@ -87,6 +87,25 @@ def test_each_embedded_room_is_shown_and_kept(tmp_path):
     assert saved_preset(settings()) == tmp_path / "saved.yaml"
 
 
+def test_a_body_is_shown_and_kept(tmp_path):
+    from noisy_world.ui.document import save_preset, to_document
+    from noisy_world.ui.apply_preset import open_preset
+
+    path = {"handheld": {"frames": 3}, "body": {"kind": "rover", "motion": 4.0}}
+    open_document({"scenes": [{"mesh": "embedded:room", "trajectory": path}]}, tmp_path / "p.yaml")
+    assert (settings().body, settings().body_motion) == ("rover", 4.0)
+    assert to_document(settings())["scenes"][0]["trajectory"]["body"] == path["body"]
+    save_preset(settings(), tmp_path / "saved.yaml")
+    settings().body = "NONE"
+    assert "body" not in to_document(settings())["scenes"][0]["trajectory"]
+    open_preset(settings(), tmp_path / "saved.yaml")
+    assert to_document(settings())["scenes"][0]["trajectory"]["body"] == path["body"]
+    open_document(
+        {"scenes": [{"mesh": "embedded:room", "trajectory": {"handheld": {"frames": 3}}}]}, tmp_path / "p.yaml"
+    )
+    assert settings().body == "NONE"
+
+
 def test_what_the_files_are_written_as_is_kept(tmp_path):
     from noisy_world.ui.document import save_preset, to_document
     from noisy_world.ui.apply_preset import open_preset

@@ -30,6 +30,8 @@ def videos_of(plan: "Plan", out: Path, *, overwrite: bool) -> dict[str, Path]:
     """
     if "rgb" not in plan.format.modalities:
         raise StorageError("a video shows colour, and output.modalities leaves it out", file=out)
+    if plan.format.of_light:
+        raise StorageError("a video shows colour, and output.image exr is light", file=out, remedy="set it to png")
     made = [sequence for sequence in plan.sequences if sequence.frames]
     videos = {item.folder: out if len(made) == 1 else _named(out, item) for item in made}
     there = next((path for path in videos.values() if path.exists()), None)

@@ -17,7 +17,8 @@ from .geometry import Intrinsics
 DistortionModel: TypeAlias = Literal["radial-tangential", "equidistant"]
 MODELS: tuple[str, ...] = get_args(DistortionModel)
 # How many coefficients OpenCV takes: https://docs.opencv.org/4.x/d9/d0c/group__calib3d.html, and of the fisheye module.
-OPTICS_KEYS = ("depth_camera", "distortion")  # in files
+DISTORTION = "distortion"
+OPTICS_KEYS = ("depth_camera", DISTORTION)  # in files
 COUNTS: dict[str, tuple[int, ...]] = {"radial-tangential": (4, 5, 8), "equidistant": (4,)}
 
 

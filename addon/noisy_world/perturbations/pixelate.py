@@ -56,7 +56,7 @@ def apply_bytes(rgb: NDArray[np.uint8], parameters: Pixelate, _context: FrameCon
     rows, columns = (_Blocks.along(size, parameters.factor) for size in rgb.shape[:2])
     if rows.sizes.max() * columns.sizes.max() > LARGEST_BLOCK_PX:
         return rgb_bytes(apply(as_float(rgb), parameters, _context))
-    means = _sums(rgb, rows, columns, np.uint16) * _shares(rows, columns)
+    means = np.multiply(_sums(rgb, rows, columns, np.uint16), _shares(rows, columns), dtype=np.float32)
     means += np.float32(0.5) + HALF_UP
     return _spread(means.astype(np.uint8), rows, columns)
 
@@ -108,8 +108,12 @@ def _row_sums(image: NDArray[Any], blocks: _Blocks, dtype: type[T]) -> NDArray[T
     return sums
 
 
+@lru_cache(maxsize=4)
 def _shares(rows: _Blocks, columns: _Blocks) -> NDArray[np.float32]:
-    return (1 / np.multiply.outer(columns.sizes, rows.sizes)).astype(np.float32)[..., None]
+    """Return by what the sums of blocks are multiplied, (columns, rows, 1), read-only."""
+    shares = (1 / np.multiply.outer(columns.sizes, rows.sizes)).astype(np.float32)[..., None]
+    shares.flags.writeable = False
+    return shares
 
 
 def _spread(blocks: NDArray[T], rows: _Blocks, columns: _Blocks) -> NDArray[T]:

@@ -31,17 +31,25 @@ class CleanFrame:
     """The images of a source frame, each read when it is first needed."""
 
     def __init__(
-        self, source: int, image: SourceFrame, between: Registration | None = None, timer: StageTimer | None = None
+        self,
+        source: int,
+        image: SourceFrame,
+        between: Registration | None = None,
+        timer: StageTimer | None = None,
+        *,
+        of_light: bool = False,
     ) -> None:
         """Hold a frame. source: its number on the path. between: colour and depth, where these have two cameras.
 
-        timer: hears how long images take that are read from files; None where they are not.
+        timer: hears how long images take that are read from files; None where they are not. of_light: what is stored
+        of its colour is light, before the view transform.
         """
         self.source = source
         self.shown: ShownSources = (source, None)
         self._image = image
         self._between = between
         self._timer = timer
+        self._of_light = of_light
 
     @property
     def exposure(self) -> Notes:
@@ -67,6 +75,9 @@ class CleanFrame:
     def image(self, modality: Modality) -> NDArray[Any]:
         """Return the image of a channel; colour and depth are kept once they are read."""
         match modality:
+            case "rgb" if self._of_light:
+                assert self.light is not None, "its source is lit"
+                return self.light.rgb
             case "rgb":
                 return self.rgb
             case "depth":
@@ -102,11 +113,14 @@ class CleanFrame:
         """Colour before the view transform, of a lit frame."""
         return light_of(self._image)
 
-    def perturbed_rgb(self, work: ColourWork) -> NDArray[np.uint8] | None:
-        """Return colour (H, W, 3) after steps of colour; None where they are the identity.
+    def perturbed_rgb(self, work: ColourWork) -> NDArray[Any] | None:
+        """Return colour (H, W, 3) uint8, or light float32, after steps of colour; None where they are the identity.
 
         Where a step acts on a lit frame's light, it has to be called in the main thread, before the next frame is made.
         """
+        if self._of_light:
+            assert self.light is not None, "its source is lit"
+            return on_light(work, self.light.rgb) if work.active else None
         if self.light is not None and acts_on_light(work):
             return after_light(work, self.light.show(on_light(work, self.light.rgb)))
         return work.on(self.byte_rgb if work.takes_bytes else self.rgb)

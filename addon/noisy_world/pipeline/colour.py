@@ -33,8 +33,8 @@ class PerturbedImage:
     """Colour or depth of a frame that shows a clean one perturbed.
 
     key: equal for equal work on a clean frame, in whatever sequences. notes: what is done, for frames.jsonl. pixels:
-    makes it: (H, W, 3) uint8, or (H, W) float32 metres; None where it is the clean image. camera: what the camera's
-    automatics decided, by name, for frames.jsonl too.
+    makes it: (H, W, 3) uint8, or float32 light, or (H, W) float32 metres; None where it is the clean image. camera:
+    what the camera's automatics decided, by name, for frames.jsonl too.
     """
 
     key: Hashable
@@ -45,7 +45,7 @@ class PerturbedImage:
 
 _Frames: TypeAlias = Mapping[str, tuple[int, Identifiers]]
 _Motions: TypeAlias = Mapping[str, CameraMotion | None]
-_Pictures: TypeAlias = Mapping[str, tuple[NDArray[np.uint8] | None, Notes]]
+_Pictures: TypeAlias = Mapping[str, tuple[NDArray[Any] | None, Notes]]
 Chains: TypeAlias = Mapping[str, tuple[Step[ColourPerturbation], ...]]
 """Steps of colour by the folder of their sequence, in propagation order."""
 
@@ -148,9 +148,17 @@ class CompositorLight(CompositorColour):
     """Blender's compositor on lit frames: on light before the view transform, and on what that shows after it."""
 
     def __init__(
-        self, parts: tuple[Chains, Chains], compositors: "tuple[Compositor, Compositor]", camera: Camera
+        self,
+        parts: tuple[Chains, Chains],
+        compositors: "tuple[Compositor, Compositor]",
+        camera: Camera,
+        of_light: bool = False,
     ) -> None:
-        """Take the steps before it, and those after it, with a compositor for each of the two."""
+        """Take the steps before it, and those after it, with a compositor for each of the two.
+
+        of_light: light itself is stored, so there are no steps after it.
+        """
+        self._of_light = of_light
         self._before, after = compositors
         super().__init__(after, camera)
         self._early, self._late = parts
@@ -161,6 +169,8 @@ class CompositorLight(CompositorColour):
         assert clean.light is not None, "its source is lit"
         early = {folder: frames[folder] for folder in frames if folder in self._early}
         lights, notes = self._before.evaluate(clean.light.rgb, early, depth_m, motions)
+        if self._of_light:
+            return {folder: (lights.get(folder), notes.get(folder, [])) for folder in frames}
         shown = {id(light): clean.light.show(light) for light in lights.values() if light is not None}
         found: dict[str, tuple[NDArray[np.uint8] | None, Notes]] = {}
         for folder, frame in frames.items():
@@ -210,12 +220,17 @@ class Colour:
 
 @contextmanager
 def colour_of(
-    sequences: Iterable[Sequence], camera: Camera, size_px: tuple[int, int], *, lit: bool = False
+    sequences: Iterable[Sequence],
+    camera: Camera,
+    size_px: tuple[int, int],
+    *,
+    lit: bool = False,
+    of_light: bool = False,
 ) -> Iterator[Colour]:
     """Prepare the executors that sequences need.
 
     size_px: width and height of the frames; parameters in pixels refer to this width. lit: clean frames have light
-    before a view transform.
+    before a view transform. of_light: that is what is stored.
     """
     perturbed = [item for item in sequences if item.frames and item.setting.rgb]
     composited = [item for item in perturbed if item.setting.composited]
@@ -237,7 +252,7 @@ def colour_of(
         chains = {item.folder: item.setting.rgb for item in composited}
         if lit:
             before, after = parts = _parted(chains)
-            by_nodes = CompositorLight(parts, (compositor(before, lit=True), compositor(after)), camera)
+            by_nodes = CompositorLight(parts, (compositor(before, lit=True), compositor(after)), camera, of_light)
         else:
             by_nodes = CompositorColour(compositor(chains), camera)
         yield Colour({**executors, by_nodes: composited}, camera.earlier)

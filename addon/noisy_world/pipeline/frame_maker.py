@@ -123,7 +123,8 @@ class FrameMaker:
                 prepared = self._scene.keep(key, scene.source.prepare(render.camera, partial(self._note, scene.name)))
             return open_render(prepared, render, self.paths_of(render), options, partial(self._note, render.name))
 
-        wanted, again = in_order(options.channels), render.acts_on_light
+        format_ = self._plan.format
+        wanted, again = in_order(options.channels), render.acts_on_light or format_.of_light
         opened = opening() if self._clean is None else self._clean.through(wanted, opening, again=again)
         if render.registration is not None and (render.needs_depth or render.needs_rgb):
             message = "depth has a camera of its own: it is registered into colour where a perturbation needs both"
@@ -148,7 +149,7 @@ class FrameMaker:
         camera = Camera(render.camera, stamps_s, self.paths_of(render).rgb, earlier)
         size_px = (render.camera.width_px, render.camera.height_px)
         lit = render.scene.source.capabilities.lit
-        return self._colour.keep(key, colour_of(lacking, camera, size_px, lit=lit))
+        return self._colour.keep(key, colour_of(lacking, camera, size_px, lit=lit, of_light=self._plan.format.of_light))
 
     def _seen(self, render: Render, source: OpenSource, number: int) -> NDArray[np.float32]:
         """Return what a meter sees of a source frame that is not made now."""
@@ -175,7 +176,7 @@ class FrameMaker:
             with contextlib.nullcontext() if heard is None else heard.on(DECODING):
                 image = source.frame(paths.request(frame))
             self._count_rays(image)
-            clean = CleanFrame(frame, image, render.registration, heard)
+            clean = CleanFrame(frame, image, render.registration, heard, of_light=self._plan.format.of_light)
             if self.report.first_frame_s is None:
                 self.report.first_frame_s = time.perf_counter() - start_s
             if frame in wanted:

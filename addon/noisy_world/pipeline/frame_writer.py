@@ -21,6 +21,7 @@ from ..core.datasets.journal import Journal
 from ..core.datasets.layouts import Modality, OutputFormat
 from ..core.datasets.records import FrameRecord
 from ..core.datasets.storage import sha256_of_bytes
+from ..core.errors import NoisyWorldError
 from ..core.perturbing.execution import DepthWork
 from ..core.perturbing.steps import Step
 from ..core.planning.plan import Render
@@ -255,7 +256,11 @@ class FrameFiles:
         """Write an image of a channel under a name into a sequence."""
         channel, format_ = CHANNELS[modality], self._dataset.format
         with self._timer.on(f"encoding {channel.spoken}"):
-            data, lost = encode(pixels, format_), channel.lost(pixels, format_)
+            try:
+                data = encode(pixels, format_)
+            except NoisyWorldError as error:
+                raise NoisyWorldError(f"{folder}/{name}: {error}") from error
+            lost = channel.lost(pixels, format_)
         return replace(self._put(folder, name, data), out_of_range=lost)
 
     def _put(self, folder: str, name: str, data: bytes) -> WrittenImage:

@@ -21,6 +21,7 @@ from ..core.datasets.storage import sha256_of_bytes
 from ..core.datasets.stored import StoredFrame, StoredSequence
 from ..core.errors import InputError
 from ..core.geometry import Intrinsics
+from ..core.optics import Distortion
 from ..core.regular_files import open_regular, read_bytes
 from .digests import series_of
 from .frame_numbers import FrameNumbers
@@ -114,6 +115,11 @@ class SequenceOfFiles(OpenedSequence):
         """What its files say."""
         return self.stored.known_camera
 
+    @property
+    def distortion(self) -> Distortion | None:
+        """What its files say."""
+        return self.stored.optics.distortion
+
     def _frame(self, index: int) -> "FrameOfFiles":
         place = self._records.place(index)
         return FrameOfFiles(self.name, index, place, self.stored, self._records)
@@ -184,15 +190,17 @@ class FrameOfFiles(Frame):
         self._folder = stored.folder
 
     @property
-    def rgb(self) -> NDArray[np.uint8]:
-        """Colour (H, W, 3), RGB. Raises InputError where the file is no image."""
+    def rgb(self) -> NDArray[np.uint8] | NDArray[np.float32]:
+        """Colour (H, W, 3), RGB; light of an EXR. Raises InputError where the file is no image."""
+        if self._files.rgb_file.suffix == ".exr":
+            return self._files.light
         return as_bytes(self._files.rgb)
 
     @property
-    def rgb_uncompressed(self) -> NDArray[np.uint8]:
+    def rgb_uncompressed(self) -> NDArray[np.uint8] | NDArray[np.float32]:
         """Colour (H, W, 3), RGB. Raises InputError where the file is a JPEG."""
         path = self._files.rgb_file
-        if path.suffix != ".png":
+        if path.suffix not in (".png", ".exr"):
             remedy = "open the recipe for what it was before, or take rgb"
             raise InputError(path, "is compressed with loss", remedy=remedy)
         return self.rgb

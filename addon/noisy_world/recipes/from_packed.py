@@ -13,11 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.channels import CHANNELS
+from ..core.channels.rgb import CHANNEL as RGB
 from ..core.datasets.image_files import damage
 from ..core.datasets.layouts import Modality
 from ..core.datasets.storage import sha256_of_bytes
 from ..core.errors import InputError
 from ..core.geometry import Intrinsics
+from ..core.optics import Distortion
 from ..storage.finished import Packed, open_packed
 from ..storage.packed_table import AGAIN
 from .frame_numbers import FrameNumbers
@@ -106,6 +108,11 @@ class PackedSequence(OpenedSequence):
         """The intrinsics of its frames."""
         return self._opened.packed.camera(self.name)
 
+    @property
+    def distortion(self) -> Distortion | None:
+        """The lens of its frames."""
+        return self._opened.packed.distortion(self.name)
+
     def _frame(self, index: int) -> "PackedFrame":
         (row,) = self._rows.slice(int(np.searchsorted(self._order, index)), 1).to_pylist()
         return PackedFrame(self._opened, self.name, row)
@@ -134,16 +141,18 @@ class PackedFrame(Frame):
         return json.loads(self._row["perturbed"])
 
     @property
-    def rgb(self) -> NDArray[np.uint8]:
-        """Colour (H, W, 3), RGB. Raises InputError where the file is damaged."""
+    def rgb(self) -> NDArray[np.uint8] | NDArray[np.float32]:
+        """Colour (H, W, 3), RGB; light of an EXR. Raises InputError where the file is damaged."""
+        if self._row.get("rgb_file", "").endswith(".exr"):
+            return self._other(RGB.name)
         import cv2
 
         return self._decoded("rgb", cv2.IMREAD_COLOR_RGB)
 
     @property
-    def rgb_uncompressed(self) -> NDArray[np.uint8]:
+    def rgb_uncompressed(self) -> NDArray[np.uint8] | NDArray[np.float32]:
         """Colour (H, W, 3), RGB. Raises InputError where the file is a JPEG."""
-        if not self._row.get("rgb_file", ".png").endswith(".png"):
+        if not self._row.get("rgb_file", ".png").endswith((".png", ".exr")):
             remedy = "open the recipe for what it was before, or take rgb"
             raise InputError(self._place("rgb"), "is compressed with loss", remedy=remedy)
         return self.rgb

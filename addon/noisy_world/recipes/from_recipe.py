@@ -19,6 +19,7 @@ from ..core.channels import CHANNELS, COLOUR_AND_DEPTH
 from ..core.channels.pair import View
 from ..core.errors import InputError
 from ..core.geometry import Intrinsics
+from ..core.optics import Distortion
 from ..core.perturbing.steps import Setting
 from ..core.planning.exposed import open_render
 from ..core.planning.motion_record import motion_of_frames
@@ -248,6 +249,11 @@ class SequenceOfRecipe(OpenedSequence):
         """The intrinsics of its frames."""
         return self.render.camera
 
+    @property
+    def distortion(self) -> Distortion | None:
+        """The lens of its frames."""
+        return self.render.optics.distortion
+
     @cached_property
     def motion(self) -> list[dict[str, Any]]:
         """What motion did to each frame; [] where it did nothing."""
@@ -260,6 +266,9 @@ class SequenceOfRecipe(OpenedSequence):
             remedy = "'noisy-world remake' makes its files; with render.backend: reference colour needs no Blender"
             raise InputError(self._opened.place, problem, remedy=remedy)
         scene = self.render.scene.name
+        if self.plan.format.of_light:
+            problem = f"the colour of {self.name} is light before the view transform of {scene}, which Blender renders"
+            raise InputError(self._opened.place, problem, remedy="'noisy-world remake' makes its files")
         inputs = self._opened.recipe.identity["scenes"][scene]["inputs"]
         if PERTURBED in inputs and any(step.perturbation.acts_on_light for step in self.sequence.setting.rgb):
             problem = (

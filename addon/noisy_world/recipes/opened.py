@@ -20,6 +20,7 @@ from ..core.channels.rgb import CHANNEL as RGB
 from ..core.errors import InputError
 from ..core.geometry import Intrinsics
 from ..core.machine import end_opencv_threads_before_forks
+from ..core.optics import Distortion
 from ..core.presets.selection import near_names, selected
 from ..core.schema import ConfigPath, shown
 from .frame_numbers import FrameNumbers
@@ -46,12 +47,12 @@ class Frame(ABC):
 
     @property
     @abstractmethod
-    def rgb(self) -> NDArray[np.uint8]:
-        """Colour (H, W, 3), RGB, as the file decodes; grey in three equal channels."""
+    def rgb(self) -> NDArray[np.uint8] | NDArray[np.float32]:
+        """Colour (H, W, 3), RGB, as the file decodes: uint8, grey in three equal channels; of an EXR light, float32."""
 
     @property
     @abstractmethod
-    def rgb_uncompressed(self) -> NDArray[np.uint8]:
+    def rgb_uncompressed(self) -> NDArray[np.uint8] | NDArray[np.float32]:
         """Colour (H, W, 3), RGB, as it is before it is encoded as JPEG, which costs more time than most perturbations.
 
         Raises InputError where only a JPEG is there.
@@ -98,6 +99,7 @@ class OpenedSequence(ABC):
     """A sequence: its frames by their numbers, in any order.
 
     name: its name. frames: the numbers of its frames. camera: the intrinsics of its frames, None where unknown.
+    distortion: of their lens, None for a pinhole's.
     """
 
     name: str
@@ -111,6 +113,11 @@ class OpenedSequence(ABC):
     @abstractmethod
     def camera(self) -> Intrinsics | None:
         """The intrinsics of its frames; None where no file says them."""
+
+    @property
+    @abstractmethod
+    def distortion(self) -> Distortion | None:
+        """The lens that its colour, and depth seen through it, distort by; None for a pinhole's frames."""
 
     @abstractmethod
     def _frame(self, index: int) -> Frame:
@@ -259,11 +266,11 @@ class Opened(Mapping[str, OpenedSequence]):
 class Sample(TypedDict):
     """A frame as PyTorch's default collation takes it: arrays, numbers and texts.
 
-    rgb: (H, W, 3) uint8. depth_m: (H, W) float32, 0 = void. c2w: (4, 4) float64. stamp_s, depth_stamp_s: seconds.
-    sequence, index: which frame it is.
+    rgb: (H, W, 3) uint8, or float32 light of EXR files. depth_m: (H, W) float32, 0 = void. c2w: (4, 4) float64.
+    stamp_s, depth_stamp_s: seconds. sequence, index: which frame it is.
     """
 
-    rgb: NDArray[np.uint8]
+    rgb: NDArray[np.uint8] | NDArray[np.float32]
     depth_m: NDArray[np.float32]
     c2w: NDArray[np.float64]
     stamp_s: float

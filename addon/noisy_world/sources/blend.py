@@ -72,6 +72,9 @@ class BlendKind(FileSource[BlendKeys]):
         if keys.trajectory is not None and keys.trajectory.handheld is not None:
             problem = "is made through a mesh, which a .blend is not"
             raise where.at("handheld").error(problem, "give a file, or let the scene's camera move")
+        if keys.trajectory is not None and keys.trajectory.body is not None:
+            problem = "needs a mesh, whose walls it keeps away from, which a .blend is not"
+            raise where.at("body").error(problem, "take it out")
         if keys.trajectory is not None:
             check_trajectory(keys.trajectory, where)
 

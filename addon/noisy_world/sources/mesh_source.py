@@ -29,10 +29,12 @@ from ..core.scenes.mesh_files import check_mesh, imported_format
 from ..core.scenes.selfcheck import reprojection_problem
 from ..core.scenes.turning import Up
 from ..core.schema import ConfigPath
+from ..core.trajectories.bodies import BODIES, embodied
 from ..core.trajectories.frame_request import FrameRequest
 from ..core.trajectories.sensor_paths import SensorPaths
 from ..core.trajectories.trajectory import Axes, Trajectory, evenly_stamped
 from .beginning import Beginning, beginning_of, check_beginning
+from .bending import check_overscan
 from .mesh_reading import files_of_mesh, read_mesh
 from .mesh_reading import forget_meshes as forget_read_meshes
 from .path_files import path_file_of, read_path, selected_poses, sha256_of_path
@@ -85,7 +87,7 @@ class MeshSource(SimpleSource):
             imported=imported,
             surface=TOLD,
             casts_rays=self.casts_rays,
-            distorts=self.casts_rays,
+            distorts=True,
         )
 
     def optics(self, camera: Intrinsics) -> Optics:
@@ -96,7 +98,11 @@ class MeshSource(SimpleSource):
         """Return the lens that rays pass. Raises InputError where it folds over within the image."""
         if self.distortion is None:
             return None
-        return sound_lens(self.distortion, camera, self.lens_place or self.place)
+        place = self.lens_place or self.place
+        lens = sound_lens(self.distortion, camera, place)
+        if not self.casts_rays:
+            check_overscan(camera, lens, place)
+        return lens
 
     @property
     def stamps_s(self) -> NDArray[np.float64]:
@@ -126,23 +132,54 @@ class MeshSource(SimpleSource):
         return self.spec.handheld
 
     def trajectory(self) -> Trajectory:
-        """Return the path that was read, or generate one through the mesh."""
+        """Return the path that was read, or generate one through the mesh; of a body, where it is carried along it."""
+        if self.spec.body is not None:
+            return self._carried_path
         return self.known_path if self.known_path is not None else self._made_path
+
+    @cached_property
+    def _carried_path(self) -> Trajectory:
+        from ..core.trajectories.body_room import first_narrow
+
+        spec, where = self.spec.body, self.place.at("trajectory").at("body")
+        assert spec is not None, "is asked for where there is a body"
+        route = self.known_path if self.known_path is not None else self._made_path
+        try:
+            path = embodied(route, spec.kind, seed=self._path_seed, motion=spec.motion)
+            narrow = first_narrow(load_mesh(self.mesh_path, self.room, self.up), path, BODIES[spec.kind])
+        except NoisyWorldError as error:
+            raise where.error(str(error)) from error
+        if narrow is not None:
+            place = ", ".join(f"{value:.2f}" for value in narrow.place_m)
+            raise where.error(
+                f"a {spec.kind} cannot go this way: at {narrow.time_s:.2f} s, at ({place}) m, the mesh is "
+                f"{narrow.gap_m:.2f} m away, and it needs {BODIES[spec.kind].radius_m} m",
+                "take another path, or another body",
+            )
+        return path
+
+    @property
+    def _path_seed(self) -> int:
+        handheld = self.spec.handheld
+        return self.seed if handheld is None or handheld.seed is None else handheld.seed
 
     @cached_property
     def _made_path(self) -> Trajectory:
         from ..core.trajectories.handheld import handheld_path
 
         spec = self._handheld
+        body = None if self.spec.body is None else BODIES[self.spec.body.kind]
+        carried = {} if body is None else body.route
         try:
             path = handheld_path(
                 load_mesh(self.mesh_path, self.room, self.up),
-                seed=self.seed if spec.seed is None else spec.seed,
+                seed=self._path_seed,
                 frames=spec.frames,
                 rate_hz=spec.rate_hz,
                 speed_m_s=spec.speed_m_s,
                 clearance_m=spec.clearance_m,
                 revisit=spec.revisit,
+                **carried,
             )
         except NoisyWorldError as error:
             raise self.place.at("trajectory").at("handheld").error(str(error)) from error

@@ -23,6 +23,7 @@ from ..core.optics import Optics
 from ..core.planning.scene import Lack, SceneEntry
 from ..core.planning.simple_source import SimpleSource
 from ..core.planning.source import ColourAndDepth, RenderOptions, Source, SourceCapabilities
+from ..core.presets.distortion import DistortionSpec, check_distortion, sound_lens
 from ..core.presets.scene_keys import SceneKeys
 from ..core.schema import ConfigPath, key
 from ..core.trajectories.frame_request import FrameRequest
@@ -74,6 +75,9 @@ class RecordingKeys(SceneKeys):
         default=False,
         identity="meaning",
     )
+    distortion: DistortionSpec | None = key(
+        "a lens that a pinhole's frames are bent as by: interpolated, what it would see beside them void", default=None
+    )
 
 
 @dataclass(frozen=True)
@@ -84,6 +88,7 @@ class Recording(SimpleSource):
     place: ConfigPath
     undistort: bool = False
     register: bool = False
+    distortion: DistortionSpec | None = None
 
     def optics(self, camera: Intrinsics) -> Optics:
         """Return what its cameras have beyond one pinhole, after what the preset has done to its frames."""
@@ -100,7 +105,18 @@ class Recording(SimpleSource):
             if self.undistort:
                 problem = "camera replaces the dataset's own, whose lens is known"
                 raise self.place.at("undistort").error(problem, "leave one of them out")
-        return Rectification(camera, optics, self.undistort, self.register)
+        plain = Rectification(camera, optics, self.undistort, self.register)
+        if self.distortion is None:
+            return plain
+        place = self.place.at("distortion")
+        if plain.left.distortion is not None:
+            raise place.error(
+                "its lens distorts already", Message("set ", PresetKey("undistort", "true"), " beside it")
+            )
+        if plain.left.depth is not None:
+            problem = "its depth has a camera of its own"
+            raise place.error(problem, Message("set ", PresetKey("register", "true"), " beside it"))
+        return replace(plain, bent=sound_lens(self.distortion, camera, place))
 
     @property
     def location(self) -> str:
@@ -184,12 +200,14 @@ def read_recording(
     *,
     undistort: bool = False,
     register: bool = False,
+    distortion: DistortionSpec | None = None,
 ) -> Recording:
     """Find the files of a recording. rate_hz: of its frames, as the preset says it; None where it does not.
 
     poses: what becomes of frames without a pose. undistort: whether to make a pinhole of a lens that distorts.
-    register: whether depth of a camera of its own is laid into colour. Raises InputError where files are missing or
-    wrong, where its own stamps say another rate, and where there is nothing to undistort or register.
+    register: whether depth of a camera of its own is laid into colour. distortion: of a lens that frames are bent by.
+    Raises InputError where files are missing or wrong, where its own stamps say another rate, and where there is
+    nothing to undistort or register.
     """
     stored = find_sequence(folder, rate_hz, poses)
     own_hz = None if stored.stamps_path is None else stored.rate_hz
@@ -200,7 +218,7 @@ def read_recording(
         raise place.at("undistort").error(f"no file of {folder} says that the lens distorts", "leave it out")
     if register and stored.optics.depth is None:
         raise place.at("register").error(f"depth and colour of {folder} have one camera", "leave it out")
-    return Recording(stored, place, undistort, register)
+    return Recording(stored, place, undistort, register, distortion)
 
 
 def _values(camera: Intrinsics) -> str:
@@ -292,10 +310,14 @@ class RecordingKind(FileSource[RecordingKeys]):
     instead: ClassVar[Mapping[str, Part]] = {"trajectory": "leave it out: a sequence has its own"}
 
     def check(self, keys: RecordingKeys, place: ConfigPath) -> None:
-        """Refuse what plain images have not."""
+        """Refuse what plain images have not, and a lens that is none."""
+        if keys.distortion is not None:
+            check_distortion(keys.distortion, place.at("distortion"))
+            if keys.distortion.undistort:
+                raise place.at("distortion").at("undistort").error("is for what is rendered", "leave it out")
         if keys.layout != "images":
             return
-        lacking = {"undistort": "no file that says their lens", "register": "no depth"}
+        lacking = {"undistort": "no file that says their lens", "register": "no depth", "distortion": "no known camera"}
         for name, what in lacking.items():
             if getattr(keys, name):
                 raise place.at(name).error(f"plain images have {what}", "leave it out")
@@ -311,7 +333,10 @@ class RecordingKind(FileSource[RecordingKeys]):
 
             return read_images(path, entry.place, keys.rate_hz)
         return read_recording(
-            path, entry.place, keys.rate_hz, keys.poses, undistort=keys.undistort, register=keys.register
+            *(path, entry.place, keys.rate_hz, keys.poses),
+            undistort=keys.undistort,
+            register=keys.register,
+            distortion=keys.distortion,
         )
 
 

@@ -11,21 +11,26 @@ from numpy.typing import NDArray
 from ..core.datasets.registration import Registration
 from ..core.geometry import Intrinsics
 from ..core.optics import Distortion, Optics
+from .bending import Bending
 
 
 @dataclass(frozen=True)
 class Rectification:
-    """Undistorts and registers frames. camera: of colour. optics: of the recording, before it is done."""
+    """Undistorts, registers and bends frames. camera: of colour. optics: of the recording, before it is done.
+
+    bent: the lens that frames are shown through in the end; None for none.
+    """
 
     camera: Intrinsics
     optics: Optics
     undistort: bool = False
     register: bool = False
+    bent: Distortion | None = None
 
     @property
     def does_nothing(self) -> bool:
         """Whether frames stay as they are."""
-        return self._lens is None and self._between is None
+        return self._lens is None and self._between is None and self.bent is None
 
     @property
     def left(self) -> Optics:
@@ -34,24 +39,30 @@ class Rectification:
         left = replace(left, depth=None) if self.register else left
         if left.depth is not None and self.undistort:
             left = replace(left, depth=replace(left.depth, shares_lens=False))
-        return left
+        return left if self.bent is None else replace(left, distortion=self.bent)
 
     def rgb(self, rgb: NDArray[Any]) -> NDArray[Any]:
         """Return colour (H, W, 3) of the type given. What the lens did not see is black."""
         import cv2
 
-        if self._lens is None:
-            return rgb
-        return np.asarray(cv2.remap(rgb, *self._colour_maps, cv2.INTER_LINEAR), rgb.dtype)
+        if self._lens is not None:
+            rgb = np.asarray(cv2.remap(rgb, *self._colour_maps, cv2.INTER_LINEAR), rgb.dtype)
+        return rgb if self._bending is None else self._bending.rgb(rgb)
 
     def depth_m(self, depth_m: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Return planar depth (H, W) in metres, 0 = void: each pixel has that of the nearest one."""
+        """Return planar depth (H, W) in metres, 0 = void; of the nearest pixel, but for what is bent."""
         import cv2
 
         if self._lens is not None and (self.optics.depth is None or self.optics.depth.shares_lens):
             # Depths are not averaged: between two surfaces there is nothing.
             depth_m = np.asarray(cv2.remap(depth_m, *self._depth_maps, cv2.INTER_NEAREST), np.float32)
-        return depth_m if self._between is None else self._between.depth_in_colour(depth_m)
+        if self._between is not None:
+            depth_m = self._between.depth_in_colour(depth_m)
+        return depth_m if self._bending is None else self._bending.depth_m(depth_m)
+
+    @cached_property
+    def _bending(self) -> Bending | None:
+        return None if self.bent is None else Bending(self.camera, self.camera, self.bent)
 
     @cached_property
     def _lens(self) -> Distortion | None:

@@ -13,6 +13,7 @@ from ..core.planning.source import RenderedFrame, RenderOptions
 from ..core.scenes.mesh import Mesh
 from ..core.trajectories.frame_request import FrameRequest
 from ..core.trajectories.sensor_paths import SensorPaths
+from .bending import Bending, BentSession, overscanned
 from .rectification import Rectification
 
 
@@ -43,7 +44,7 @@ def open_session(
     *,
     lens: Distortion | None = None,
 ) -> AbstractContextManager[RenderSession]:
-    """Hand a mesh to the renderer that the options ask for. lens: that distorts, which only Embree's rays pass.
+    """Hand a mesh to the renderer that the options ask for. lens: that distorts; a pinhole's frames are bent for it.
 
     Raises MissingDependencyError where the renderer cannot run here.
     """
@@ -53,7 +54,10 @@ def open_session(
         return RaySession(mesh, paths, camera, options, lens)
     from ..blender.session import Session
 
-    return Session(mesh, name, paths, camera, options)
+    if lens is None:
+        return Session(mesh, name, paths, camera, options)
+    bending = Bending(overscanned(camera, lens), camera, lens)
+    return BentSession(Session(mesh, name, paths, bending.pinhole, options), bending)
 
 
 def undistorted(frame: RenderedFrame, rectified: Rectification) -> RenderedFrame:

@@ -25,12 +25,14 @@ from ..core.datasets.dataset_state import (
 )
 from ..core.datasets.json_text import parse_json, read_json
 from ..core.datasets.layouts import LAYOUTS, Layout, Modality
+from ..core.datasets.layouts.stated_optics import stated_optics
 from ..core.datasets.place import check_no_links
-from ..core.datasets.provenance import cameras_of
+from ..core.datasets.provenance import cameras_of, optics_of
 from ..core.datasets.records import FRAMES, FrameRecord, read_records
 from ..core.datasets.storage import sha256_of_bytes
 from ..core.errors import InputError
 from ..core.geometry import Intrinsics
+from ..core.optics import DISTORTION, Distortion
 from ..core.trajectories.stamps import FrameStamps
 from .open_store import open_store
 from .packed_names import CROISSANT, TABLE, PackedFile
@@ -105,6 +107,20 @@ class FinishedDataset:
     def camera(self, sequence: str) -> Intrinsics:
         """Return the intrinsics of a sequence."""
         return self._cameras[sequence.split("/")[1]]
+
+    def distortion(self, sequence: str) -> Distortion | None:
+        """Return the lens of a sequence; None for a pinhole's frames."""
+        content = self._optics[sequence.split("/")[1]]
+        return stated_optics(Path("manifest.json"), content).distortion
+
+    @cached_property
+    def _optics(self) -> dict[str, dict[str, Any]]:
+        return optics_of(self.identity)
+
+    @cached_property
+    def distorts(self) -> bool:
+        """Whether the lens of any scene does."""
+        return any(DISTORTION in content for content in self._optics.values())
 
     @cached_property
     def _cameras(self) -> dict[str, Intrinsics]:

@@ -78,8 +78,8 @@ def _write_frame(tar: TarStream, content: Content, sequence: str, frame: FrameIm
 def frame_metadata(content: Content, sequence: str, frame: FrameImages) -> dict[str, Any]:
     """Return what the JSON of a frame says: the same keys with values of the same types for every frame of a dataset.
 
-    c2w: 4 x 4. camera: its intrinsics in pixels. perturbed: what was done to the frame, as a text of JSON, since it has
-    other keys for other perturbations.
+    c2w: 4 x 4. camera: its intrinsics in pixels, and where a lens of the dataset distorts, its own. perturbed: what was
+    done to the frame, as a text of JSON, since it has other keys for other perturbations.
     """
     setting, scene = sequence.split("/")
     return {
@@ -89,10 +89,15 @@ def frame_metadata(content: Content, sequence: str, frame: FrameImages) -> dict[
         "time_s": frame.record.time_s,
         "depth_time_s": frame.depth_time_s,
         "c2w": frame.c2w.tolist(),
-        "camera": asdict(content.camera(sequence)),
+        "camera": asdict(content.camera(sequence)) | (_lens(content, sequence) if content.distorts else {}),
         "depth_scale_per_m": content.depth_scale_per_m,
         "perturbed": perturbed_text(frame),
     }
+
+
+def _lens(content: Content, sequence: str) -> dict[str, Any]:
+    lens = content.distortion(sequence)
+    return {"distortion": {"model": "pinhole", "coefficients": []} if lens is None else lens.content()}
 
 
 def perturbed_text(frame: FrameImages) -> str:

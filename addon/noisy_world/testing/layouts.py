@@ -5,8 +5,10 @@ import json
 import shutil
 from dataclasses import replace
 from pathlib import Path, PurePosixPath
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..core.datasets.layouts import EVERY
 from ..core.datasets.layouts.layout import FrameNames, Layout, OutputFormat, SequenceFacts
@@ -68,7 +70,7 @@ def _check_read(layout: Layout | RecordedLayout, folder: Path) -> StoredSequence
     require(not gone, name, f"names {gone[:1]}, which is not there; raise InputError that names it")
     same = stored.rgb_files == again.rgb_files and np.array_equal(stored.trajectory.c2w, again.trajectory.c2w)
     require(same, name, "reads something else the second time")
-    require(stored.frame(0).rgb.ndim == 3, name, "reads no colour")
+    require(_colour(stored, 0).ndim == 3, name, "reads no colour")
     require(stored.frame(0).depth_m.ndim == 2, name, "reads no depth")
     if stored.counted_hz is not None:
         slower = layout.read(folder, stored.counted_hz / 2).stamps.rgb.seconds
@@ -171,9 +173,15 @@ def _check_back(written: OutputFormat, whole: Trajectory, sequence: Path, stored
         found = stored.frame(frame)
         same = np.array_equal(found.depth_m, written.stored_depth_m(depth_m))
         require(same, name, f"the depth of frame {frame} is not what was written")
-        off_colour = np.abs(found.rgb.astype(int) - written.stored_rgb(rgb)).mean()
+        off_colour = np.abs(_colour(stored, frame).astype(float) - written.stored_rgb(rgb)).mean()
         lossy = 4.0 if written.image == "jpg" else 0.0
         require(off_colour <= lossy, name, f"the colour of frame {frame} is not what was written")
+
+
+def _colour(stored: StoredSequence, frame: int) -> NDArray[Any]:
+    """Return colour (H, W, 3) as the file holds it: light where it is an EXR."""
+    found = stored.frame(frame)
+    return found.light if found.rgb_file.suffix == ".exr" else found.rgb
 
 
 def _check_gaps(written: OutputFormat, sequence: Path) -> None:

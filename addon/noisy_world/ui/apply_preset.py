@@ -18,7 +18,7 @@ from ..perturbations import registry
 from ..sources import read_scenes
 from . import footage
 from .described import LARGEST_INT, is_offered, notify_once, tell
-from .document import CAMERA, CLEAN, DEVIATION, HANDHELD, OWN_FIELDS, TRAJECTORY, own_motion
+from .document import CAMERA, CLEAN, DEVIATION, HANDHELD, NO_BODY, OWN_FIELDS, TRAJECTORY, own_motion
 from .shown_sources import PANEL_SOURCES, shown, shown_as
 from .step_list import clear_entries, put_step, take_step
 from .typed_numbers import set_value
@@ -195,6 +195,9 @@ def _apply_path(panel: Any, preset: Preset) -> None:
     else:
         for name, field in HANDHELD.items():
             set_value(panel, name, getattr(handheld, field))
+    panel.body = NO_BODY if path.body is None else path.body.kind
+    if path.body is not None:
+        set_value(panel, "body_motion", path.body.motion)
     panel.every = path.every
 
 

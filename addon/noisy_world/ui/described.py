@@ -15,7 +15,7 @@ from ..core.channels import COLOUR_AND_DEPTH, Channel
 from ..core.labels import american, parameter_label, title
 from ..core.presets.output import OutputSpec
 from ..core.presets.preset import CameraSpec, PresetSpec, RenderSpec
-from ..core.presets.scene_keys import HandheldSpec, SceneKeys, TrajectorySpec
+from ..core.presets.scene_keys import BodySpec, HandheldSpec, SceneKeys, TrajectorySpec
 from ..core.presets.settings import SettingSpec
 from ..core.schema import KeyInfo
 from ..perturbations.faster_motion import FasterMotion
@@ -26,7 +26,7 @@ SCENE, TRAJECTORY, DEVIATION, CAMERA = "Scene", "Trajectory", "Deviation and Spe
 PERTURBATIONS, OUTPUT = "Perturbations", "Render and Output"
 SECTIONS: dict[type, str] = {
     **{kind.keys: SCENE for kind in SOURCES.values()}, SceneKeys: SCENE,
-    TrajectorySpec: TRAJECTORY, HandheldSpec: TRAJECTORY, CameraSpec: CAMERA, RenderSpec: OUTPUT,
+    TrajectorySpec: TRAJECTORY, HandheldSpec: TRAJECTORY, BodySpec: TRAJECTORY, CameraSpec: CAMERA, RenderSpec: OUTPUT,
     OutputSpec: OUTPUT, SettingSpec: OUTPUT, PresetSpec: PERTURBATIONS,
     MotionDeviation: DEVIATION, FasterMotion: DEVIATION,
 }  # fmt: skip
@@ -95,6 +95,7 @@ _CHOICES = {
     "reference": ("Reference", "The same perturbations in numpy and OpenCV"),
     "jpg": ("JPEG", "Quality 98 without chroma subsampling, as readers of Replica expect it"),
     "png": ("PNG", "Without loss"),
+    "exr": ("EXR", "Scene-linear light before the view transform, as half floats; of This Scene and lit meshes"),
     "rgb": ("Color", "Red, green and blue"),
     "grey": ("Gray", "One channel, as systems for visual odometry read it"),
     "void": ("Void", "No depth"),

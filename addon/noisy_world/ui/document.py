@@ -41,6 +41,7 @@ CAMERA = {
     "width_px": "width", "height_px": "height", "fx_px": "fx", "fy_px": "fy", "cx_px": "cx", "cy_px": "cy",
     "near_m": "near_m", "far_m": "far_m",
 }  # fmt: skip
+NO_BODY = "NONE"
 INTRINSICS = ("width_px", "height_px", "fx_px", "fy_px", "cx_px", "cy_px")
 HANDHELD = {
     "handheld_frames": "frames", "handheld_rate_hz": "rate_hz", "handheld_speed_m_s": "speed_m_s",
@@ -139,6 +140,8 @@ def _trajectory(panel: Any, folder: Path | None) -> dict[str, Any]:
     else:
         made = {"file": _path(panel.trajectory_path, folder)}
         made |= {key: value_of(panel, name) for name, key in TRAJECTORY.items()}
+    if panel.body != NO_BODY:
+        made["body"] = {"kind": panel.body, "motion": value_of(panel, "body_motion")}
     return made | ({"every": panel.every} if panel.every > 1 else {})
 
 

@@ -13,6 +13,7 @@ from ..core.perturbing.kinds import Perturbation, Stage
 from ..perturbations import registry
 from . import asset_library, camera_link, footage, generate, header_presets, operators, paths, preview, tracking, world
 from .described import CAMERA, DEVIATION, OUTPUT, PERTURBATIONS, SCENE, TRAJECTORY
+from .document import NO_BODY
 from .keyed import without_effect
 from .long_text import write
 from .offered import BENCHMARK, PACKAGES, PHYSICAL, Offered, line_on, offered
@@ -113,6 +114,8 @@ class NOISYWORLD_PT_trajectory(PanelSection, bpy.types.Panel):
         else:
             names = ("handheld_frames", "handheld_rate_hz", "handheld_speed_m_s", "handheld_clearance_m")
         column = layout.column(align=True)
+        if panel.trajectory_source != "CAMERA":
+            names += ("body",) if panel.body == NO_BODY else ("body", "body_motion")
         for name in (*names, "every"):
             column.prop(panel, name)
         layout.operator("noisy_world.load_trajectory", icon="CON_FOLLOWPATH")

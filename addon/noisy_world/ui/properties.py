@@ -20,7 +20,7 @@ from ..core.presets.preset import (
     RenderSpec,
     SettingSpec,
 )
-from ..core.presets.scene_keys import HandheldSpec, SceneKeys, TrajectorySpec
+from ..core.presets.scene_keys import BodySpec, HandheldSpec, SceneKeys, TrajectorySpec
 from ..perturbations import registry
 from ..perturbations.faster_motion import FasterMotion
 from ..perturbations.motion_deviation import MotionDeviation
@@ -248,6 +248,16 @@ def _panel_members() -> dict[str, Any]:
         "handheld_rate_hz": described(HandheldSpec, "rate_hz", label="Frame Rate", update="handheld_rate_hz"),
         "handheld_speed_m_s": described(HandheldSpec, "speed_m_s", update="handheld_speed_m_s"),
         "handheld_clearance_m": described(HandheldSpec, "clearance_m", update="handheld_clearance_m"),
+        "body": choice(
+            "body", "Body", "What carries the camera along the path, with its own motion",
+            ("NONE", "None", "The path is the camera's"),
+            ("walker", "Walker", "A head that walks"),
+            ("runner", "Runner", "A head that runs"),
+            ("quadruped", "Quadruped", "A small robot on four legs that trots"),
+            ("rover", "Rover", "A robot on four wheels, on a rough floor"),
+            ("drone", "Drone", "A multicopter, which leans into its acceleration"),
+        ),
+        "body_motion": described(BodySpec, "motion", label="Body Motion", update="body_motion"),
         "every": described(
             TrajectorySpec, "every", label="Every Nth Pose", update="every",
             description="Use every pose, every second one, every third, and so on",
@@ -286,7 +296,7 @@ def _panel_members() -> dict[str, Any]:
         ),
         "image": described(
             OutputSpec, "image", label="Images", update="image", default=OUTPUT.image,
-            description="Format of color: JPEG at quality 98 without chroma subsampling, or PNG",
+            description="Format of color: JPEG at quality 98 without chroma subsampling, PNG, or EXR of light",
         ),
         "colour": described(
             OutputSpec, "colour", label="Channels", update="colour", default=OUTPUT.colour,

@@ -20,7 +20,7 @@ from ..sources import find_scenes
 from ..sources.mesh_source import forget_meshes, load_mesh
 from . import footage, scene_copy, this_scene
 from .described import LISTENERS
-from .document import CAMERA, intrinsics_of, listed_motion, preset_of, scene_of
+from .document import CAMERA, NO_BODY, intrinsics_of, listed_motion, preset_of, scene_of
 from .output_place import absolute
 from .own_objects import camera_alone, images_of, keys_state, mark, own_object, put_into, select, take_out_mesh, tied
 from .owned import OURS
@@ -290,7 +290,7 @@ def _decided_by(panel: Any, kind: str) -> str:
         return json.dumps([kind, described])
     if kind == "mesh":
         return json.dumps(described["mesh"])
-    made_here = panel.trajectory_source == "HANDHELD"
+    made_here = panel.trajectory_source == "HANDHELD" or panel.body != NO_BODY
     return json.dumps([described["trajectory"], *([described["mesh"], panel.seed] if made_here else [])])
 
 

@@ -52,7 +52,7 @@ def write_tum(folder, stamps=("0.0", "0.05")):
 def test_what_each_layout_is():
     assert list(LAYOUTS) == ["replica", "tum", "euroc", "vslamlab"]
     assert {name: layout.images for name, layout in LAYOUTS.items()} == {
-        "replica": ("jpg", "png"),
+        "replica": ("jpg", "png", "exr"),
         "tum": ("png",),
         "euroc": ("png",),
         "vslamlab": ("png", "jpg"),

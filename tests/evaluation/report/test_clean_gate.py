@@ -3,8 +3,10 @@
 
 import csv
 import json
+import math
 
 import pytest
+from worlds import ROOT
 
 pytest.importorskip("jinja2", reason="the extra evaluate is not installed")
 pytest.importorskip("matplotlib", reason="the extra evaluate is not installed")
@@ -94,3 +96,21 @@ def test_where_all_is_as_expected_nothing_is_marked(tmp_path):
     assert written.findings[0].startswith("Worst for mine")
     assert MARK not in (tmp_path / "report.html").read_text()
     assert "clean_as_expected" not in (tmp_path / "tables" / "over_clean.csv").read_text()
+
+
+def camera_of(record):
+    return json.loads((record / "study.json").read_text())["study"]["subject"]["preset"]["camera"]
+
+
+def test_runs_through_60_degrees_of_320_x_240_are_flagged_and_those_of_the_study_are_not():
+    """The records of ORB-SLAM3's own runs on clean frames."""
+    narrow, study = ROOT / "docs/data/narrow_camera", ROOT / "docs/data/six_rooms"
+    camera = camera_of(narrow)
+    assert (camera["width"], camera["height"]) == (320, 240)
+    assert math.degrees(2.0 * math.atan(160.0 / camera["fx"])) == pytest.approx(60.0, abs=0.1)
+    gate = clean_gate(read_results(narrow))
+    assert {scene.scene: scene.wrong for scene in gate.scenes} == {"room0": "", "room1": "ATE 13.5 mm, scale 1.017"}
+    assert gate.name("orb_slam3") == f"orb_slam3 {MARK}"
+    assert camera_of(study)["width"] / camera_of(study)["fx"] == 2.0  # 90 degrees
+    wide = clean_gate(read_results(study))
+    assert [scene.wrong for scene in wide.scenes if scene.system == "orb_slam3"] == [""] * 6

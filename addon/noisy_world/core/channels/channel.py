@@ -13,8 +13,8 @@ from ..datasets.float_files import decode_exr, decode_npy, encode_exr, encode_np
 from ..datasets.images import decode_steps, encode_png
 from ..trajectories.stamps import FrameStamps
 
-Image: TypeAlias = Literal["jpg", "png"]
-"""What colour may be stored as."""
+Image: TypeAlias = Literal["jpg", "png", "exr"]
+"""What colour may be stored as; an EXR is scene-linear light."""
 
 FileKind: TypeAlias = Literal["jpg", "png", "exr", "npy"]
 """What files of images are: PNG and JPEG of whole numbers, and what keeps values as they are in memory."""

@@ -12,7 +12,8 @@ from typing import BinaryIO
 from ..errors import InputError
 from ..regular_files import NotRegularError, TooLargeError, open_regular
 from . import jpeg_files, png_files
-from .image_header import UPRIGHT, DamagedImageError, ImageHeader, UnfitImageError
+from .float_files import EXR_SIGNATURE, light_size_px
+from .image_header import UPRIGHT, DamagedImageError, ImageHeader, UnfitImageError, check_size
 from .jpeg_structure import check_structure
 from .storage import sha256_of_bytes
 
@@ -47,11 +48,13 @@ def damage(data: bytes) -> str:
 
 
 def whole_image(data: bytes, *, sums: bool = True) -> tuple[ImageHeader, bytes]:
-    """Return the header of a PNG or JPEG, and what of its file decides its pixels.
+    """Return the header of a PNG, a JPEG or an EXR of light, and what of its file decides its pixels.
 
     sums: check the sums of a PNG's parts. Raises DamagedImageError where it is not whole, and UnfitImageError where it
     cannot be used as it is meant: another kind of file, an animation, a size beyond the limits, an orientation.
     """
+    if _kind(data) == "exr":  # its pixels have no sums: digests tell of damage
+        return _header(io.BytesIO(data)), data
     if _kind(data) != "png":
         header = _header(io.BytesIO(data))
         check_structure(data)
@@ -121,7 +124,7 @@ def _opened(path: Path, buffering: int = _HEADER_BYTES) -> BinaryIO:
 
 
 def _kind(start: bytes) -> str | None:
-    kinds = {png_files.SIGNATURE: "png", jpeg_files.SIGNATURE: "jpg"}
+    kinds = {png_files.SIGNATURE: "png", jpeg_files.SIGNATURE: "jpg", EXR_SIGNATURE: "exr"}
     return next((kind for signature, kind in kinds.items() if start.startswith(signature)), None)
 
 
@@ -133,9 +136,20 @@ def _header(file: BinaryIO) -> ImageHeader:
     file.seek(0)
     if kind is None:
         raise UnfitImageError("is neither PNG nor JPEG", "convert it to PNG")
+    if kind == "exr":
+        return _exr_header(file.read())
     header = png_files.png_header(file) if kind == "png" else jpeg_files.jpeg_header(file)
     _check_upright(header.orientation)
     return header
+
+
+def _exr_header(data: bytes) -> ImageHeader:
+    try:
+        size_px = light_size_px(data)
+    except ValueError as error:
+        raise UnfitImageError(str(error), "convert it to PNG") from None
+    check_size(*size_px)
+    return ImageHeader("exr", *size_px, channels=3, bits=16)
 
 
 def _check_upright(orientation: int) -> None:

@@ -31,7 +31,7 @@ class DamagedImageError(UnfitImageError):
 
 @dataclass(frozen=True, slots=True)
 class ImageHeader:
-    """What a PNG or JPEG says of itself.
+    """What a PNG, a JPEG or an EXR of light says of itself.
 
     channels: 1 grey, 3 colour, 4 CMYK; without alpha, those of the palette's colours where it has one. bits: of a
     value. alpha: whether pixels may be transparent. orientation: Exif's, 1 to 8. sequential: of a JPEG, that it holds
@@ -39,7 +39,7 @@ class ImageHeader:
     where in a JPEG the data of the first scan begin.
     """
 
-    kind: Literal["png", "jpg"]
+    kind: Literal["png", "jpg", "exr"]
     width_px: int
     height_px: int
     channels: int
@@ -60,6 +60,8 @@ class ImageHeader:
     def description(self) -> str:
         """What it is, in words."""
         colours = {1: "grey", 3: "colour", 4: "CMYK"}[self.channels]
+        if self.kind == "exr":
+            return "an EXR of scene-linear light"
         name = "JPEG" if self.kind == "jpg" else "PNG"
         return f"a {name} of {self.bits}-bit {colours}{' with alpha' if self.alpha else ''}"
 

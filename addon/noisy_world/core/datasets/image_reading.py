@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from ..errors import InputError
 from ..regular_files import read_bytes
+from .float_files import decode_light
 from .image_files import LARGEST_FILE_BYTES, read_whole
 from .image_header import DamagedImageError, ImageHeader, UnfitImageError
 from .images import UINT16_MAX
@@ -43,6 +44,16 @@ def read_colour(
         raise InputError(path, error.problem, remedy=error.remedy) from None
 
 
+def read_light(path: Path, size_px: tuple[int, int], sha256: str | None = None) -> NDArray[np.float32]:
+    """Return the scene-linear light (H, W, 3) of an EXR of a dataset. Raises InputError where it is damaged."""
+    header, data = read_whole(path, sha256)
+    check_size_px(path, header, size_px)
+    try:
+        return decode_light(data)
+    except ValueError as error:
+        raise InputError(path, str(error)) from error
+
+
 def read_steps(path: Path, size_px: tuple[int, int], sha256: str | None = None) -> NDArray[np.uint16]:
     """Return the steps (H, W) of a depth image. Raises InputError where it is damaged, or no 16-bit PNG of the size."""
     header, data = read_whole(path, sha256)
@@ -70,6 +81,9 @@ def read_pixels(path: Path, mode: int) -> NDArray[Any] | None:
 
 def check_colour(path: Path, header: ImageHeader) -> None:
     """Raise InputError where an image is no colour as it is meant here."""
+    if header.kind == "exr":
+        problem = f"is {header.description}, but colour has to be as it is shown on a display"
+        raise InputError(path, problem, remedy="make the dataset with output.image: png, or convert it to PNG")
     if header.channels == 1 and header.bits == 16:
         problem = f"is {header.description}, as depth and thermal images are, but colour has to be 8-bit grey, or RGB"
         raise InputError(path, problem, remedy="write it with 8 bits, as it is to be seen")

@@ -11,8 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..channels import COLOUR_AND_DEPTH, in_order
+from ..linear_light import encoded
 from ..regular_files import read_bytes
+from .float_files import decode_light
 from .image_reading import read_pixels
+from .images import rgb_bytes
 from .layouts import OutputFormat
 from .layouts.layout import StampsLike
 
@@ -112,9 +115,17 @@ def _spread(numbers: Sequence[int]) -> list[int]:
 def _read_rgb(path: Path) -> NDArray[np.uint8]:
     import cv2
 
-    rgb = np.asarray(read_pixels(path, cv2.IMREAD_COLOR), np.uint8)[..., ::-1]
+    if path.suffix == ".exr":
+        rgb = _shown_light(path)
+    else:
+        rgb = np.asarray(read_pixels(path, cv2.IMREAD_COLOR), np.uint8)[..., ::-1]
     tile = cv2.resize(np.ascontiguousarray(rgb), _tile_size(rgb.shape), interpolation=cv2.INTER_AREA)
     return np.asarray(tile, np.uint8)
+
+
+def _shown_light(path: Path) -> NDArray[np.uint8]:
+    """Return light by sRGB's curve, clipped at 1: the scene's own view transform is Blender's alone."""
+    return rgb_bytes(encoded(decode_light(read_bytes(path))))
 
 
 def _read_depth(path: Path, output: OutputFormat) -> NDArray[np.float64]:

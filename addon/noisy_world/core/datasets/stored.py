@@ -23,7 +23,16 @@ from ..trajectories.trajectory import Trajectory
 from .file_digests import read_digests
 from .image_files import WholeFile, check_whole, read_header
 from .image_header import ImageHeader
-from .image_reading import check_colour, check_depth, check_size_px, read_colour, read_steps, spoken, strict_decoder
+from .image_reading import (
+    check_colour,
+    check_depth,
+    check_size_px,
+    read_colour,
+    read_light,
+    read_steps,
+    spoken,
+    strict_decoder,
+)
 from .json_text import finite_number
 
 RATE_HZ = 20.0  # of sequences that say no time at all, unless a preset says another
@@ -63,6 +72,11 @@ class StoredFrame:
         Grey is in three equal channels. Raises InputError where the file is damaged, or no image as it has to be.
         """
         return read_colour(self.rgb_file, self.size_px, self.rgb_sha256)
+
+    @property
+    def light(self) -> NDArray[np.float32]:
+        """Scene-linear light (H, W, 3) of a dataset whose colour is an EXR. Raises InputError where it is damaged."""
+        return read_light(self.rgb_file, self.size_px, self.rgb_sha256)
 
     @property
     def depth_m(self) -> NDArray[np.float32]:

@@ -1,9 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Checks that the scenes of a preset can give the channels that it asks for."""
 
+from collections.abc import Sequence
+
 from ..channels import pair_channels, surface_channels
-from ..messages import Message, PresetKey
+from ..messages import Message, PresetKey, either
 from ..optics import Optics
+from ..perturbing.steps import Setting
 from ..presets.preset import Preset
 from .scene import Scene
 
@@ -30,6 +33,23 @@ def check_surface(scene: Scene, preset: Preset) -> None:
     if capabilities.own is None and engine not in SURFACE_ENGINES:
         problem = Message(f"{what}: ", PresetKey("render.engine"), f" {engine} cannot tell it")
         raise place.error(problem, f"use {' or '.join(SURFACE_ENGINES)}")
+
+
+def check_light(scene: Scene, settings: Sequence[Setting], preset: Preset) -> None:
+    """Refuse light as output where a scene has none, and what acts on the image that a view transform makes of it.
+
+    Raises InputError.
+    """
+    if not preset.spec.output.format.of_light:
+        return
+    instead = Message("set ", PresetKey("output.image", "png"))
+    if not scene.source.capabilities.lit:
+        raise scene.error("has no light of its own, and output.image exr is scene-linear light", instead)
+    for setting in settings:
+        if late := [step.perturbation for step in setting.rgb if not step.perturbation.acts_on_light]:
+            problem = f"{setting.name}: {late[0].name} ({late[0].stage}) acts on what the view transform shows"
+            message = f"{problem}, and output.image exr is the light before it"
+            raise preset.place("settings").error(message, either("take it out", instead))
 
 
 def check_pairs(scene: Scene, optics: Optics, preset: Preset) -> None:

@@ -24,7 +24,7 @@ from ..presets.names import format_same_folder
 from ..presets.preset import EngineName, Preset
 from ..presets.selection import selected
 from ..trajectories.rig import Rig
-from .channel_checks import check_distorts, check_exposed, check_pairs, check_surface
+from .channel_checks import check_distorts, check_exposed, check_light, check_pairs, check_surface
 from .numbers import Numbers, union
 from .rig_sensors import check_imu, check_sensors, depth_sensor, read_rig
 from .scene import Scene
@@ -224,6 +224,7 @@ def _renders(plan: Plan, scene: Scene) -> list[Render]:
     camera = scene.source.camera(None if spec.camera is None else spec.camera.intrinsics) or spec.mesh_camera.intrinsics
     optics = _optics(scene, plan, camera)
     check_pairs(scene, optics, preset)
+    check_light(scene, plan.settings, preset)
     shared: list[Sequence] = []
     moved: dict[Hashable, Render] = {}
     for setting in plan.settings:

@@ -50,7 +50,8 @@ class OutputSpec:
         identity="meaning",
     )
     image: Image | None = key(
-        f"colour images; jpg is quality 98 without chroma subsampling; {_defaults(lambda item: item.images[0])}",
+        "colour images; jpg is quality 98 without chroma subsampling; exr is scene-linear light as half floats, of "
+        f"scenes with light of their own; {_defaults(lambda item: item.images[0])}",
         default=None,
         identity="meaning",
     )
@@ -121,6 +122,8 @@ def check_output(spec: OutputSpec, place: ConfigPath) -> None:
             raise place.at(name).error(
                 f"is {given}, but the {layout.label} layout's readers expect {known}", f"use {known}"
             )
+    if spec.image == "exr" and spec.colour == "grey":
+        raise place.at("colour").error("is grey, but an EXR holds red, green and blue", "use rgb, or another image")
     if spec.licence is not None and not (spec.licence.strip() and spec.licence.isprintable()):
         raise place.at("licence").error("has to be one line of text", "name the licence, or leave the key out")
     if not spec.modalities or len(set(spec.modalities)) < len(spec.modalities):

@@ -7,6 +7,10 @@ from typing import Any
 from ..errors import InputError
 from ..schema import ConfigPath, shown
 from ..yaml_reading import DEEPEST, read_yaml
+from .scene_keys import BodySpec, TrajectorySpec
+
+BARE = {"trajectory": TrajectorySpec.SHORTHAND, "body": BodySpec.SHORTHAND}
+"""What a bare text stands for: so trajectory.every can be set where the preset names only a file."""
 
 
 def override(document: dict[str, Any], text: str, path: Path) -> None:
@@ -39,9 +43,8 @@ def override(document: dict[str, Any], text: str, path: Path) -> None:
             node[step] = value
         else:
             if not isinstance(node.get(step), (dict, list)):
-                # A bare text stands for {file: text}: so trajectory.every can be set where the preset names only a
-                # file.
-                node[step] = {"file": node[step]} if step == "trajectory" and isinstance(node.get(step), str) else {}
+                bare = node.get(step)
+                node[step] = {BARE[step]: bare} if step in BARE and isinstance(bare, str) else {}
             node = node[step]
 
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import ClassVar, Literal
 
 from ..schema import ConfigPath, key
+from ..trajectories.bodies import BodyKind
 from .names import scene_name
 
 
@@ -29,6 +30,25 @@ class HandheldSpec:
 
 
 @dataclass(frozen=True)
+class BodySpec:
+    """What carries the camera along the path; a bare text is its kind."""
+
+    SHORTHAND: ClassVar[str] = "kind"
+
+    kind: BodyKind = key(
+        "whose camera it is: that of a head that walks or runs, a small quadruped, a rover on a rough floor, a drone",
+        identity="meaning",
+    )
+    motion: float = key(
+        "what the body's own motion is multiplied by; 0 leaves the mean way",
+        default=1.0,
+        minimum=0,
+        maximum=10,
+        identity="meaning",
+    )
+
+
+@dataclass(frozen=True)
 class TrajectorySpec:
     """Where the camera goes: a file, or a path made here; a bare text is a file."""
 
@@ -40,6 +60,7 @@ class TrajectorySpec:
         identity="meaning",
     )
     handheld: HandheldSpec | None = key("a path made here instead of a file", default=None)
+    body: BodySpec | None = key("what carries the camera along the path, with its own motion", default=None)
     format: Literal["auto", "replica", "kitti", "tum", "euroc", "matrices", "log", "transforms"] = key(
         "the file's format, where its content should not decide", default="auto", identity="meaning"
     )

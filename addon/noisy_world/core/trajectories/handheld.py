@@ -21,6 +21,7 @@ from .walk import look_around, walk
 
 Float64: TypeAlias = NDArray[np.float64]
 
+_DOWN_DEG = -8.0  # how far the camera looks up
 _TREMOR_DEG = 0.3  # amplitude of each rotation
 # Of one path: a day and a night, and what is walked in it. Both bound the memory, to less than a gigabyte.
 _LONGEST_S = 100_000.0
@@ -38,6 +39,8 @@ def handheld_path(
     speed_m_s: float = 0.5,
     clearance_m: float = 0.45,
     revisit: bool = False,
+    steady: bool = False,
+    step_m: float | None = None,
 ) -> Trajectory:
     """Return a path of `frames` frames through the largest free space of the mesh; equal seeds give equal paths.
 
@@ -45,7 +48,8 @@ def handheld_path(
     eye_height_m: lowest and highest height above the floor. clearance_m: least distance to every vertex, and to every
     face within 5 cm. speed_m_s: reached within a second, lower in bends. The camera turns by less than 40 degrees a
     second, looks toward open space and 8 degrees down (plus or minus 10), and rolls by less than 3 degrees. revisit:
-    earlier stretches are walked again, looking where the camera looked then.
+    earlier stretches are walked again, looking where the camera looked then. steady: without what a hand and steps add,
+    as the route of a body. step_m: see `find_room`.
     Raises NoisyWorldError where there is no such space or the walk is too long, ValueError for numbers without sense.
     """
     low, high = eye_height_m
@@ -57,15 +61,19 @@ def handheld_path(
     if problem := walk_problem(frames, rate_hz, speed_m_s):
         raise NoisyWorldError(f"no hand-held path: {problem}")
     time_s = np.arange(frames) / rate_hz
-    room = find_room(mesh, bounds, (low, high), clearance_m, stream("handheld", "height", seed))
+    room = find_room(mesh, bounds, (low, high), clearance_m, stream("handheld", "height", seed), step_m=step_m)
     xy_m = walk(room, stream("handheld", "walk", seed), speed_m_s, time_s, revisit=revisit)
     yaw_deg = look_around(room, stream("handheld", "look", seed), xy_m, time_s, revisit=revisit)
+    if steady:
+        place_m = np.column_stack([xy_m, np.full(frames, room.height_m)])
+        facing = rotation_from_euler_deg(np.zeros(frames), np.full(frames, -_DOWN_DEG), yaw_deg)
+        return evenly_stamped(opencv_from_robot_c2w(pose(facing, place_m)), rate_hz)
     rng = stream("handheld", "sway", seed)
     bob_m = BOB_M * np.stack([_waves(rng, time_s, 0.2, 2.0) for _ in range(3)], axis=-1)
     height_m = room.height_m + room.sway_m * _waves(rng, time_s, 0.03, 0.1)
     position_m = np.column_stack([xy_m, height_m]) + bob_m
     tremor_deg = _TREMOR_DEG * np.stack([_waves(rng, time_s, 0.2, 2.0) for _ in range(3)])
-    pitch_deg = -8.0 + 9.0 * _waves(rng, time_s, 0.03, 0.08) + tremor_deg[0]
+    pitch_deg = _DOWN_DEG + 9.0 * _waves(rng, time_s, 0.03, 0.08) + tremor_deg[0]
     roll_deg = 1.5 * _waves(rng, time_s, 0.05, 0.15) + tremor_deg[1]
     facing = rotation_from_euler_deg(roll_deg, -pitch_deg, yaw_deg + tremor_deg[2])
     return evenly_stamped(opencv_from_robot_c2w(pose(facing, position_m)), rate_hz)

@@ -33,6 +33,8 @@ _FLOOR_GAP_M = 0.3  # holes of up to twice this width in a scanned floor are cou
 _SWAY_M = 0.1  # amplitude of the slow change of height
 BOB_M = 0.012
 """Amplitude of the height with each step, and of the position."""
+HEAD_M = 0.2
+"""Of a body above its camera."""
 SIGHT_M = 6.0
 """How far openness is judged: about the length of a room."""
 
@@ -71,17 +73,27 @@ class Room:
 
 
 def find_room(
-    mesh: Mesh, bounds: Float64, eyes_m: tuple[float, float], clearance_m: float, rng: np.random.Generator
+    mesh: Mesh,
+    bounds: Float64,
+    eyes_m: tuple[float, float],
+    clearance_m: float,
+    rng: np.random.Generator,
+    *,
+    step_m: float | None = None,
 ) -> Room:
-    """Return the largest free space at one of the camera's heights. Raises NoisyWorldError where there is none."""
-    points_m, grid = _columns(mesh, bounds[:, :2], clearance_m)
+    """Return the largest free space at one of the camera's heights. Raises NoisyWorldError where there is none.
+
+    step_m: of a body that stands on the floor, which needs all free from this height above it up to its head; None:
+    the clearance is kept below the camera and above it.
+    """
+    points_m, grid = columns(mesh, bounds[:, :2], clearance_m)
     corner_m, shape, cell_m = grid.corner_m, grid.shape, grid.cell_m
     cell = np.floor((points_m[:, :2] - corner_m) / cell_m).astype(np.int64) @ [shape[1], 1]
     centres_m = [corner_m[axis] + (np.arange(shape[axis]) + 0.5) * cell_m for axis in (0, 1)]
     shy_m = cell_m / 2.0 + BOB_M
     sides = [(c - shy_m >= bounds[0, axis]) & (c + shy_m <= bounds[1, axis]) for axis, c in enumerate(centres_m)]
     inside = sides[0][:, None] & sides[1]
-    floor_m, indoors = _floor(cell, points_m[:, 2], inside)
+    floor_m, indoors = floor_of(cell, points_m[:, 2], inside)
     low_m, high_m = max(floor_m + eyes_m[0], bounds[0, 2]), min(floor_m + eyes_m[1], bounds[1, 2])
     if low_m > high_m:
         raise NoisyWorldError(
@@ -93,14 +105,17 @@ def find_room(
     # A seeded height; the others are tried only where there is no room at it, under a low ceiling or among shelves.
     for share in (rng.uniform(), 0.0, 0.25, 0.5, 0.75, 1.0):
         height_m = low_m + sway_m + share * max(high_m - low_m - 2.0 * sway_m, 0.0)
-        below = points_m[:, 2] < height_m - reach_m
-        beside = ~below & (points_m[:, 2] <= height_m + reach_m)
+        low_reach_m, high_reach_m = height_m - reach_m, height_m + reach_m
+        if step_m is not None:
+            low_reach_m, high_reach_m = floor_m + step_m, height_m + sway_m + BOB_M + HEAD_M
+        below = points_m[:, 2] < low_reach_m
+        beside = ~below & (points_m[:, 2] <= high_reach_m)
         occupied, known = (np.bincount(cell[s], minlength=indoors.size).reshape(shape) > 0 for s in (beside, below))
         known = _closed(known & indoors, cell_m)
         # Between cell centres: a cell's diagonal more covers both points' positions in their cells, then the bob.
         apart_m = clearance_m + np.sqrt(2.0) * cell_m + 2.0 * BOB_M
-        free = (_distance_m(occupied | ~known, apart_m, cell_m) >= apart_m) & inside
-        plan = largest_part(_distance_m(~free, 2.0 * cell_m, cell_m) > 1.5 * cell_m)
+        free = (distance_m(occupied | ~known, apart_m, cell_m) >= apart_m) & inside
+        plan = largest_part(distance_m(~free, 2.0 * cell_m, cell_m) > 1.5 * cell_m)
         largest_m2 = max(largest_m2, float(np.count_nonzero(plan)) * cell_m**2)
         if largest_m2 >= _LEAST_AREA_M2:
             return Room(grid, occupied, free, plan, float(height_m), sway_m)
@@ -113,7 +128,7 @@ def find_room(
     )
 
 
-def _columns(mesh: Mesh, bounds: Float64, clearance_m: float) -> tuple[Float64, Grid]:
+def columns(mesh: Mesh, bounds: Float64, clearance_m: float) -> tuple[Float64, Grid]:
     """Return the mesh's points in and around the bounds (2, 2), and their grid."""
     _check_resolution(mesh)
     sides = bounds + np.array([[-SIGHT_M], [SIGHT_M]])
@@ -157,7 +172,7 @@ def _grid(least_m: Float64, most_m: Float64, clearance_m: float, faces: SampledT
     raise NoisyWorldError(f"no hand-held path: the mesh has faces of {size}: too large to look for a room; {_ELSE}")
 
 
-def _floor(cell: NDArray[np.int64], z_m: Float64, inside: Mask) -> tuple[float, Mask]:
+def floor_of(cell: NDArray[np.int64], z_m: Float64, inside: Mask) -> tuple[float, Mask]:
     """Return the floor's height and the cells that may be in the room: those under a roof, or all where none is."""
     lowest_m = np.full(inside.size, np.inf)
     highest_m = np.full(inside.size, -np.inf)
@@ -179,11 +194,11 @@ def _floor(cell: NDArray[np.int64], z_m: Float64, inside: Mask) -> tuple[float, 
 
 
 def _closed(mask: Mask, cell_m: float) -> Mask:
-    widened = _distance_m(mask, _FLOOR_GAP_M, cell_m) <= _FLOOR_GAP_M
-    return _distance_m(~widened, _FLOOR_GAP_M, cell_m) > _FLOOR_GAP_M
+    widened = distance_m(mask, _FLOOR_GAP_M, cell_m) <= _FLOOR_GAP_M
+    return distance_m(~widened, _FLOOR_GAP_M, cell_m) > _FLOOR_GAP_M
 
 
-def _distance_m(mask: Mask, limit_m: float, cell_m: float) -> Float64:
+def distance_m(mask: Mask, limit_m: float, cell_m: float) -> Float64:
     """Distance of each cell's centre to the nearest one in the mask, exact up to the limit, large beyond it."""
     reach = int(np.ceil(limit_m / cell_m)) + 1
     far = 4 * reach

@@ -50,7 +50,7 @@ def read_scene(name: str) -> Mesh:
 def read_sequence(folder: Path, camera: Intrinsics | None = None) -> SequenceToMap:
     """Open the sequence of a folder. camera: where its files say none.
 
-    Raises InputError where it holds none or several, and where its intrinsics are not known.
+    Raises InputError where it holds none or several, where its intrinsics are not known, and where its lens distorts.
     """
     opened = open_path(folder)
     names = list(opened)
@@ -61,6 +61,9 @@ def read_sequence(folder: Path, camera: Intrinsics | None = None) -> SequenceToM
     known = sequence.camera if camera is None else camera
     if known is None:
         raise InputError(folder, "no file says its camera's intrinsics", remedy="give --camera W,H,FX,FY,CX,CY")
+    if sequence.distortion is not None:
+        remedy = "make a dataset of it first, with undistort: true for the scene"
+        raise InputError(folder, "its lens distorts, and maps are fused and rendered by a pinhole", remedy=remedy)
     frames = list(sequence)
     if not frames:
         raise InputError(folder, "holds no frame")

@@ -10,6 +10,7 @@ from ...core.datasets.images import as_bytes
 from ...core.datasets.layouts import OutputFormat
 from ...core.errors import InputError
 from ...core.geometry import Intrinsics
+from ...core.optics import Distortion
 from ...core.planning.sequence import Sequence
 from ...pipeline.clean_files import CleanFiles, KeptFrame
 from ...recipes.frame_numbers import FrameNumbers
@@ -36,6 +37,11 @@ class CleanSequence(OpenedSequence):
     def camera(self) -> Intrinsics | None:
         """The sequence's."""
         return self._noisy.camera
+
+    @property
+    def distortion(self) -> Distortion | None:
+        """The sequence's."""
+        return self._noisy.distortion
 
     def _frame(self, index: int) -> "CleanCounterpart":
         return CleanCounterpart(self, self._noisy[index], self._laid.source_frames[index])

@@ -10,13 +10,13 @@ import json
 import os
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 
 from ...core.datasets.image_files import damage
 from ...core.datasets.images import as_bytes, encode_colour
-from ...core.datasets.layouts import LAYOUTS, Image, Layout, OutputFormat, SequenceFacts, find_sequence
+from ...core.datasets.layouts import LAYOUTS, Layout, OutputFormat, SequenceFacts, find_sequence
 from ...core.datasets.storage import link_or_copy, storage_errors, write_atomic
 from ...core.datasets.stored import StoredSequence
 from ...core.errors import InputError
@@ -27,7 +27,10 @@ from ...core.trajectories.trajectory import Trajectory
 from .definition import Modality
 from .depth_noise import measured_inverse_depth
 
-_KINDS: tuple[tuple[bytes, Image], ...] = ((b"\x89PNG", "png"), (b"\xff\xd8", "jpg"))
+Shown: TypeAlias = Literal["jpg", "png"]
+"""What systems read colour as."""
+
+_KINDS: tuple[tuple[bytes, Shown], ...] = ((b"\x89PNG", "png"), (b"\xff\xd8", "jpg"))
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,14 +140,14 @@ class GivenSequence:
         for name, text in stored_as.setting_texts(self.camera).items():
             _write(folder.parent / name, text.encode())
 
-    def _image(self, layout: Layout) -> Image:
+    def _image(self, layout: Layout) -> Shown:
         """Return the kind of image that colour is stored as: its own if the layout takes it, else PNG."""
         kind = _kind(read_bytes(self.stored.rgb_files[0]))
         if kind in layout.images:
             return kind
-        return "png" if "png" in layout.images else layout.images[0]
+        return "png" if "png" in layout.images else "jpg"
 
-    def _link(self, source: Path, target: Path, image: Image) -> None:
+    def _link(self, source: Path, target: Path, image: Shown) -> None:
         with storage_errors(target):
             target.parent.mkdir(parents=True, exist_ok=True)
         data = read_bytes(source)
@@ -183,6 +186,7 @@ def _check_plain(stored: StoredSequence, *, lens: bool) -> None:
     problems = {
         "depth has a camera of its own": ("register: true", stored.optics.depth is not None),
         "its lens distorts": ("undistort: true", lens and stored.optics.distortion is not None),
+        "its colour is EXR, scene-linear light, which systems do not read": ("", stored.rgb_files[0].suffix == ".exr"),
         "its depth images mark void otherwise than by 0": ("", bool(stored.void_steps)),
     }
     found = {problem: key for problem, (key, is_so) in problems.items() if is_so}
@@ -192,7 +196,7 @@ def _check_plain(stored: StoredSequence, *, lens: bool) -> None:
         raise InputError(stored.folder, ", and ".join(found), remedy=remedy)
 
 
-def _kind(data: bytes) -> Image | None:
+def _kind(data: bytes) -> Shown | None:
     return next((kind for start, kind in _KINDS if data.startswith(start)), None)
 
 

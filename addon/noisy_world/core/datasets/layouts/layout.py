@@ -23,6 +23,7 @@ from ...trajectories.stamps import FrameStamps, Stamps
 from ...trajectories.trajectory import Trajectory
 from ..association import associate
 from ..depth_range import Beyond, DepthRange, OutOfRange, out_of_range
+from ..float_files import encode_light
 from ..images import UINT16_MAX, as_bytes, encode_colour, encode_png, grey_bytes, quantise_depth
 from ..known_poses import PosePolicy
 from ..stored import StoredSequence
@@ -30,7 +31,7 @@ from ..stored import StoredSequence
 Modality: TypeAlias = str
 """The name of a channel, as in `output.modalities`."""
 
-Image = Literal["jpg", "png"]
+Image = Literal["jpg", "png", "exr"]
 Colour = Literal["rgb", "grey"]
 StampsLike: TypeAlias = FrameStamps | Sequence[float] | NDArray[np.float64]
 """The stamps of a path's frames; as seconds (N,) where colour, depth and poses have the same."""
@@ -38,7 +39,7 @@ StampsLike: TypeAlias = FrameStamps | Sequence[float] | NDArray[np.float64]
 IMU_FILES = ("imu.csv", "imu.yaml", "imu_states.csv")
 """An IMU's files in a sequence's folder: its samples, what it is, its true states."""
 
-_SPOKEN: dict[Image, str] = {"jpg": "JPEG", "png": "PNG"}
+_SPOKEN: dict[Image, str] = {"jpg": "JPEG", "png": "PNG", "exr": "EXR"}
 
 
 class Layout(ABC):
@@ -71,7 +72,9 @@ class Layout(ABC):
     @property
     def summary(self) -> str:
         """A sentence on what the layout is and which images it takes."""
-        return f"{self.meaning[0].upper()}{self.meaning[1:]}; {' or '.join(_SPOKEN[kind] for kind in self.images)}"
+        *first, last = (_SPOKEN[kind] for kind in self.images)
+        kinds = f"{', '.join(first)} or {last}" if first else last
+        return f"{self.meaning[0].upper()}{self.meaning[1:]}; {kinds}"
 
     @abstractmethod
     def rgb_name(self, frame: int, stamp_ns: int, image: Image) -> str:
@@ -152,6 +155,11 @@ class OutputFormat:
     formats: tuple[tuple[Modality, FileKind], ...] = ()
 
     @property
+    def of_light(self) -> bool:
+        """Whether colour is stored as scene-linear light, before a view transform."""
+        return self.image == "exr" and "rgb" in self.modalities
+
+    @property
     def depth_limit_m(self) -> float:
         """The largest depth that 16 bits hold."""
         return UINT16_MAX / self.depth_scale_per_m
@@ -182,13 +190,20 @@ class OutputFormat:
     def encode_rgb(self, rgb: NDArray[Any], *, fit_tables: bool = True) -> bytes:
         """Encode (H, W, 3) RGB, sRGB-encoded, uint8 or float32 in [0, 1], as a colour image of the dataset.
 
-        fit_tables: see `encode_colour`.
+        Where that is an EXR: scene-linear light, float32. fit_tables: see `encode_colour`.
         """
+        if self.image == "exr":
+            return encode_light(rgb)
         pixels = grey_bytes(rgb) if self.colour == "grey" else as_bytes(rgb)
         return encode_colour(pixels, self.image, fit_tables=fit_tables)
 
-    def stored_rgb(self, rgb: NDArray[Any]) -> NDArray[np.uint8]:
-        """Return colour (H, W, 3) as an image of the dataset holds it where nothing is lost; grey in each channel."""
+    def stored_rgb(self, rgb: NDArray[Any]) -> NDArray[np.uint8] | NDArray[np.float32]:
+        """Return colour (H, W, 3) as an image of the dataset holds it where nothing is lost; grey in each channel.
+
+        Light, float32, where that is an EXR.
+        """
+        if self.image == "exr":
+            return CHANNELS["rgb"].stored(rgb, self.image)
         return np.repeat(grey_bytes(rgb)[..., None], 3, axis=-1) if self.colour == "grey" else as_bytes(rgb)
 
     def encode_depth(self, depth_m: NDArray[np.float32]) -> bytes:

@@ -32,12 +32,13 @@ class ReplicaLayout(Layout):
     name = "replica"
     label = "Replica"
     meaning = "of iMAP and NICE-SLAM"
-    images = ("jpg", "png")
+    images = ("jpg", "png", "exr")
     colours = ("rgb", "grey")
     depth_scale_per_m = 6553.5  # 16 bits are 10 m
     patterns = (
         *numbered(f"{RESULTS}/frame{{}}.jpg"),
         *numbered(f"{RESULTS}/frame{{}}.png"),
+        *numbered(f"{RESULTS}/frame{{}}.exr"),
         *numbered(f"{RESULTS}/depth{{}}.png"),
         *(f"traj{suffix}.txt" for suffix in PATH_SUFFIXES),
         CAM_PARAMS,
@@ -57,7 +58,7 @@ class ReplicaLayout(Layout):
         return f"{RESULTS}/depth{frame:06d}.png"
 
     def image_note(self, image: Image) -> str:
-        """Say that PNG is not found: NICE-SLAM and its successors list results/frame*.jpg."""
+        """Say that PNG and EXR are not found: NICE-SLAM and its successors list results/frame*.jpg."""
         if image == "jpg":
             return ""
         others = "NICE-SLAM, Co-SLAM, GO-SLAM, SplaTAM and others that read this layout"

@@ -1,0 +1,49 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A lit scene whose lamps are brighter than white, and datasets of it."""
+
+import sys
+import threading
+
+import bpy
+from own_scenes import new_scene, save
+
+from noisy_world.core.presets.preset import read_preset
+from noisy_world.core.progress import PlainProgress
+from noisy_world.pipeline.run import Run
+from noisy_world.planning import make_plan
+
+LAMPS = (4.0, 20.0, 100.0)
+
+
+def lit_hall(folder, *, denoising=True):
+    """The hall with three lamps in view, each a ball that emits as many times white, shown by AgX."""
+    scene = new_scene(samples=2)
+    scene.cycles.use_denoising = denoising
+    for place, strength in enumerate(LAMPS):
+        bpy.ops.mesh.primitive_uv_sphere_add(radius=0.15, location=(place - 1, 3, 0.6))
+        material = bpy.data.materials.new(f"Lamp {strength:g}")
+        shader = material.node_tree.nodes["Principled BSDF"]
+        shader.inputs["Emission Color"].default_value = (1, 1, 1, 1)
+        shader.inputs["Emission Strength"].default_value = strength
+        bpy.context.object.data.materials.append(material)
+    scene.view_settings.view_transform = "AgX"
+    scene.frame_end = 1
+    return save(folder, "lit")
+
+
+def write_preset(folder, settings, *, backend="reference", output="image: png, modalities: [rgb]"):
+    """Write a preset of the hall beside it; return its path."""
+    path = folder / "lit.yaml"
+    path.write_text(
+        "scenes: [{name: hall, blend: lit.blend}]\n"
+        f"settings: [{{name: clean}}, {settings}]\n"
+        f"render: {{backend: {backend}}}\noutput: {{{output}}}\n"
+    )
+    return path
+
+
+def make(preset, out, **several):
+    """Make the dataset of a preset."""
+    plan = make_plan(read_preset(preset))
+    Run(plan, out, progress=PlainProgress(sys.stderr), stop=threading.Event(), **several).make_dataset()
+    return out
