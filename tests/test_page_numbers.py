@@ -31,7 +31,7 @@ from bench import cluster_simulation
 
 PAGES = {page.relative_to(ROOT).as_posix(): page for page in [ROOT / "README.md", *(ROOT / "docs").glob("*.md")]}
 WORDS = ["none", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten", "eleven", "twelve"]
-WORDS += ["thirteen", "fourteen", "fifteen", "sixteen"]
+WORDS += ["thirteen", "fourteen", "fifteen", "sixteen", "seventeen", "eighteen", "nineteen", "twenty"]
 NUMBER = rf"(?:\d[\d,]*|{'|'.join(WORDS[1:])})"
 COUNTED = rf"\b{NUMBER} (?:perturbations|layouts|settings|sequences|engines|presets)\b"
 COMING_ALONG = [item for item in registry().values() if item.distribution is None]

@@ -9,7 +9,7 @@ from cases import cases
 from srgb import encoded, linear
 
 from noisy_world.core.errors import InputError
-from noisy_world.core.perturbing.earlier_frames import EarlierFrame, earlier_than, small_light
+from noisy_world.core.perturbing.earlier_frames import EarlierFrame, earlier_than, small_light, small_of
 from noisy_world.core.perturbing.execution import ColourWork, perturb_rgb
 from noisy_world.core.perturbing.kinds import FrameContext
 from noisy_world.core.perturbing.reading import parse_steps
@@ -169,7 +169,7 @@ def test_small_images_keep_the_mean_light(size):
     assert small.mean() == pytest.approx(linear(rgb / 255).mean(), rel=0.01)
     assert np.array_equal(small, small_light((rgb / np.float32(255)).astype(np.float32)))
     lit = np.full((*size, 3), 7.0, np.float32)
-    assert small_light(rgb, lit).mean() == pytest.approx(7.0)
+    assert small_of(lit).mean() == pytest.approx(7.0)
 
 
 # --- white balance ---

@@ -175,7 +175,8 @@ def _inverted(mean: NDArray[np.float32], codes: NDArray[np.uint16]) -> NDArray[n
         more = uniform >= total
         if not more.any():
             break
-        places, mean, uniform, chance, total = (part[more] for part in (places, mean, uniform, chance, total))
+        places = places[more]
+        mean, uniform, chance, total = (part[more] for part in (mean, uniform, chance, total))
         found[places] = number
         chance = chance * mean / np.float32(number)
         total = total + chance
@@ -217,8 +218,8 @@ PERTURBATION = ColourPerturbation(
         "read_noise_electrons": (0.8, 0.89, 0.99, 1.1, 1.22),
     },
     source=(
-        "Brooks and others, Unprocessing images for learned raw denoising, 2019: their range of shot noise in equal "
-        "ratios, with the read noise of their line, for a full well of 10,000 electrons; model: EMVA Standard 1288"
+        "our own: the range of shot noise of Brooks and others (Unprocessing images for learned raw denoising, 2019) "
+        "in equal ratios, with the read noise of their line, for a full well of 10,000 electrons; model: EMVA 1288"
     ),
     apply=apply,
     temporals=("fresh", "fixed"),

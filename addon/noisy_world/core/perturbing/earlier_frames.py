@@ -42,14 +42,18 @@ def earlier_than(stamps_s: Sequence[float] | NDArray[np.float64], frame: int, sp
     return range(max(shown - 1, 0), frame)
 
 
-def small_light(rgb: NDArray[Any], light: NDArray[np.float32] | None = None) -> NDArray[np.float32]:
-    """Return a clean frame as `EarlierFrame.light`: of (H, W, 3) colour, rounded to bytes, or of a lit frame's light.
+def small_light(rgb: NDArray[Any]) -> NDArray[np.float32]:
+    """Return a clean frame (H, W, 3), sRGB-encoded, as `EarlierFrame.light`.
 
-    Rounded, as a frame that was read from a file is the same as when it was rendered.
+    It is rounded to bytes, so that a frame which was read from a file is the same as when it was rendered.
     """
+    return small_of(quick_light(as_bytes(rgb)))
+
+
+def small_of(whole: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return linear light (H, W, 3) as `EarlierFrame.light`."""
     import cv2
 
-    whole = quick_light(as_bytes(rgb)) if light is None else light
     high, wide = whole.shape[:2]
     scale = max(1.0, max(high, wide) / LONGEST_PX)
     size = max(1, round(wide / scale)), max(1, round(high / scale))
