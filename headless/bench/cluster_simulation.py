@@ -37,7 +37,7 @@ class Work:
     start_s: what each takes before its first frame: a process, Blender, a scene from the shared disk.
     """
 
-    core_s: float = 49.5 * 3600.0  # docs/cost.md: Cycles, reference
+    core_s: float = 35.6 * 3600.0  # docs/cost.md: Cycles, reference
     files: float = 4e6
     size_bytes: float = 1.13e12  # docs/cost.md
     shards: int = 0

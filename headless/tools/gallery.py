@@ -27,10 +27,18 @@ from noisy_world.core.datasets.images import rgb_bytes
 from noisy_world.core.datasets.overview import colour_depth
 from noisy_world.core.perturbing.earlier_frames import EarlierFrame, small_light
 from noisy_world.core.perturbing.execution import perturb_colour
-from noisy_world.core.perturbing.kinds import ColourPerturbation, DepthPerturbation, ExposurePerturbation, FrameContext
+from noisy_world.core.perturbing.kinds import (
+    ColourPerturbation,
+    DepthPerturbation,
+    ExposurePerturbation,
+    FrameContext,
+    MotionPerturbation,
+    SequenceContext,
+)
 from noisy_world.core.planning.exposed import open_render
 from noisy_world.core.planning.source_paths import source_paths
 from noisy_world.core.presets.preset import read_preset
+from noisy_world.core.trajectories.trajectory import evenly_stamped
 from noisy_world.perturb import apply
 from noisy_world.perturbations import registry
 from noisy_world.pipeline.clean_frame import CleanFrame
@@ -47,17 +55,19 @@ OFFSETS = (5, 10, 20)
 # The demo's walk in ten seconds at 20 Hz, the rate of the paper's sequences; its frame that is the demo's FRAME.
 WALK = "scenes.0.trajectory.handheld={frames: 200, rate_hz: 20}"
 WALK_FRAME = 5 * FRAME
-ON_THE_LENS = ("lens_drops", "lens_dirt")
+ON_THE_LENS = ("vignetting", "lens_drops", "lens_dirt")
 TILE_PX = (280, 158)  # like the rest below, chosen for a picture 852 pixels wide
 DETAIL_PX = (200, 330)  # column and row of the part's upper left corner
 SAMPLE_PX = (560, 317)  # the clean frame, to try things on
 GAP_PX = 6
-QUALITY, LIGHT_QUALITY = 62, 38  # of JPEG: 1 MB in all
-SMALL = ("gaussian_noise", "impulse_noise", "shot_noise", "speckle_noise", "stereo")
+QUALITY, LIGHT_QUALITY = 52, 30  # of JPEG: 1 MB in all
+SMALL = ("gaussian_noise", "impulse_noise", "shot_noise", "speckle_noise", "snow", "spatter")
 SMALL += ("auto_exposure", "flicker", "sensor_noise", "white_balance")
 JPEG = (cv2.IMWRITE_JPEG_OPTIMIZE, 1, cv2.IMWRITE_JPEG_PROGRESSIVE, 1)
 ROSE_STOPS, ROSE_S, READOUT_MS = 3, 0.4, 20.0
 EDGE = 0.05  # of depth: a jump by this share
+SHAKEN_S = 5.0  # how long smooth motion is shown
+AXES_RGB = ((200, 40, 40), (40, 140, 40), (40, 70, 200))
 EDGE_RGB, GROUND = (255, 140, 0), 255
 
 
@@ -69,7 +79,7 @@ def main(arguments: list[str]) -> int:
     folder.mkdir(parents=True, exist_ok=True)
     rgb, depth_m = demo_frame()
     of_images = chain(of_colour(rgb, depth_m), of_electronics(rgb), of_depth(rgb, depth_m))
-    tiles = dict(chain(of_images, of_sequences(), of_exposures()))
+    tiles = dict(chain(of_images, of_sequences(), of_smooth_motion(), of_exposures()))
     shown = rgb_bytes(rgb)
     tiles["clean"] = [whole(shown), detail(shown), whole_depth(depth_m, far_m=float(depth_m.max()))]
     for name, row in tiles.items():
@@ -185,7 +195,29 @@ def of_exposures() -> Iterator[tuple[str, Tiles]]:
         yield name, [whole(over(rgbs["clean"], each) if name == "rolling_shutter" else each) for each in made]
 
 
+def of_smooth_motion() -> Iterator[tuple[str, Tiles]]:
+    """Yield the name and the tiles of each motion that is smooth in time: how far the camera goes along its axes."""
+    path = evenly_stamped(np.tile(np.eye(4), (round(SHAKEN_S * 100) + 1, 1, 1)), 100.0)
+    for item in registry().values():
+        if isinstance(item, MotionPerturbation) and item.continuous and item.apply is not None:
+            context = SequenceContext((SEED, "room", item.name))
+            moved = [item.apply(path, item.at_severity(value), context).c2w[:, :3, 3] for value in SEVERITIES]
+            yield item.name, [plotted(each_m, float(np.abs(moved[-1]).max())) for each_m in moved]
+
+
 # --- tiles ---
+
+
+def plotted(values: NDArray[np.float64], most: float) -> NDArray[np.uint8]:
+    """Return lines of values (N, 3) over time, red, green and blue for x, y and z, as a tile; most: at its border."""
+    width, height = TILE_PX
+    tile = np.full((height, width, 3), GROUND, np.uint8)
+    across = np.linspace(0, width - 1, len(values))
+    for axis in (2, 1, 0):
+        down = (height - 1) * (0.5 + 0.48 * values[:, axis] / most)
+        points = np.rint(np.stack([across, down], axis=-1) * 16).astype(np.int32)
+        cv2.polylines(tile, [points], isClosed=False, color=AXES_RGB[axis], lineType=cv2.LINE_AA, shift=4)
+    return tile
 
 
 def view(item: ColourPerturbation) -> Callable[[NDArray[np.uint8]], NDArray[np.uint8]]:

@@ -61,7 +61,8 @@ GROUPS = {
         "score": Subcommand("score_command", "compare an estimated trajectory with the true one"),
         "score-map": Subcommand("score_map_command", "compare the map of a SLAM system with the true scene"),
     },
-    "convert": {
+    "prepare and convert": {
+        "simulate": Subcommand("simulate_command", "let a robot's body follow a scene's path, by physics: a path file"),
         "export": Subcommand("export_mesh", "write a mesh as PLY in Replica's layout"),
     },
 }

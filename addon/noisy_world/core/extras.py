@@ -21,6 +21,7 @@ EXTRAS = {
     "cloud": ("fsspec>=2026.2", "pyarrow>=23", "s3fs>=2026.2"),
     "cluster": ("ray>=2.50",),
     "strict": ("simplejpeg>=1.8",),
+    "simulate": ("mujoco>=3.3,<4",),
     "evaluate": (
         "embreex>=4.4",
         "gtsam>=4.3",

@@ -139,27 +139,38 @@ class MeshSource(SimpleSource):
 
     @cached_property
     def _carried_path(self) -> Trajectory:
+        spec = self.spec.body
+        assert spec is not None, "is asked for where there is a body"
+        route = self.known_path if self.known_path is not None else self._made_path
+        try:
+            path = embodied(route, spec.kind, seed=self.path_seed, motion=spec.motion)
+        except NoisyWorldError as error:
+            raise self.place.at("trajectory").at("body").error(str(error)) from error
+        self.check_room(path)
+        return path
+
+    def check_room(self, path: Trajectory) -> None:
+        """Refuse a path of the body's camera on which the mesh is too near. Raises InputError."""
         from ..core.trajectories.body_room import first_narrow
 
         spec, where = self.spec.body, self.place.at("trajectory").at("body")
         assert spec is not None, "is asked for where there is a body"
-        route = self.known_path if self.known_path is not None else self._made_path
+        body = BODIES[spec.kind]
         try:
-            path = embodied(route, spec.kind, seed=self._path_seed, motion=spec.motion)
-            narrow = first_narrow(load_mesh(self.mesh_path, self.room, self.up), path, BODIES[spec.kind])
+            narrow = first_narrow(load_mesh(self.mesh_path, self.room, self.up), path, body)
         except NoisyWorldError as error:
             raise where.error(str(error)) from error
         if narrow is not None:
             place = ", ".join(f"{value:.2f}" for value in narrow.place_m)
             raise where.error(
                 f"a {spec.kind} cannot go this way: at {narrow.time_s:.2f} s, at ({place}) m, the mesh is "
-                f"{narrow.gap_m:.2f} m away, and it needs {BODIES[spec.kind].radius_m} m",
+                f"{narrow.gap_m:.2f} m away, and it needs {body.radius_m} m",
                 "take another path, or another body",
             )
-        return path
 
     @property
-    def _path_seed(self) -> int:
+    def path_seed(self) -> int:
+        """The seed of what is random in the path."""
         handheld = self.spec.handheld
         return self.seed if handheld is None or handheld.seed is None else handheld.seed
 
@@ -173,7 +184,7 @@ class MeshSource(SimpleSource):
         try:
             path = handheld_path(
                 load_mesh(self.mesh_path, self.room, self.up),
-                seed=self._path_seed,
+                seed=self.path_seed,
                 frames=spec.frames,
                 rate_hz=spec.rate_hz,
                 speed_m_s=spec.speed_m_s,

@@ -19,6 +19,7 @@ from ..sources import read_scenes
 from . import footage
 from .described import LARGEST_INT, is_offered, notify_once, tell
 from .document import CAMERA, CLEAN, DEVIATION, HANDHELD, NO_BODY, OWN_FIELDS, TRAJECTORY, own_motion
+from .lens_fields import take_distortion
 from .shown_sources import PANEL_SOURCES, shown, shown_as
 from .step_list import clear_entries, put_step, take_step
 from .typed_numbers import set_value
@@ -204,6 +205,8 @@ def _apply_path(panel: Any, preset: Preset) -> None:
 def _apply_camera(panel: Any, preset: Preset) -> None:
     panel.lens_source = "SCENE" if preset.spec.camera is None else "GIVEN"
     panel.recorded_camera = "RECORDED" if preset.spec.camera is None else "GIVEN"
+    if shown(panel).loads:
+        take_distortion(panel, preset.spec.mesh_camera.distortion)
     if preset.spec.camera is None and shown(panel).lens_field:
         return
     for name, field in CAMERA.items():

@@ -13,6 +13,7 @@ import bpy
 
 from ..core.channels import COLOUR_AND_DEPTH, Channel
 from ..core.labels import american, parameter_label, title
+from ..core.presets.distortion import DistortionSpec
 from ..core.presets.output import OutputSpec
 from ..core.presets.preset import CameraSpec, PresetSpec, RenderSpec
 from ..core.presets.scene_keys import BodySpec, HandheldSpec, SceneKeys, TrajectorySpec
@@ -26,7 +27,8 @@ SCENE, TRAJECTORY, DEVIATION, CAMERA = "Scene", "Trajectory", "Deviation and Spe
 PERTURBATIONS, OUTPUT = "Perturbations", "Render and Output"
 SECTIONS: dict[type, str] = {
     **{kind.keys: SCENE for kind in SOURCES.values()}, SceneKeys: SCENE,
-    TrajectorySpec: TRAJECTORY, HandheldSpec: TRAJECTORY, BodySpec: TRAJECTORY, CameraSpec: CAMERA, RenderSpec: OUTPUT,
+    TrajectorySpec: TRAJECTORY, HandheldSpec: TRAJECTORY, BodySpec: TRAJECTORY,
+    CameraSpec: CAMERA, DistortionSpec: CAMERA, RenderSpec: OUTPUT,
     OutputSpec: OUTPUT, SettingSpec: OUTPUT, PresetSpec: PERTURBATIONS,
     MotionDeviation: DEVIATION, FasterMotion: DEVIATION,
 }  # fmt: skip
@@ -107,6 +109,8 @@ _CHOICES = {
     "start": ("Start", "When reading or exposure begins"),
     "middle": ("Middle", "Half way through it"),
     "end": ("End", "When it ends"),
+    "radial-tangential": ("Radial-Tangential", "Brown and Conrady's: of most lenses"),
+    "equidistant": ("Equidistant", "Kannala and Brandt's: of fisheyes"),
     "rolling": ("Rolling", "Each line is of its own moment"),
     "global": ("Global", "All lines are of one moment, that of the time stamp"),
     "scene": ("Scene", "The sky's color where there is sky, else a mean that lamps do not move"),
@@ -128,6 +132,13 @@ _CHOICES = {
     "azure_kinect_nfov": ("Azure Kinect, Narrow", "Its narrow field of view"),
     "azure_kinect_nfov_binned": ("Azure Kinect, Narrow, Binned", "Its narrow field of view, two by two pixels in one"),
     "azure_kinect_wfov": ("Azure Kinect, Wide", "Its wide field of view"),
+    "tremor": ("Tremor", "A hand that holds the camera: 8 to 12 Hz"),
+    "walk": ("Walk", "The head of someone who walks: 2 steps a second"),
+    "run": ("Run", "The head of someone who runs: 3.2 steps a second, with harmonics"),
+    "trot": ("Trot", "A robot on four legs that trots: 4 steps a second"),
+    "wheels": ("Wheels", "Wheels on a rough floor: 1 to 32 Hz, ever weaker"),
+    "rotors": ("Rotors", "The rotors of a drone: around 50, 100 and 200 Hz"),
+    "band": ("Band", "One even band of frequencies, between Low and High"),
     "static": ("Static", "The same for all frames"),
     "dynamic": ("Dynamic", "Drawn for each frame"),
     "clamp": ("Clamp", "Take the nearest frame there is"),

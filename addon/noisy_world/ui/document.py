@@ -27,6 +27,7 @@ from ..perturbations import registry
 from ..planning import make_plan
 from . import footage, scene_copy, this_scene
 from .keyed import curve_ends, curve_of, levels_of
+from .lens_fields import distortion_of
 from .output_place import absolute
 from .properties import OVERRIDE, parameters_of, perturbation_of
 from .shown_sources import shown
@@ -67,7 +68,7 @@ def to_document(panel: Any, folder: Path | None = None) -> dict[str, Any]:
     return {
         "seed": panel.seed,
         "scenes": [scene_of(panel, folder)],
-        **({"camera": camera_of(panel)} if source.gives_lens(panel) else {}),
+        **({"camera": camera_of(panel) | _lens(panel)} if source.gives_lens(panel) else {}),
         "render": {
             **({"engine": engine_of(panel), "samples": panel.samples} if source.gives_render(panel) else {}),
             "backend": panel.backend,
@@ -125,6 +126,12 @@ def recorded(panel: Any) -> footage.Footage:
 def camera_of(panel: Any) -> dict[str, Any]:
     """Return the panel's camera as a preset has it."""
     return {key: value_of(panel, name) for name, key in CAMERA.items()}
+
+
+def _lens(panel: Any) -> dict[str, Any]:
+    """Return the lens that meshes are seen through; a recording's is said of its scene."""
+    source = shown(panel)
+    return distortion_of(panel, rendered=True) if source.distorts and source.loads else {}
 
 
 def _path(path: str, folder: Path | None) -> str:

@@ -15,6 +15,7 @@ from . import asset_library, camera_link, footage, generate, header_presets, ope
 from .described import CAMERA, DEVIATION, OUTPUT, PERTURBATIONS, SCENE, TRAJECTORY
 from .document import NO_BODY
 from .keyed import without_effect
+from .lens_fields import draw_distortion
 from .long_text import write
 from .offered import BENCHMARK, PACKAGES, PHYSICAL, Offered, line_on, offered
 from .own_objects import own_object
@@ -153,6 +154,8 @@ class NOISYWORLD_PT_camera(PanelSection, bpy.types.Panel):
         """Draw it."""
         layout, panel = self.fields(context), panel_of(context.scene)
         source = shown(panel)
+        if source.distorts and not source.loads:
+            draw_distortion(layout, panel, rendered=False)
         if source.lens_field:
             layout.prop(panel, source.lens_field)
             if not source.gives_lens(panel):
@@ -162,6 +165,8 @@ class NOISYWORLD_PT_camera(PanelSection, bpy.types.Panel):
             column = layout.column(align=True)
             for name in names:
                 column.prop(panel, name)
+        if source.distorts and source.loads:
+            draw_distortion(layout, panel, rendered=True)
         if source.loads and own_object(context.scene, "camera") is None:
             layout.operator("noisy_world.set_camera", icon="CAMERA_DATA")
 

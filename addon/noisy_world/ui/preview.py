@@ -36,7 +36,7 @@ RENDERED_BY = {
     "sequence_path", "recorded_layout", "recorded_poses", "recorded_rate_hz", "undistort", "register_depth",
     "recorded_camera", "video_path", "video_depth_path", "video_depth_scale_per_m",
     "mesh_source", "trajectory_source", "lens_source", "render_source", "compositing", "depth_alpha",
-    "width_px", "height_px", "fx_px", "fy_px", "cx_px", "cy_px", "near_m", "far_m",
+    "width_px", "height_px", "fx_px", "fy_px", "cx_px", "cy_px", "near_m", "far_m", "distortion",
 }  # fmt: skip
 """Properties that move or change the camera, by the names that listeners get."""
 SHOWN_BY = {"preview", "preview_split", "steps", "speed_factor", "backend", "every"} | RENDERED_BY

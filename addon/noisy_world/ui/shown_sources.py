@@ -14,6 +14,7 @@ from ..core.planning.scene import SceneEntry, SourceKind
 from ..core.scenes.embedded import is_embedded, room_mesh, room_name, room_seeds
 from ..sources.recording import RecordingKeys
 from . import footage, scene_copy, this_scene
+from .lens_fields import distortion_of, take_distortion
 from .long_text import write
 from .output_place import absolute
 from .source_fields import FIELDS, PACKAGED, field_names, keys_class
@@ -28,7 +29,8 @@ class ShownSource(ABC):
 
     source: its name in presets. files: the keys of a scene that name files, relative to the preset. loads: whether a
     mesh of it is loaded into this file, along the panel's trajectory. lens_field, render_field: the properties that say
-    whether the panel gives intrinsics, and engine and samples, or the source; "" where the panel always does.
+    whether the panel gives intrinsics, and engine and samples, or the source; "" where the panel always does. distorts:
+    whether its frames can be shown through a lens that distorts.
     """
 
     source: ClassVar[str]
@@ -36,6 +38,7 @@ class ShownSource(ABC):
     loads: ClassVar[bool] = False
     lens_field: ClassVar[str] = ""
     render_field: ClassVar[str] = ""
+    distorts: ClassVar[bool] = False
 
     def shows(self, keys: Any) -> bool:
         """Tell whether it is what the keys of a preset's scene of its source say."""
@@ -93,6 +96,7 @@ class _MeshFile(ShownSource):
     source = "mesh"
     files = ("mesh",)
     loads = True
+    distorts = True
 
     def shows(self, keys: Any) -> bool:
         return not is_embedded(keys.mesh)
@@ -120,6 +124,7 @@ class _MeshFile(ShownSource):
 class _Room(ShownSource):
     source = "mesh"
     loads = True
+    distorts = True
 
     def shows(self, keys: Any) -> bool:
         return is_embedded(keys.mesh)
@@ -212,6 +217,7 @@ class _Footage(ShownSource):
 class _Recording(_Footage):
     source = "sequence"
     files = ("sequence",)
+    distorts = True
 
     def entry(self, panel: Any, place: ConfigPath) -> dict[str, Any]:
         defaults = {item.name: item.default for item in fields(RecordingKeys)}
@@ -220,12 +226,14 @@ class _Recording(_Footage):
         given = {key: getattr(panel, name) for name, key in taken.items()}
         said = {"sequence": place(panel.sequence_path)}
         said |= {key: value for key, value in given.items() if value != defaults[key]}
+        said |= {} if plain else distortion_of(panel, rendered=False)
         return said | ({"rate_hz": value_of(panel, "recorded_rate_hz")} if panel.recorded_rate_hz else {})
 
     def take(self, panel: Any, entry: SceneEntry[Any]) -> str:
         panel.sequence_path = _file(entry, "sequence")
         for name, key in FIELDS.items():
             setattr(panel, name, getattr(entry.keys, key))
+        take_distortion(panel, entry.keys.distortion)
         set_value(panel, "recorded_rate_hz", entry.keys.rate_hz or 0.0)
         return Path(panel.sequence_path).stem
 

@@ -86,6 +86,12 @@ SEEN: dict[str, dict[str, str]] = {
         "jump_m": "Lower: wider gaps beside edges; 0: none",
     },
     "brightness": {"offset": "Higher: the whole picture gets lighter, until bright places are white"},
+    "chromatic_aberration": {
+        "red_px": "Further from 0: wider fringes of red near the corners; above 0 outwards",
+        "blue_px": "Further from 0: wider fringes of blue near the corners; above 0 outwards",
+        "axis_across": "Higher: what has no fringes is further right",
+        "axis_down": "Higher: what has no fringes is further down",
+    },
     "contrast": {"factor": "Lower: the picture gets flatter, toward one gray; above 1 it gets harsher"},
     "defocus_blur": {
         "radius_px": "Higher: everything is further out of focus; points grow to larger disks",
@@ -268,6 +274,25 @@ SEEN: dict[str, dict[str, str]] = {
         "max_angle_deg": "Higher: the streaks' direction varies more from frame to frame",
         "angle_deg": "Turns the streaks",
     },
+    "vibration": {
+        "source": "What shakes the camera",
+        "strength": "Higher: the camera shakes further",
+        "translation_m": "Higher: it shakes further aside; below 0: as far as the source",
+        "rotation_deg": "Higher: it turns further; below 0: as far as the source",
+        "low_hz": "Higher: slow movements are left out; below 0: none",
+        "high_hz": "Lower: fast movements are left out; below 0: none",
+    },
+    "drift": {
+        "rotation_deg": "Higher: the camera leans further",
+        "translation_m": "Higher: the camera shifts further",
+        "period_s": "Higher: it drifts more slowly",
+    },
+    "jerk": {
+        "per_minute": "Higher: more shocks",
+        "duration_s": "Lower: shocks are shorter and harder",
+        "translation_m": "Higher: a shock throws the camera further",
+        "rotation_deg": "Higher: a shock turns the camera further",
+    },
     "motion_deviation": {
         "rotation_deg": "Higher: the camera shakes more; at 20 degrees it looks elsewhere in each frame",
         "translation_m": "Higher: the camera jumps further off its path",
@@ -294,6 +319,14 @@ SEEN: dict[str, dict[str, str]] = {
         "run_px": "Higher: with the pattern Drift, the drops run down faster",
     },
     "speckle_noise": {"std": "Higher: more grain in bright places; dark ones stay clean"},
+    "vignetting": {
+        "corner_loss": "Higher: the corners get darker; 1: black",
+        "radius_power": "Higher: the loss begins nearer to the corners",
+        "cosine_power": "Higher: the border gets darker, in a wide view most; 4 as behind a thin lens",
+        "view_deg": "Higher: a wider view, in which the law of the cosine darkens more",
+        "axis_across": "Higher: the brightest place is further right",
+        "axis_down": "Higher: the brightest place is further down",
+    },
 }
 """By perturbation and parameter."""
 

@@ -14,15 +14,15 @@ from ..perturbing.steps import Setting
 from .numbers import Numbers, array_of
 from .plan import Plan, Render
 
-# Measured on two idle cores at 1200 x 680 (docs/cost.md), and rounded.
-SECONDS_PER_SAMPLE = 3.3e-7  # a ray in Cycles: 0.27 s for a frame of one sample
-SECONDS_PER_PIXEL = 3e-8  # reading or encoding and writing a frame's two images: 0.02 s
+# Measured on two cores at 1200 x 680 (docs/cost.md), and rounded.
+SECONDS_PER_SAMPLE = 2.4e-7  # a ray in Cycles: 0.20 s for a frame of one sample
+SECONDS_PER_PIXEL = 2e-8  # reading or encoding and writing a frame's two images: 0.016 s
 SECONDS_PER_RAY = 6.5e-8  # engine embree: 0.05 s a frame
 AVERAGED_SHARE = 0.1  # of pixels get all their samples with it: 0.02 of a scanned room's, 0.2 of the embedded rooms'
 SECONDS_PER_RENDER = 4.0  # loading a scene
 SECONDS_PER_LINK = 1e-4  # an image that is there already under another name
-SECONDS_PER_PERTURBED_PIXEL = 1.8e-8  # perturbing, encoding and writing an image: 0.015 s, the mean of the benchmark's
-SECONDS_PER_COMPOSITED_PIXEL = 1.4e-7  # in Blender's compositor, in addition: 0.11 s an image
+SECONDS_PER_PERTURBED_PIXEL = 1.2e-8  # perturbing, encoding and writing an image: 0.01 s, the mean of the benchmark's
+SECONDS_PER_COMPOSITED_PIXEL = 6.5e-8  # in Blender's compositor, in addition: 0.05 s an image
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """How a body moves at some times: its pose with the first and second derivatives, and those of what it carries."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 import numpy as np
@@ -40,6 +40,33 @@ class BodyMotion:
             self.acceleration_m_s2 + _turned(self.rotation, pull_m_s2),
             self.rate_rad_s @ turn,
             self.angular_acceleration_rad_s2 @ turn,
+        )
+
+    def displaced(self, arm_m: Float64, speed_m_s: Float64, change_m_s2: Float64) -> "BodyMotion":
+        """Return the motion of a body of the same axes at a place (N, 3) in them that moves: with two derivatives."""
+        swing_m_s = np.cross(self.rate_rad_s, arm_m) + speed_m_s
+        pull_m_s2 = np.cross(self.angular_acceleration_rad_s2, arm_m) + change_m_s2
+        pull_m_s2 += np.cross(self.rate_rad_s, swing_m_s + speed_m_s)
+        return replace(
+            self,
+            position_m=self.position_m + _turned(self.rotation, arm_m),
+            velocity_m_s=self.velocity_m_s + _turned(self.rotation, swing_m_s),
+            acceleration_m_s2=self.acceleration_m_s2 + _turned(self.rotation, pull_m_s2),
+        )
+
+    def turned(self, by: Float64, rate_rad_s: Float64, change_rad_s2: Float64) -> "BodyMotion":
+        """Return the motion of a body at the same place, turned by rotations (N, 3, 3) that change.
+
+        rate_rad_s, change_rad_s2: (N, 3) their angular velocity and acceleration, in the turned axes.
+        """
+        back = by.swapaxes(-1, -2)
+        carried = _turned(back, self.rate_rad_s)
+        carried_change = _turned(back, self.angular_acceleration_rad_s2) - np.cross(rate_rad_s, carried)
+        return replace(
+            self,
+            rotation=self.rotation @ by,
+            rate_rad_s=carried + rate_rad_s,
+            angular_acceleration_rad_s2=carried_change + change_rad_s2,
         )
 
     def sped(self, speed: Float64, speeding: Float64) -> "BodyMotion":

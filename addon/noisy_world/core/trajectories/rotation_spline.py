@@ -84,9 +84,7 @@ class RotationSpline:
         rotvec = u * (begin + u * (square + u * cube))
         first = (begin + u * (2.0 * square + u * 3.0 * cube)) / gap
         second = (2.0 * square + u * 6.0 * cube) / gap**2
-        to_rate = _rate_from_rotvec_rate(rotvec)
-        rate = (to_rate @ first[..., None])[..., 0]
-        change = (to_rate @ second[..., None])[..., 0] + _bending(rotvec, first)
+        rate, change = angular_motion(rotvec, first, second)
         return rate, np.where((times == inside)[:, None], change, 0.0)
 
     def _pieces(self, t: Float64) -> tuple[Float64, NDArray[np.intp], Float64, tuple[Float64, ...]]:
@@ -98,6 +96,13 @@ class RotationSpline:
         begin = gap * self._rates[left]
         end = gap * (_rotvec_rate_from_rate(turn) @ self._rates[left + 1][..., None])[..., 0]
         return inside, left, gap, (begin, 3.0 * turn - 2.0 * begin - end, begin + end - 2.0 * turn)
+
+
+def angular_motion(rotvec: Float64, first: Float64, second: Float64) -> tuple[Float64, Float64]:
+    """Return angular velocity and acceleration (N, 3), in the turned axes, of a rotation vector and its derivatives."""
+    to_rate = _rate_from_rotvec_rate(rotvec)
+    rate = (to_rate @ first[..., None])[..., 0]
+    return rate, (to_rate @ second[..., None])[..., 0] + _bending(rotvec, first)
 
 
 def _cross_matrix(vectors: Float64) -> Float64:

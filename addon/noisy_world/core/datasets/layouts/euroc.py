@@ -31,6 +31,9 @@ from .asl import (
     stamps_problem,
 )
 from .imu_files import imu_yaml, samples_csv, states_csv
+from .imu_settings import FOLDER as SETTINGS
+from .imu_settings import NAMES as SETTINGS_NAMES
+from .imu_settings import settings_texts
 from .layout import Image, Layout, SequenceFacts, StampsLike, lines, poses_at
 
 MAV = "mav0"
@@ -72,6 +75,7 @@ class EurocLayout(Layout):
         ),
         f"{COLOUR}/timestamps.txt",
         f"{MAV}/body.yaml",
+        *(f"{SETTINGS}/{name}" for name in SETTINGS_NAMES),
     )
 
     def rgb_name(self, frame: int, stamp_ns: int, image: Image) -> str:
@@ -154,6 +158,11 @@ class EurocLayout(Layout):
             texts[f"{TRUE_STATE}/data.csv"] = states_csv(facts.imu.true_states(facts.frames_ns))
             texts[f"{IMU}/data.csv"] = samples_csv(facts.imu)
             texts[f"{IMU}/sensor.yaml"] = imu_yaml(facts.imu.imu, np.eye(4))
+            texts |= settings_texts(
+                *(facts.camera, facts.optics.distortion, facts.imu.imu, body_from_rgb),
+                rate_hz=rate_hz or 1.0,
+                depth_scale_per_m=facts.format.depth_scale_per_m,
+            )
         return texts
 
     def recognises(self, folder: Path) -> bool:

@@ -1,0 +1,71 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""`simulate`: let a robot's body follow a scene's path over its floor, by physics, and write its camera's path."""
+
+import argparse
+
+from .arguments import add_set_option, number, settled
+from .ending import ended
+from .entry import Entry
+from .parser import Parser
+from .part import add_part_options, planned
+from .places import path
+
+
+def main(arguments: list[str], entry: Entry) -> int:
+    """Run the command line and return the exit status."""
+    parser = Parser(
+        prog=entry.name,
+        description="Let a quadruped or a rover, the body of a scene's trajectory, follow that path over the floor by "
+        "physics (MuJoCo), and write the path of its camera: a file that a preset's trajectory names, so that "
+        "rendering needs no MuJoCo. The way is checked against the mesh.",
+    )
+    parser.add_argument("preset", metavar="PRESET", type=path, help="the preset; one of its scenes, by --scenes")
+    parser.add_argument("out", metavar="OUT.txt", type=path, help="the file to write, in TUM's format; it is replaced")
+    parser.add_argument(
+        "--roughness",
+        metavar="M",
+        default=0.0,
+        type=lambda text: number(text, "metres from 0 to 0.1", lambda value: 0.0 <= value <= 0.1),
+        help="the standard deviation of the floor's height, in metres (default: 0)",
+    )
+    add_set_option(parser)
+    add_part_options(parser, ("scenes",))
+    parser.set_defaults(settings=[], frames=None)
+    options = settled(parser, parser.parse_args(arguments))
+    return ended(lambda: _simulate(options), entry, stopped="nothing was written")
+
+
+def _simulate(options: argparse.Namespace) -> int:
+    """Simulate, and write the file."""
+    from ..core.datasets.storage import write_atomic
+    from ..core.errors import NoisyWorldError
+    from ..core.extras import need
+    from ..core.trajectories.bodies import BODIES
+    from ..core.trajectories.files import tum_text
+    from ..simulation.run import simulate
+    from ..sources.mesh_source import MeshSource
+
+    need(("mujoco",), "simulate")
+    plan = planned(options)
+    if len(plan.scenes) != 1:
+        named = ", ".join(scene.name for scene in plan.scenes)
+        raise NoisyWorldError(
+            f"{options.preset} has {len(plan.scenes)} scenes ({named})", remedy="name one by --scenes"
+        )
+    source = plan.scenes[0].source
+    where = plan.scenes[0].place.at("trajectory").at("body")
+    body = source.spec.body if isinstance(source, MeshSource) else None
+    if not isinstance(source, MeshSource) or body is None or body.kind not in ("quadruped", "rover"):
+        raise where.error("has to be a quadruped or a rover of a mesh to be simulated", "say body: rover")
+    route = source.trajectory()
+    floor_m = float(route.c2w[:, 2, 3].mean()) - BODIES[body.kind].height_m
+    way = simulate(route, body.kind, floor_m=floor_m, roughness_m=options.roughness, seed=source.path_seed)
+    source.check_room(way.path)
+    said = f"{body.kind} of {plan.scenes[0].name}, roughness {options.roughness:g} m, seed {source.path_seed}"
+    header = f"# {said}; simulated by MuJoCo {way.version}\n# t tx ty tz qx qy qz qw: camera-to-world, OpenCV axes\n"
+    write_atomic(options.out, (header + tum_text(way.path)).encode(), options.out.absolute().parent)
+    print(
+        f"wrote {options.out}: {len(way.path)} poses, {way.path.stamps_s[-1]:.1f} s; use it as trajectory: "
+        f"{{file: {options.out.name}, resample_hz: 30}}"
+    )
+    return 0

@@ -1,0 +1,67 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Vibration: a body shakes as a hand, a walker, a machine does, in bands of frequency, continuously in time."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..core.errors import NoisyWorldError
+from ..core.perturbing.kinds import MotionPerturbation, SequenceContext
+from ..core.schema import key
+from ..core.trajectories.deviation import Sines
+from ..core.trajectories.trajectory import Trajectory
+from ._deviating import deviated
+from ._spectra import SPECTRA, SourceName, drawn_sines, limited
+
+
+@dataclass(frozen=True)
+class Vibration:
+    """What shakes, and how much. Below 0 a value is the source's own."""
+
+    source: SourceName = key("what shakes the body; band: one even band of frequencies", default="walk")
+    strength: float = key("what translation and rotation are multiplied by", default=1.0, minimum=0, maximum=1000)
+    translation_m: float = key(
+        "root mean square of the translation, below 0 the source's", unit="m", default=-1.0, minimum=-1, maximum=100
+    )
+    rotation_deg: float = key(
+        "root mean square of the rotation, below 0 the source's", unit="deg", default=-1.0, minimum=-1, maximum=90
+    )
+    low_hz: float = key("lowest frequency, below 0 the source's", unit="Hz", default=-1.0, minimum=-1, maximum=1e4)
+    high_hz: float = key("highest frequency, below 0 the source's", unit="Hz", default=-1.0, minimum=-1, maximum=1e4)
+
+
+def signals(parameters: Vibration, context: SequenceContext) -> tuple[Sines, Sines]:
+    """Draw the translation, m, and the rotation vector, rad, of a whole sequence in the body's axes.
+
+    Raises NoisyWorldError where nothing of the source lies between low_hz and high_hz.
+    """
+    spectrum, band = SPECTRA[parameters.source], parameters.source == "band"
+    found: list[Sines] = []
+    for purpose, axes, rms, unit in (
+        ("translation", spectrum.translation_m, parameters.translation_m, 1.0),
+        ("rotation", spectrum.rotation_deg, parameters.rotation_deg, np.pi / 180),
+    ):
+        kept = tuple(limited(axis, parameters.low_hz, parameters.high_hz, open_band=band) for axis in axes)
+        if not any(axis.bands for axis in kept):
+            limits = f"low_hz {parameters.low_hz:g} and high_hz {parameters.high_hz:g}"
+            raise NoisyWorldError(f"vibration: nothing of {parameters.source} lies between {limits}; change them")
+        sines = drawn_sines(kept, rms, context.stream(purpose))
+        found.append(replace(sines, amplitude=sines.amplitude * parameters.strength * unit))
+    return found[0], found[1]
+
+
+def apply(trajectory: Trajectory, parameters: Vibration, context: SequenceContext) -> Trajectory:
+    """Return the path of the body that shakes: sums of seeded sines, in its own axes, since the path's first stamp."""
+    return deviated(trajectory, *signals(parameters, context))
+
+
+PERTURBATION = MotionPerturbation(
+    name="vibration",
+    label="Vibration",
+    order=30,
+    parameters=Vibration,
+    severities={"strength": (0.25, 0.5, 1.0, 2.0, 4.0)},
+    source="our own; spectra as in docs/trajectories.md",
+    apply=apply,
+    continuous=True,
+)

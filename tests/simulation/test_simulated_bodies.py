@@ -1,0 +1,99 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Bodies by physics: they arrive, the same again, and MuJoCo's own IMU feels what ours computes from their path."""
+
+import numpy as np
+import pytest
+from worlds import write_world
+
+pytest.importorskip("mujoco", reason="MuJoCo comes with the extra simulate")
+
+from noisy_world.cli import command
+from noisy_world.core.errors import NoisyWorldError
+from noisy_world.core.geometry import invert_pose, opencv_from_robot_c2w, pose
+from noisy_world.core.trajectories.curve import motion_of
+from noisy_world.core.trajectories.files import read_trajectory
+from noisy_world.core.trajectories.trajectory import evenly_stamped
+from noisy_world.simulation import models, run
+from noisy_world.simulation.models import CELL_M, rough_floor
+from noisy_world.simulation.run import simulate
+
+
+def bent_route(speed_m_s=0.35, seconds=8.0):
+    at_s = np.arange(0.0, seconds, 0.1)
+    xy_m = np.column_stack([speed_m_s * at_s, 0.4 * np.sin(1.2 * speed_m_s * at_s)])
+    places = np.column_stack([xy_m, np.full(len(at_s), 1.0)])
+    return evenly_stamped(opencv_from_robot_c2w(pose(np.broadcast_to(np.eye(3), (len(at_s), 3, 3)), places)), 10)
+
+
+@pytest.mark.parametrize("kind", ["quadruped", "rover"])
+@pytest.mark.parametrize("roughness_m", [0.0, 0.005])
+def test_a_body_arrives_and_does_so_again(kind, roughness_m):
+    route = bent_route()
+    ways = [simulate(route, kind, floor_m=2.0, roughness_m=roughness_m, seed=3) for _ in range(2)]
+    np.testing.assert_array_equal(ways[0].path.c2w, ways[1].path.c2w)
+    place_m = ways[0].path.c2w[:, :3, 3]
+    goal_m = route.c2w[:, :2, 3]
+    off_m = [np.linalg.norm(goal_m - place[:2], axis=1).min() for place in place_m[::25]]
+    assert max(off_m) < 0.25
+    assert np.linalg.norm(place_m[-1, :2] - goal_m[-1]) < 0.4  # its camera is before its middle
+    height_m = {"quadruped": 0.45, "rover": 0.4}[kind]
+    assert place_m[:, 2].mean() - 2.0 == pytest.approx(height_m, abs=0.03)
+    standing = ways[0].force_m_s2[75:120]  # before it goes it feels gravity alone
+    assert np.linalg.norm(standing.mean(axis=0)) == pytest.approx(9.81, abs=0.2)  # contacts chatter
+
+
+def test_a_rough_floor_is_as_rough_as_asked():
+    floor = rough_floor(np.array([[0.0, 0.0], [20.0, 10.0]]), 0.0, 0.02, np.random.default_rng(0))
+    assert floor.heights_m.std() == pytest.approx(0.02)
+    slopes = np.diff(floor.heights_m, axis=1) / CELL_M
+    # Of a field that a Gaussian of sigma smoothed, the slope's deviation is that of the heights / (sqrt(2) sigma).
+    assert slopes.std() == pytest.approx(0.02 / (np.sqrt(2) * 0.15), rel=0.05)
+
+
+def below_hz(values, hz, cut_hz):
+    spectrum = np.fft.rfft(values, axis=0)
+    spectrum[np.fft.rfftfreq(len(values), 1 / hz) > cut_hz] = 0
+    return np.fft.irfft(spectrum, len(values), axis=0)
+
+
+def test_our_imu_feels_what_mujocos_own_does(monkeypatch):
+    """An accelerometer and a gyroscope that know nothing of splines, on a rover over a rough floor; below 4 Hz."""
+    hz = 2000.0
+    monkeypatch.setattr(models, "STEP_S", 1 / hz)
+    monkeypatch.setattr(run, "STEP_S", 1 / hz)
+    monkeypatch.setattr(run, "RATE_HZ", hz)
+    way = simulate(bent_route(0.5), "rover", floor_m=0.0, roughness_m=0.005, seed=1)
+    camera_from_robot = invert_pose(opencv_from_robot_c2w(np.eye(4)))
+    rate_rad_s, force_m_s2 = motion_of(way.path.continuous, way.path.stamps_s).carried(camera_from_robot).felt(9.81)
+    going = slice(int(2 * hz), -int(1 * hz))
+    inner = slice(int(hz), -int(hz))  # beside the ends, where cutting a spectrum rings
+    for ours, own, bound in ((force_m_s2, way.force_m_s2, 0.005), (rate_rad_s, way.rate_rad_s, 1e-3)):
+        off = below_hz((ours - own)[going], hz, 4.0)[inner]
+        moved = below_hz((own - own.mean(axis=0))[going], hz, 4.0)[inner]
+        assert np.sqrt(np.mean(off**2, axis=0)).max() < bound
+        assert np.sqrt(np.mean(moved**2, axis=0)).max() > 10 * bound  # there is something to feel
+
+
+def test_a_body_that_falls_or_cannot_arrive_is_said():
+    with pytest.raises(NoisyWorldError, match=r"the quadruped (fell after|has not arrived)"):
+        simulate(bent_route(), "quadruped", floor_m=0.0, roughness_m=0.1, seed=0)
+
+
+def test_the_command_writes_a_path_that_a_preset_takes(tmp_path, capfd):
+    scene = {"name": "room", "mesh": "embedded:room", "trajectory": {"handheld": {"frames": 60}, "body": "rover"}}
+    preset = write_world(tmp_path, frames=2, size=(8, 6), scenes=[scene], render={"engine": "embree"})
+    assert command.main(["simulate", str(preset), str(tmp_path / "rover.txt"), "--roughness", "0.002"]) == 0
+    said = capfd.readouterr().out
+    assert "use it as trajectory: {file: rover.txt, resample_hz: 30}" in said
+    text = (tmp_path / "rover.txt").read_text()
+    assert text.startswith("# rover of room, roughness 0.002 m, seed ")
+    assert "; simulated by MuJoCo " in text
+    path = read_trajectory(tmp_path / "rover.txt")
+    assert path.stamps_s[1] == pytest.approx(1 / 250)
+    assert command.main(["simulate", str(preset), str(tmp_path / "again.txt"), "--roughness", "0.002"]) == 0
+    assert (tmp_path / "again.txt").read_bytes() == (tmp_path / "rover.txt").read_bytes()
+    capfd.readouterr()
+    walker = ["--set", "scenes.0.trajectory.body=walker"]
+    assert command.main(["simulate", str(preset), str(tmp_path / "none.txt"), *walker]) == 1
+    assert "trajectory.body: has to be a quadruped or a rover of a mesh" in capfd.readouterr().err
+    assert not (tmp_path / "none.txt").exists()
