@@ -164,6 +164,23 @@ def test_layouts_that_know_lenses_write_them(tmp_path, layout, read):
             assert f"distortion_model: {model}" in text
 
 
+@cases(
+    ("keys", "named"),
+    [
+        (KEYS, {**KEYS, "colmap": "OPENCV", "kalibr": "radtan"}),
+        ({"k1": -0.1, "k3": 0.01}, {"k1": -0.1, "k2": 0.0, "p1": 0.0, "p2": 0.0, "k3": 0.01, "colmap": "FULL_OPENCV"}),
+        (
+            {"model": "equidistant", "k1": -0.02},
+            {"k1": -0.02, "k2": 0.0, "k3": 0.0, "k4": 0.0, "colmap": "OPENCV_FISHEYE", "kalibr": "equidistant"},
+        ),
+    ],
+)
+def test_cam_params_has_the_names_of_other_tools(tmp_path, keys, named):
+    run(world(tmp_path, keys), tmp_path / "out", frames=slice(0, 1), overwrite=True)
+    told = json.loads((tmp_path / "out/clean/cam_params.json").read_text())["distortion"]
+    assert {name: value for name, value in told.items() if name not in ("model", "coefficients")} == named
+
+
 def test_a_layout_that_cannot_say_it_is_refused(tmp_path):
     with pytest.raises(InputError, match=r"its lens distorts, which the VSLAM-LAB layout cannot say"):
         run(world(tmp_path, KEYS, layout="vslamlab"), tmp_path / "out")

@@ -17,6 +17,7 @@ from .geometry import Intrinsics
 DistortionModel: TypeAlias = Literal["radial-tangential", "equidistant"]
 MODELS: tuple[str, ...] = get_args(DistortionModel)
 # How many coefficients OpenCV takes: https://docs.opencv.org/4.x/d9/d0c/group__calib3d.html, and of the fisheye module.
+SHORTEST = 4  # coefficients: without the radial ones of a higher power
 DISTORTION = "distortion"
 OPTICS_KEYS = ("depth_camera", DISTORTION)  # in files
 COUNTS: dict[str, tuple[int, ...]] = {"radial-tangential": (4, 5, 8), "equidistant": (4,)}
@@ -32,6 +33,16 @@ class Distortion:
     def content(self) -> dict[str, Any]:
         """Return it as plain JSON values."""
         return {"model": self.model, "coefficients": list(self.coefficients)}
+
+    def named(self) -> dict[str, Any]:
+        """Return its coefficients by OpenCV's names, and what COLMAP and Kalibr call its model where they have it."""
+        angle = self.model == "equidistant"
+        names = ("k1", "k2", "k3", "k4") if angle else ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
+        count = len(self.coefficients)
+        colmap = "OPENCV_FISHEYE" if angle else "OPENCV" if count == SHORTEST else "FULL_OPENCV"
+        kalibr = "equidistant" if angle else "radtan" if count == SHORTEST else None
+        called = {"colmap": colmap, **({} if kalibr is None else {"kalibr": kalibr})}
+        return {**dict(zip(names, self.coefficients, strict=False)), **called}
 
     def bent(self, x: NDArray[np.float64], y: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return where rays (x, y, 1) pass the image plane at z = 1 after the lens; of any shape."""

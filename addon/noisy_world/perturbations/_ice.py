@@ -42,18 +42,32 @@ def picture_file(name: str) -> Path:
     return Path(__file__).parent / "ice" / f"{name}.jpg"
 
 
+def grey(number: int) -> NDArray[np.uint8]:
+    """Return one of PICTURES as it is drawn: (HEIGHT_PX, WIDTH_PX)."""
+    import cv2
+
+    encoded = np.frombuffer(read_bytes(picture_file(PICTURES[number].name)), dtype=np.uint8)
+    return np.asarray(cv2.imdecode(encoded, cv2.IMREAD_GRAYSCALE), np.uint8)
+
+
+def tinted(levels: NDArray[np.float32], number: int) -> NDArray[np.float32]:
+    """Return grey (H, W) in [0, 1] tinted as one of PICTURES is, (H, W, 3), at most 1."""
+    item = PICTURES[number]
+    shadow, light = np.array(item.shadow_rgb, np.float32), np.array(item.light_rgb, np.float32)
+    level = levels[..., None]
+    return np.minimum(level * (shadow + (light - shadow) * level), np.float32(1))
+
+
 @lru_cache(maxsize=8)
 def ice(number: int) -> NDArray[np.uint8]:
     """Return one of PICTURES, tinted: (HEIGHT_PX, WIDTH_PX, 3) uint8 RGB, read-only."""
     import cv2
 
     item = PICTURES[number]
-    encoded = np.frombuffer(read_bytes(picture_file(item.name)), dtype=np.uint8)
-    grey = np.asarray(cv2.imdecode(encoded, cv2.IMREAD_GRAYSCALE), np.uint8)
     levels = np.arange(256, dtype=np.float32)[:, None] / np.float32(255)
     shadow, light = np.array(item.shadow_rgb, np.float32), np.array(item.light_rgb, np.float32)
     table = levels * (shadow + (light - shadow) * levels)
     tints = np.rint(np.clip(table, 0, 1) * np.float32(255)).astype(np.uint8)
-    picture = np.asarray(cv2.merge([cv2.LUT(grey, tint) for tint in np.ascontiguousarray(tints.T)]), np.uint8)
+    picture = np.asarray(cv2.merge([cv2.LUT(grey(number), tint) for tint in np.ascontiguousarray(tints.T)]), np.uint8)
     picture.flags.writeable = False
     return picture

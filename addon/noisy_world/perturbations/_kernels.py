@@ -21,15 +21,16 @@ def disk_kernel(radius_px: float) -> NDArray[np.float32]:
     return (disk / disk.sum()).astype(np.float32)
 
 
-def line_kernel(radius_px: int, sigma_px: float, angle_deg: float) -> NDArray[np.float32]:
+def line_kernel(radius_px: int, sigma_px: float, angle_deg: float, least: float = 0.0) -> NDArray[np.float32]:
     """Return the one-sided trace of a motion: (odd, odd), square, the pixel itself in the middle, sum 1.
 
     The trace has 2 radius + 1 steps of one pixel from the middle along `angle_deg` (0 to the right, 90 down). Step k
     has weight exp(-k^2 / (2 sigma^2)), as in ImageNet-C, which follows ImageMagick's motion blur. A step goes to the
-    nearest pixel; half way between two, to the left or upper one.
+    nearest pixel; half way between two, to the left or upper one. least: steps of no larger weight are left out.
     """
     steps = np.arange(2 * radius_px + 1)
     weights = np.exp(-(steps**2) / (2 * sigma_px**2))
+    weights[weights <= least] = 0
     angle = math.radians(angle_deg)
     # Rounded to 9 digits first: in float64 the sine of 30 degrees is a bit less than 0.5, the cosine of 60 a bit more.
     columns = np.ceil((steps * math.cos(angle)).round(9) - 0.5).astype(int)
@@ -94,4 +95,20 @@ def gaussian(image: NDArray[np.float32], sigma_px: float) -> NDArray[np.float32]
         return image.copy()
     size = 2 * int(4 * sigma_px + 0.5) + 1
     blurred = cv2.GaussianBlur(image, (size, size), sigma_px, borderType=cv2.BORDER_REPLICATE)
+    return np.asarray(blurred, np.float32)
+
+
+def as_blur_node(image: NDArray[np.float32], size_px: float) -> NDArray[np.float32]:
+    """Blur (H, W, 3) as Blender's Blur node does with its Gaussian, separable: sigma is a third of the size.
+
+    Its last weight is that of the first whole pixel from the size on; the border is replicated.
+    """
+    import cv2
+
+    if size_px == 0:
+        return image.copy()
+    places = np.arange(-math.ceil(size_px), math.ceil(size_px) + 1)
+    weights = np.exp(-4.5 * (places / size_px) ** 2)
+    weights /= weights.sum()
+    blurred = cv2.sepFilter2D(image, -1, weights, weights, borderType=cv2.BORDER_REPLICATE)
     return np.asarray(blurred, np.float32)

@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +20,9 @@ from ..core.schema import key
 from . import _ice
 from ._bands import by_bands
 from ._quantiles import look_up
+from ._white_noise import white_noise
+
+Float32: TypeAlias = NDArray[np.float32]
 
 
 @dataclass(frozen=True)
@@ -41,6 +45,10 @@ class Frost:
 
 def apply(rgb: NDArray[np.float32], parameters: Frost, context: FrameContext) -> NDArray[np.float32]:
     """Put ice over (H, W, 3)."""
+    if context.lit:
+        ice = _lit_crop(rgb.shape[:2], parameters, context)
+        ice *= np.float32(parameters.influence)
+        return np.asarray(rgb * np.float32(parameters.intensity) + ice, np.float32)
     ice = _crop(rgb.shape[:2], parameters, context)
     return by_bands(rgb, rgb.dtype, lambda band, ice_band: _frosted(band, ice_band, parameters), ice)
 
@@ -94,6 +102,38 @@ def _crop(size: tuple[int, int], parameters: Frost, context: FrameContext) -> ND
     flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
     seen = cv2.warpAffine(picture, matrix, (size[1], size[0]), flags=flags, borderMode=cv2.BORDER_REPLICATE)
     return np.asarray(seen, np.uint8)
+
+
+def _lit_crop(size: tuple[int, int], parameters: Frost, context: FrameContext) -> Float32:
+    """Return the part of the ice that covers a lit frame, (H, W, 3) in [0, 1]: as the nodes draw and look it up."""
+    noise = white_noise(context)
+    right, down, which = noise.numbers(0)
+    shares = np.cumsum([_ice.EQUALLY_OFTEN.count(number) for number in range(len(_ice.PICTURES))])
+    number = int(np.searchsorted(shares[:-1] / len(_ice.EQUALLY_OFTEN), which, side="right"))
+    scale = max(1.0, 1.1 * size[0] / _ice.HEIGHT_PX, 1.1 * size[1] / _ice.WIDTH_PX)
+    full, seen = np.array([_ice.WIDTH_PX, _ice.HEIGHT_PX]), np.array(size[::-1]) / scale
+    # The nodes count rows from below.
+    angle = 2 * np.pi * noise.numbers(1)[0]
+    crept = context.drift_frames * parameters.creep_px / scale * np.array([np.cos(angle), np.sin(angle)])
+    left, below = _to_and_fro(np.floor(np.array([right, down]) * (full - seen)) + crept, full - seen)
+    columns = left + (np.arange(size[1]) + 0.5) / scale - 0.5
+    rows = _ice.HEIGHT_PX - below - seen[1] + (np.arange(size[0]) + 0.5) / scale - 0.5
+    return _ice.tinted(_between(_ice.grey(number), rows, columns), number)
+
+
+def _between(
+    picture: NDArray[np.uint8], rows: NDArray[np.float64], columns: NDArray[np.float64]
+) -> NDArray[np.float32]:
+    """Return a grey picture between its pixels, linearly, in [0, 1]: (rows, columns)."""
+    values = picture.astype(np.float32) / np.float32(255)
+    for axis, places in enumerate((rows, columns)):
+        before = np.floor(places)
+        share = (places - before).astype(np.float32)
+        share = share[:, None] if axis == 0 else share
+        last = picture.shape[axis] - 1
+        first, second = (values.take(np.clip(before + k, 0, last).astype(np.int64), axis=axis) for k in (0, 1))
+        values = first * (1 - share) + second * share
+    return values
 
 
 def _to_and_fro(position: NDArray[np.float64], length: NDArray[np.float64]) -> NDArray[np.float64]:

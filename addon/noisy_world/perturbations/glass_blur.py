@@ -15,8 +15,9 @@ from ..core.node_graphs.groups import Canvas
 from ..core.perturbing.kinds import ColourPerturbation, FrameContext
 from ..core.schema import key
 from ._full_size import full_size, with_full_sizes
-from ._kernels import gaussian
+from ._kernels import as_blur_node, gaussian
 from ._quantiles import look_up, uniform_codes
+from ._white_noise import WhiteNoise, white_noise
 
 T = TypeVar("T", bound=np.integer | np.floating)
 
@@ -46,6 +47,8 @@ class GlassBlur:
 
 def apply(rgb: NDArray[np.float32], parameters: GlassBlur, context: FrameContext) -> NDArray[np.float32]:
     """Blur and shuffle (H, W, 3)."""
+    if context.lit:
+        return _as_nodes(rgb, parameters, white_noise(context))
     image = gaussian(rgb, parameters.sigma_px)
     if parameters.max_delta_px and parameters.iterations:
         height, width = rgb.shape[:2]
@@ -56,6 +59,27 @@ def apply(rgb: NDArray[np.float32], parameters: GlassBlur, context: FrameContext
             sources = _copied(sources, _positions(height, width, parameters.max_delta_px, generator))
         image = _copied(image, sources)
     return gaussian(image, parameters.sigma_px)
+
+
+def _as_nodes(rgb: NDArray[np.float32], parameters: GlassBlur, noise: WhiteNoise) -> NDArray[np.float32]:
+    """Blur and shuffle lit frames as the nodes do: with their draws, table and blur."""
+    height, width = rgb.shape[:2]
+    image = as_blur_node(rgb, parameters.sigma_px * 3.0)
+    x, y = np.meshgrid(np.arange(width, dtype=np.float32), np.arange(height, dtype=np.float32))
+    shuffles = parameters.iterations if parameters.max_delta_px else 0
+    draws = [noise.random(purpose, x, y) for purpose in range(math.ceil(shuffles / 3))]
+    table = _offsets(parameters.max_delta_px).view(np.int16).reshape(TABLE_SIDE, TABLE_SIDE, 2) if shuffles else None
+    for index in range(shuffles):
+        assert table is not None, "something is shuffled"
+        number = draws[index // 3][index % 3]
+        column = (number * np.float32(TABLE_SIDE) % 1 * TABLE_SIDE).astype(int)
+        # Blender counts the rows of all tables from below, in float32.
+        below = np.float32(MAX_DELTA_PX - parameters.max_delta_px)
+        share = (number + below) / np.float32(MAX_DELTA_PX)
+        row = (share * np.float32(MAX_DELTA_PX * TABLE_SIDE)).astype(int) - int(below) * TABLE_SIDE
+        offset = table[TABLE_SIDE - 1 - np.clip(row, 0, TABLE_SIDE - 1), np.minimum(column, TABLE_SIDE - 1)]
+        image = _copied(image, offset + _grid(height, width))
+    return as_blur_node(image, parameters.sigma_px * 3.0)
 
 
 def _copied(image: NDArray[T], positions: NDArray[np.int16]) -> NDArray[T]:

@@ -12,6 +12,7 @@ from ..core.node_graphs.groups import Canvas
 from ..core.perturbing.kinds import ColourPerturbation, FrameContext
 from ..core.schema import key
 from ._kernels import correlate, line_kernel
+from ._white_noise import white_noise
 
 # Of the pixel's own weight: smaller weights are left out of the node group. Together they are less than 0.1 of 255.
 NEGLIGIBLE = 1e-3
@@ -42,9 +43,13 @@ class MotionBlur:
 
 def apply(rgb: NDArray[np.float32], parameters: MotionBlur, context: FrameContext) -> NDArray[np.float32]:
     """Blur (H, W, 3)."""
-    turn = context.pattern_stream().uniform(-parameters.max_angle_deg, parameters.max_angle_deg)
+    if context.lit:  # as the nodes draw
+        turn = (2 * white_noise(context).numbers(0)[0] - 1) * parameters.max_angle_deg
+    else:
+        turn = context.pattern_stream().uniform(-parameters.max_angle_deg, parameters.max_angle_deg)
     angle = parameters.angle_deg + turn
-    return correlate(rgb, line_kernel(parameters.radius_px, parameters.sigma_px, angle))
+    least = NEGLIGIBLE if context.lit else 0.0  # what nodes leave out, beside a lamp, is more than rounding
+    return correlate(rgb, line_kernel(parameters.radius_px, parameters.sigma_px, angle, least))
 
 
 def build(canvas: Canvas, given: Mapping[str, Socket], served: Mapping[str, float]) -> Socket:

@@ -9,7 +9,7 @@ from typing import Any
 
 from ...errors import InputError
 from ...geometry import Intrinsics
-from ...optics import PINHOLE, Optics
+from ...optics import DISTORTION, PINHOLE, Optics
 from ..json_text import parse_given_json
 from ..stored import checked_depth_scale, checked_intrinsics, read_text
 from .stated_optics import stated_optics
@@ -21,7 +21,7 @@ _REMEDY = "mend or remove it"
 
 
 def cam_params_text(camera: Intrinsics, depth_scale_per_m: float, optics: Optics = PINHOLE) -> str:
-    """Return the content of the file."""
+    """Return the content of the file. A lens stands there by model and coefficients and, for people, by name."""
     values = {
         "w": camera.width_px,
         "h": camera.height_px,
@@ -31,7 +31,10 @@ def cam_params_text(camera: Intrinsics, depth_scale_per_m: float, optics: Optics
         "cy": float(camera.cy_px),
         "scale": float(depth_scale_per_m),
     }
-    return json.dumps({"camera": values, **optics.content()}, indent=2) + "\n"
+    beyond = optics.content()
+    if optics.distortion is not None:
+        beyond[DISTORTION] = {**beyond[DISTORTION], **optics.distortion.named()}
+    return json.dumps({"camera": values, **beyond}, indent=2) + "\n"
 
 
 @dataclass(frozen=True)
