@@ -22,6 +22,7 @@ EXTRAS = {
     "cluster": ("ray>=2.50",),
     "strict": ("simplejpeg>=1.8",),
     "simulate": ("mujoco>=3.3,<4",),
+    "ros": ("rosbags>=0.11",),
     "evaluate": (
         "embreex>=4.4",
         "gtsam>=4.3",

@@ -19,6 +19,7 @@ from ..sources import read_scenes
 from . import footage
 from .described import LARGEST_INT, is_offered, notify_once, tell
 from .document import CAMERA, CLEAN, DEVIATION, HANDHELD, NO_BODY, OWN_FIELDS, TRAJECTORY, own_motion
+from .imu_fields import take_rig, unshown_rig
 from .lens_fields import take_distortion
 from .shown_sources import PANEL_SOURCES, shown, shown_as
 from .step_list import clear_entries, put_step, take_step
@@ -100,6 +101,7 @@ def _apply(panel: Any, preset: Preset, wanted: str) -> None:
         _apply_camera(panel, preset)
         _apply_output(panel, preset)
         panel.seed, panel.backend = preset.spec.seed, chosen.backend
+        take_rig(panel, preset.spec.rig)
         if chosen.name != CLEAN:
             panel.setting_name = chosen.name
         _apply_steps(panel, chosen)
@@ -160,7 +162,7 @@ def _refuse_unshown(preset: Preset, part: Part | None = None) -> None:
     if part is None:
         asked |= {
             "only": spec.only != OnlySpec() and "chooses a part of the scenes or settings",
-            "rig": spec.rig is not None and "places sensors on a robot",
+            **unshown_rig(spec.rig),
             "seed": spec.seed > LARGEST_INT and f"is {spec.seed}, and the panel counts to {LARGEST_INT}",
         }
     for key, problem in asked.items():

@@ -15,7 +15,7 @@ from ..core.channels import COLOUR_AND_DEPTH, Channel
 from ..core.labels import american, parameter_label, title
 from ..core.presets.distortion import DistortionSpec
 from ..core.presets.output import OutputSpec
-from ..core.presets.preset import CameraSpec, PresetSpec, RenderSpec
+from ..core.presets.preset import CameraSpec, ImuSpec, PresetSpec, RenderSpec
 from ..core.presets.scene_keys import BodySpec, HandheldSpec, SceneKeys, TrajectorySpec
 from ..core.presets.settings import SettingSpec
 from ..core.schema import KeyInfo
@@ -29,7 +29,7 @@ SECTIONS: dict[type, str] = {
     **{kind.keys: SCENE for kind in SOURCES.values()}, SceneKeys: SCENE,
     TrajectorySpec: TRAJECTORY, HandheldSpec: TRAJECTORY, BodySpec: TRAJECTORY,
     CameraSpec: CAMERA, DistortionSpec: CAMERA, RenderSpec: OUTPUT,
-    OutputSpec: OUTPUT, SettingSpec: OUTPUT, PresetSpec: PERTURBATIONS,
+    OutputSpec: OUTPUT, ImuSpec: OUTPUT, SettingSpec: OUTPUT, PresetSpec: PERTURBATIONS,
     MotionDeviation: DEVIATION, FasterMotion: DEVIATION,
 }  # fmt: skip
 """The sections of the tab that show the fields of dataclasses."""
@@ -116,6 +116,8 @@ _CHOICES = {
     "scene": ("Scene", "The sky's color where there is sky, else a mean that lamps do not move"),
     "colour": ("Color", "As given below"),
     "mean": ("Mean", "The mean of the picture"),
+    "average": ("Average", "All of the picture alike"),
+    "centre": ("Center", "The middle of the picture most"),
     "nguyen_2012": ("Nguyen", "The first Kinect, as Nguyen and others measured it"),
     "khoshelham_2012": ("Khoshelham", "The first Kinect, as Khoshelham measured it"),
     "azure_kinect": ("Azure Kinect", "Microsoft's time-of-flight camera, by a law of two numbers"),
@@ -130,6 +132,9 @@ _CHOICES = {
     "azure_kinect_nfov": ("Azure Kinect, Narrow", "Its narrow field of view"),
     "azure_kinect_nfov_binned": ("Azure Kinect, Narrow, Binned", "Its narrow field of view, two by two pixels in one"),
     "azure_kinect_wfov": ("Azure Kinect, Wide", "Its wide field of view"),
+    "ideal": ("Ideal", "Without any error"),
+    "adis16448": ("ADIS16448", "Of the EuRoC datasets"),
+    "bmi055": ("BMI055", "Of RealSense's D435i"),
     "tremor": ("Tremor", "A hand that holds the camera: 8 to 12 Hz"),
     "walk": ("Walk", "The head of someone who walks: 2 steps a second"),
     "run": ("Run", "The head of someone who runs: 3.2 steps a second, with harmonics"),

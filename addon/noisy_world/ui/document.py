@@ -14,8 +14,9 @@ from ..core.datasets.layouts import OutputFormat
 from ..core.datasets.storage import storage_errors, write_atomic
 from ..core.errors import InputError
 from ..core.geometry import Intrinsics
+from ..core.perturbing.contexts import Identifiers
 from ..core.perturbing.execution import chosen_poses, split_motion
-from ..core.perturbing.kinds import Identifiers, MotionPerturbation
+from ..core.perturbing.kinds import MotionPerturbation
 from ..core.perturbing.reading import parse_steps
 from ..core.perturbing.steps import Step, steps_of_kind
 from ..core.presets.output import OutputSpec
@@ -25,6 +26,7 @@ from ..core.yaml_reading import yaml_text
 from ..perturbations import registry
 from ..planning import make_plan
 from . import footage, scene_copy, this_scene
+from .imu_fields import rig_of
 from .keyed import curve_ends, curve_of, levels_of
 from .lens_fields import distortion_of
 from .output_place import absolute
@@ -68,6 +70,7 @@ def to_document(panel: Any, folder: Path | None = None) -> dict[str, Any]:
         "seed": panel.seed,
         "scenes": [scene_of(panel, folder)],
         **({"camera": camera_of(panel) | _lens(panel)} if source.gives_lens(panel) else {}),
+        **(rig_of(panel) if source.carries else {}),
         "render": {
             **({"engine": engine_of(panel), "samples": panel.samples} if source.gives_render(panel) else {}),
             "backend": panel.backend,

@@ -14,6 +14,7 @@ from ..perturbations import registry
 from . import asset_library, camera_link, footage, generate, header_presets, operators, paths, preview, tracking, world
 from .described import CAMERA, DEVIATION, OUTPUT, PERTURBATIONS, SCENE, TRAJECTORY
 from .document import NO_BODY
+from .imu_fields import draw_imu
 from .keyed import without_effect
 from .lens_fields import draw_distortion
 from .long_text import write
@@ -308,6 +309,8 @@ class NOISYWORLD_PT_output(PanelSection, bpy.types.Panel):
         column.enabled = panel.use_depth
         column.prop(panel, "depth_scale_per_m")
         column.prop(panel, "depth_beyond")
+        if source.carries:
+            draw_imu(layout, panel)
         column = layout.column(heading="Write", align=True)
         for name in (*(f"use_{channel}" for channel in CHANNELS), "overview"):
             column.prop(panel, name)

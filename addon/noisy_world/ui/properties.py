@@ -25,6 +25,7 @@ from ..perturbations import registry
 from ..perturbations.faster_motion import FasterMotion
 from ..perturbations.motion_deviation import MotionDeviation
 from .described import LARGEST_INT, LISTENERS, channel_flag, choice, described, notify_once, tell
+from .imu_fields import imu_members
 from .lens_fields import lens_members
 from .source_fields import GROUPS, ITEMS, source_members
 from .tooltips import seen
@@ -285,6 +286,7 @@ def _panel_members() -> dict[str, Any]:
         "near_m": described(CameraSpec, "near_m", update="near_m", precision=4),
         "far_m": described(CameraSpec, "far_m", update="far_m"),
         **lens_members(),
+        **imu_members(),
         "steps": bpy.props.CollectionProperty(type=NoisyWorldStep, name="Perturbations"),
         "active_step": _whole(
             name="Active Perturbation", description="The perturbation whose parameters are shown", min=0

@@ -30,7 +30,7 @@ class ShownSource(ABC):
     source: its name in presets. files: the keys of a scene that name files, relative to the preset. loads: whether a
     mesh of it is loaded into this file, along the panel's trajectory. lens_field, render_field: the properties that say
     whether the panel gives intrinsics, and engine and samples, or the source; "" where the panel always does. distorts:
-    whether its frames can be shown through a lens that distorts.
+    whether its frames can be shown through a lens that distorts. carries: whether its camera can carry an IMU.
     """
 
     source: ClassVar[str]
@@ -39,6 +39,7 @@ class ShownSource(ABC):
     lens_field: ClassVar[str] = ""
     render_field: ClassVar[str] = ""
     distorts: ClassVar[bool] = False
+    carries: ClassVar[bool] = True
 
     def shows(self, keys: Any) -> bool:
         """Tell whether it is what the keys of a preset's scene of its source say."""
@@ -204,6 +205,7 @@ class _Footage(ShownSource):
     """Frames that the source gives, seen from its own path."""
 
     lens_field = "recorded_camera"
+    carries = False
 
     def gives_render(self, panel: Any) -> bool:
         del panel

@@ -1,0 +1,66 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""`bag`: write a sequence of the layout euroc as a bag of ROS 2, without ROS."""
+
+import argparse
+from collections import Counter
+from pathlib import Path
+
+from .arguments import path
+from .ending import ended
+from .entry import Entry
+from .parser import Parser
+
+STORAGES = ("mcap", "sqlite3")
+
+
+def main(arguments: list[str], entry: Entry) -> int:
+    """Run the command line and return the exit status."""
+    parser = Parser(
+        prog=entry.name,
+        description="Write a sequence of the layout euroc as a bag of ROS 2: images, depth in metres, cameras, the "
+        "IMU if there is one, and the true poses as transforms.",
+    )
+    parser.add_argument("sequence", metavar="SEQUENCE", type=path, help="the sequence's folder, which holds mav0")
+    parser.add_argument("out", metavar="OUT", type=path, help="the bag, a folder that is not there yet")
+    parser.add_argument("--storage", choices=STORAGES, default=STORAGES[0], help="what the bag is (default: mcap)")
+    options = parser.parse_args(arguments)
+    return ended(lambda: _write(options), entry, stopped="nothing was written", needs=["numpy", "cv2"])
+
+
+def _write(options: argparse.Namespace) -> int:
+    """Write the bag beside its place, and move it there when it is whole."""
+    import tempfile
+
+    from ..core.errors import StorageError
+    from ..core.extras import need
+
+    need(("rosbags",), "ros")
+    if options.out.exists():
+        raise StorageError("is there already", file=options.out, remedy="choose another folder, or remove it")
+    options.out.absolute().parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=options.out.absolute().parent, prefix=".bag-") as place:
+        made = Path(place) / options.out.name
+        counts = _fill(options.sequence, made, options.storage)
+        made.rename(options.out)
+    said = ", ".join(f"{count} {topic}" for topic, count in counts.items())
+    print(f"wrote {options.out}: {said}")
+    return 0
+
+
+def _fill(sequence: Path, out: Path, storage: str) -> Counter[str]:
+    from rosbags.rosbag2 import StoragePlugin, Writer
+    from rosbags.typesys import Stores, get_typestore
+
+    from ..core.datasets.bag_messages import TOPICS, BagMessages
+
+    typestore = get_typestore(Stores.ROS2_HUMBLE)
+    messages = BagMessages(sequence, typestore.types)
+    plugin = StoragePlugin.MCAP if storage == "mcap" else StoragePlugin.SQLITE3
+    counts: Counter[str] = Counter()
+    # Version 8 is read by Humble and later.
+    with Writer(out, version=8, storage_plugin=plugin) as writer:
+        connections = {name: writer.add_connection(name, kind, typestore=typestore) for name, kind in TOPICS.items()}
+        for stamp_ns, topic, message in messages.in_order():
+            writer.write(connections[topic], stamp_ns, typestore.serialize_cdr(message, TOPICS[topic]))
+            counts[topic] += 1
+    return counts
