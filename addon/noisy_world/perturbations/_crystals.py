@@ -87,7 +87,9 @@ def atlas() -> NDArray[np.uint8]:
 
     ridge = _read("thickness")
     time = cv2.resize(_wrapped(_read("time"), 2), None, fx=TIME_SHRUNK, fy=TIME_SHRUNK, interpolation=cv2.INTER_LINEAR)
-    strip = np.dstack([ridge, _in_patches(time[:, 2 * TIME_SHRUNK : -2 * TIME_SHRUNK]), _body(ridge)])
+    strip = np.dstack(
+        [ridge, _in_patches(np.asarray(time[:, 2 * TIME_SHRUNK : -2 * TIME_SHRUNK], np.uint8)), _body(ridge)]
+    )
     parts = []
     for level in levels():
         small = cv2.resize(strip, (WIDTH_PX // level.shrunk, level.rows), interpolation=cv2.INTER_AREA)
