@@ -27,7 +27,7 @@ def with_results(runs: "DataFrame") -> "DataFrame":
     A run failed where its outcome is another than finished, or its score says a word. Without a share of tracked frames
     none is incomplete.
     """
-    failure, outcome = (runs[name].fillna("").astype(str).tolist() for name in ("failure", "outcome"))
+    failure, outcome = (runs[name].astype(object).fillna("").astype(str).tolist() for name in ("failure", "outcome"))
     failed = [bool(word) or ending != "finished" for word, ending in zip(failure, outcome, strict=True)]
     results = list(map(result_of, failed, tracked_shares(runs).tolist()))
     is_one = {name: np.array([result == name for result in results], dtype=bool) for name in (FAILED, INCOMPLETE)}
