@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from .core.datasets.images import as_float
 from .core.geometry import Intrinsics
 from .core.machine import keep_freed_memory
+from .core.perturbing.earlier_frames import alone
 from .core.perturbing.execution import perturb_colour, perturb_depth, perturb_rgb, split_motion
 from .core.perturbing.inputs import (
     LARGEST_FRAME,
@@ -162,6 +163,7 @@ def apply(
         intrinsics=intrinsics,
         read_rgb=None if rgb is None else lambda: as_float(rgb),
         read_depth_m=None if depth_m is None else lambda: depth_m,
+        read_earlier=None if of_depth else alone(pixels),
     )
     made = _perturbed(step, pixels, where)
     return made.copy() if made is pixels else made
@@ -266,11 +268,14 @@ def _perturbed_frames(
     """
     from .core.datasets.registration import Registration  # noqa: PLC0415
     from .pipeline.clean_frame import Camera, CleanFrame  # noqa: PLC0415
+    from .pipeline.earlier import EarlierFrames, light_seen  # noqa: PLC0415
     from .pipeline.made_frame import SequenceMaker  # noqa: PLC0415
     from .sources.recording import RecordedFrame  # noqa: PLC0415
 
     seen = optics.depth
-    colour = Camera(known, stored.stamps.rgb.seconds, stored.trajectory)
+    stamps_s = stored.stamps.rgb.seconds
+    earlier = EarlierFrames(stamps_s, lambda source: light_seen(RecordedFrame(stored.frame(source))))
+    colour = Camera(known, stamps_s, stored.trajectory, earlier)
     depth = Camera(known if seen is None else seen.intrinsics, stored.stamps.depth.seconds)
     between = None if seen is None or known is None else Registration(known, seen, optics.distortion)
     keep_freed_memory()

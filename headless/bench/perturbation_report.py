@@ -66,7 +66,7 @@ def main(arguments: list[str]) -> int:
             peer = Contestant("peer", [PEER_PYTHON, ROOT / "headless/bench/corruptions_peer.py", clean])
         text, reference_ms = times(names, frames, peer)
         parts = ["# The perturbations", text, depth_times()]
-        everything = [item.name for item in coloured]
+        everything = [item.name for item in coloured if item.build]
         parts += ["## Node groups", node_groups.building(everything), node_groups.errors(frames)]
         parts += [node_groups.times(names, frames, reference_ms), node_groups.previews(everything, frames)]
         if options.targets and peer:

@@ -25,10 +25,13 @@ from numpy.typing import NDArray
 
 from noisy_world.core.datasets.images import rgb_bytes
 from noisy_world.core.datasets.overview import colour_depth
+from noisy_world.core.perturbing.earlier_frames import EarlierFrame, small_light
+from noisy_world.core.perturbing.execution import perturb_colour
 from noisy_world.core.perturbing.kinds import (
     ColourPerturbation,
     DepthPerturbation,
     ExposurePerturbation,
+    FrameContext,
     MotionPerturbation,
     SequenceContext,
 )
@@ -41,7 +44,7 @@ from noisy_world.perturbations import registry
 from noisy_world.pipeline.clean_frame import CleanFrame
 from noisy_world.pipeline.frame_maker import render_options
 from noisy_world.planning import make_plan
-from tools.showcase import DEMO, FRAME, SEED, demo_camera, demo_frame, perturbed, shown_perturbations
+from tools.showcase import DEMO, FRAME, SEED, demo_camera, demo_frame, perturbed, shown_perturbations, step
 
 Tiles: TypeAlias = list[NDArray[np.uint8]]
 
@@ -57,7 +60,11 @@ TILE_PX = (280, 158)  # like the rest below, chosen for a picture 852 pixels wid
 DETAIL_PX = (200, 330)  # column and row of the part's upper left corner
 SAMPLE_PX = (560, 317)  # the clean frame, to try things on
 GAP_PX = 6
-JPEG = (cv2.IMWRITE_JPEG_QUALITY, 52, cv2.IMWRITE_JPEG_OPTIMIZE, 1, cv2.IMWRITE_JPEG_PROGRESSIVE, 1)  # 1 MB in all
+QUALITY, LIGHT_QUALITY = 52, 30  # of JPEG: 1 MB in all
+SMALL = ("gaussian_noise", "impulse_noise", "shot_noise", "speckle_noise", "snow", "spatter")
+SMALL += ("auto_exposure", "flicker", "sensor_noise", "white_balance")
+JPEG = (cv2.IMWRITE_JPEG_OPTIMIZE, 1, cv2.IMWRITE_JPEG_PROGRESSIVE, 1)
+ROSE_STOPS, ROSE_S, READOUT_MS = 3, 0.4, 20.0
 EDGE = 0.05  # of depth: a jump by this share
 SHAKEN_S = 5.0  # how long smooth motion is shown
 AXES_RGB = ((200, 40, 40), (40, 140, 40), (40, 70, 200))
@@ -71,14 +78,14 @@ def main(arguments: list[str]) -> int:
     folder = parser.parse_args(arguments).folder
     folder.mkdir(parents=True, exist_ok=True)
     rgb, depth_m = demo_frame()
-    tiles = dict(
-        chain(of_colour(rgb, depth_m), of_depth(rgb, depth_m), of_sequences(), of_smooth_motion(), of_exposures())
-    )
+    of_images = chain(of_colour(rgb, depth_m), of_electronics(rgb), of_depth(rgb, depth_m))
+    tiles = dict(chain(of_images, of_sequences(), of_smooth_motion(), of_exposures()))
     shown = rgb_bytes(rgb)
     tiles["clean"] = [whole(shown), detail(shown), whole_depth(depth_m, far_m=float(depth_m.max()))]
     for name, row in tiles.items():
-        save(folder / f"{name}.jpg", strip(row))
-    save(folder / "room.jpg", np.asarray(cv2.resize(shown, SAMPLE_PX, interpolation=cv2.INTER_AREA), np.uint8))
+        save(folder / f"{name}.jpg", strip(row), LIGHT_QUALITY if name in SMALL else QUALITY)
+    sample = np.asarray(cv2.resize(shown, SAMPLE_PX, interpolation=cv2.INTER_AREA), np.uint8)
+    save(folder / "room.jpg", sample, QUALITY)
     print(f"wrote {len(tiles) + 1} pictures into {folder}")
     return 0
 
@@ -91,6 +98,33 @@ def of_colour(rgb: NDArray[np.float32], depth_m: NDArray[np.float32]) -> Iterato
     made = perturbed(rgb, depth_m, SEVERITIES)
     for item in shown_perturbations():
         yield item.name, [view(item)(made[item.name, severity]) for severity in SEVERITIES]
+
+
+def of_electronics(rgb: NDArray[np.float32]) -> Iterator[tuple[str, Tiles]]:
+    """Yield the name and the tiles of each perturbation of colour without a node group: the camera's electronics.
+
+    Exposure is shown a moment after the light rose eightfold, flicker across lines that are read one by one.
+    """
+    shown = np.clip(rgb, 0, 1)
+    for item in registry().values():
+        if not isinstance(item, ColourPerturbation) or item.build is not None:
+            continue
+        if item.name == "auto_exposure":
+            made = [exposed_late(shown, severity) for severity in SEVERITIES]
+        else:
+            extra = {"readout_ms": READOUT_MS, "exposure_ms": 1.0} if item.name == "flicker" else {}
+            seen = {"seed": SEED, "frame": FRAME, **extra}
+            made = [rgb_bytes(apply(shown, item.name, severity=value, **seen)) for value in SEVERITIES]
+        yield item.name, [(detail if item.grain else whole)(image) for image in made]
+
+
+def exposed_late(rgb: NDArray[np.float32], severity: float) -> NDArray[np.uint8]:
+    """Return a frame that auto-exposure takes ROSE_S after the light rose by ROSE_STOPS."""
+    kind, now = registry()["auto_exposure"], small_light(rgb_bytes(rgb))
+    assert isinstance(kind, ColourPerturbation)
+    frames = EarlierFrame(-9.0, now / np.float32(2**ROSE_STOPS)), EarlierFrame(-ROSE_S, now)
+    context = FrameContext(FRAME, (SEED, "", ""), stamp_s=0.0, read_earlier=lambda _: frames)
+    return rgb_bytes(perturb_colour(step(kind, severity), rgb, severity, context))
 
 
 def of_depth(rgb: NDArray[np.float32], depth_m: NDArray[np.float32]) -> Iterator[tuple[str, Tiles]]:
@@ -234,9 +268,9 @@ def strip(tiles: Tiles) -> NDArray[np.uint8]:
     return np.concatenate([tiles[0], *chain.from_iterable((gap, tile) for tile in tiles[1:])], axis=1)
 
 
-def save(path: Path, picture: NDArray[np.uint8]) -> None:
+def save(path: Path, picture: NDArray[np.uint8], quality: int) -> None:
     """Write a JPEG. Raises OSError where it cannot be written."""
-    if not cv2.imwrite(str(path), picture[..., ::-1], JPEG):
+    if not cv2.imwrite(str(path), picture[..., ::-1], (cv2.IMWRITE_JPEG_QUALITY, quality, *JPEG)):
         raise OSError(f"{path} cannot be written")
 
 

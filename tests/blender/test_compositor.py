@@ -25,7 +25,7 @@ from noisy_world.core.perturbing.kinds import ColourPerturbation
 from noisy_world.core.schema import ConfigPath
 from noisy_world.perturbations import registry
 
-NAMES = [item.name for item in registry().values() if isinstance(item, ColourPerturbation)]
+NAMES = [item.name for item in registry().values() if isinstance(item, ColourPerturbation) and item.build]
 MIXED = [
     {"gaussian_noise": {"severity": 3, "mode": "dynamic"}},
     {"fog": {"severity": 5, "mode": "dynamic"}},

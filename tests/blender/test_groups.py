@@ -19,7 +19,7 @@ from noisy_world.core.node_graphs.groups import build_group
 from noisy_world.core.perturbing.kinds import ColourPerturbation
 from noisy_world.perturbations import registry
 
-COLOUR = {item.name: item for item in registry().values() if isinstance(item, ColourPerturbation)}
+COLOUR = {item.name: item for item in registry().values() if isinstance(item, ColourPerturbation) and item.build}
 NAMES = list(COLOUR)
 TABLED = [name for name, item in COLOUR.items() if item.severities]
 LAMPS = (4.0, 20.0, 100.0)
@@ -55,9 +55,10 @@ def trees():
     return {name: ensure_group(build_group(registry()[name])) for name in NAMES}
 
 
-def test_every_perturbation_of_colour_has_a_group():
+def test_every_perturbation_of_colour_has_a_group_but_the_cameras():
     assert len(NAMES) >= 18
-    assert [name for name in NAMES if registry()[name].build is None] == []
+    without = {name for name, item in registry().items() if isinstance(item, ColourPerturbation) and not item.build}
+    assert without == {"auto_exposure", "flicker", "sensor_noise", "white_balance"}
 
 
 @cases("name", NAMES)

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Datasets of scene-linear light: the values are Blender's own, and every reader takes them or says why not."""
 
+import json
+import shutil
 import sys
 import threading
 
@@ -18,7 +20,8 @@ import noisy_world
 from noisy_world.blender.render import muted_output
 from noisy_world.blender.scene_inspection import open_file
 from noisy_world.core.datasets.provenance import render_seed
-from noisy_world.core.errors import InputError
+from noisy_world.core.errors import InputError, StorageError
+from noisy_world.core.planning.source import PERTURBED
 from noisy_world.core.presets.preset import read_preset
 from noisy_world.core.progress import PlainProgress
 from noisy_world.evaluation.systems.index import given_sequence
@@ -144,3 +147,30 @@ def test_what_reads_it(hall, tmp_path):
 def test_what_has_no_light_is_refused(hall, settings, output, line):
     with pytest.raises(InputError, match=line):
         make_plan(read_preset(write_preset(hall, settings, output=output)))
+
+
+def test_a_dataset_that_was_perturbed_after_the_view_transform_does_not_grow(hall, tmp_path):
+    out = tmp_path / "before"
+    shutil.copytree(hall / "reference", out)
+    manifest = json.loads((out / "manifest.json").read_text())
+    assert manifest["identity"]["scenes"]["hall"]["inputs"].pop(PERTURBED) == "before the view transform"
+    (out / "manifest.json").write_text(json.dumps(manifest))
+    frame = out / "storm/hall/results/frame000000.exr"
+    frame.unlink()
+    line = (
+        "environment and lens act on its light before the view transform, but after it in the dataset, which an earlier"
+    )
+    with pytest.raises(StorageError, match=f"holds another dataset: .*{line} version made"):
+        make(write_preset(hall, STORM, output=LIGHT), out)
+    assert not frame.exists()
+
+
+def test_a_recipe_of_lit_frames_says_who_knows_the_view_transform(hall, tmp_path):
+    out = make(write_preset(hall, STORM), tmp_path / "shown")
+    recipe = hall / "shown.recipe.json"
+    recipe.write_text(recipe_of(out, PlainProgress(sys.stderr)).text())
+    made = noisy_world.open(recipe)
+    line = "of storm/hall is made before the view transform of hall, which Blender alone knows; 'noisy-world remake'"
+    for asked in (lambda: made["storm/hall"][0].rgb, lambda: made["storm/hall"][0].image_bytes("rgb")):
+        with pytest.raises(InputError, match=line):
+            asked()

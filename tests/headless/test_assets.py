@@ -21,7 +21,7 @@ from noisy_world.core.node_graphs.groups import build_group
 from noisy_world.core.perturbing.kinds import ColourPerturbation
 from noisy_world.perturbations import registry
 
-PERTURBATIONS = [item for item in registry().values() if isinstance(item, ColourPerturbation)]
+PERTURBATIONS = [item for item in registry().values() if isinstance(item, ColourPerturbation) and item.build]
 BLENDER = os.environ.get("NOISY_WORLD_BLENDER", "")
 SCRIPT = ROOT / "tests/headless/append_groups.py"
 

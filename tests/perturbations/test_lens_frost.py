@@ -72,11 +72,11 @@ def surroundings(light, tint, rows, columns):
     for _ in range(3):
         small = np.pad(small, ((0, small.shape[0] % 2), (0, small.shape[1] % 2), (0, 0)), mode="edge")
         small = (small[::2, ::2] + small[1::2, ::2] + small[::2, 1::2] + small[1::2, 1::2]) / 4
-    sigma = 0.05 * min(light.shape[:2]) / 8
+    sigma = 0.035 * min(light.shape[:2]) / 8
     mean = small.mean(axis=(0, 1))
     small = (
-        0.4 * ndimage.gaussian_filter(small, (sigma, sigma, 0), mode="nearest", radius=int(np.ceil(3 * sigma)))
-        + 0.6 * mean
+        0.75 * ndimage.gaussian_filter(small, (sigma, sigma, 0), mode="nearest", radius=int(np.ceil(3 * sigma)))
+        + 0.25 * mean
     )
     grey = (small @ [0.2126, 0.7152, 0.0722])[..., None]
     small = grey + tint * (small - grey)
@@ -107,8 +107,8 @@ def test_from_the_border_inwards_and_the_middle_stays_clear():
     for severity in (1, 3, 5):
         changed = np.abs(frosted(rgb, severity) - rgb).max(axis=2) > 2 / 255
         shares.append(changed.mean())
-        assert changed[[0, -1]].mean() > 0.8
-        assert changed[:, [0, -1]].mean() > 0.8
+        along = np.concatenate([changed[0], changed[-1], changed[:, 0], changed[:, -1]]).mean()
+        assert (0.3 < along < 0.75) if severity == 1 else along > 0.9  # the first ice rings no frame
     assert shares[0] < shares[1] < shares[2]
     assert shares[0] < 0.6
     assert not (np.abs(frosted(rgb, 1) - rgb).max(axis=2) > 2 / 255)[65:105, 80:220].any()

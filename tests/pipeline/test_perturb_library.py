@@ -67,7 +67,7 @@ def test_bytes_and_floats_agree(name, picture):
     assert np.array_equal(low, rgb_bytes(high))
     assert np.array_equal(picture, before)
     assert np.array_equal(apply(picture, name, severity=3, seed=5, frame=7, **seen), low)
-    assert not np.array_equal(low, picture)
+    assert np.array_equal(low, picture) == (name == "white_balance"), "the picture is grey on average"
     assert np.array_equal(apply(picture, name, severity=0), picture)
     item = registry()[name]
     if item.temporals and not item.is_repeatable(item.at_severity(3)):

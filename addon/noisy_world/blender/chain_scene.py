@@ -10,7 +10,8 @@ import bpy
 from ..core.geometry import Intrinsics
 from ..core.node_graphs.chain import build_chain, capacity_of, step_node
 from ..core.node_graphs.graph import Graph
-from ..core.perturbing.kinds import ColourPerturbation, Identifiers
+from ..core.perturbing.contexts import Identifiers
+from ..core.perturbing.kinds import ColourPerturbation
 from ..core.perturbing.steps import Step
 from .chain_values import CameraStateAt, set_values
 from .nodes import adopt, described_as, ensure_group, made_before, remove_group

@@ -10,7 +10,8 @@ import numpy as np
 
 from ..core.geometry import Intrinsics
 from ..core.node_graphs.chain import camera_state_values, shown_values, step_node
-from ..core.perturbing.kinds import ColourPerturbation, FrameContext, Identifiers
+from ..core.perturbing.contexts import Identifiers
+from ..core.perturbing.kinds import ColourPerturbation, FrameContext
 from ..core.perturbing.steps import Step
 from ..core.trajectories.camera_state import CameraState
 from .typed import action_of, fcurves_of, get_value, interpolation, new_action, set_value

@@ -17,7 +17,8 @@ from ..core.geometry import Intrinsics
 from ..core.node_graphs.chain import is_active, socket_of, socket_values, step_node
 from ..core.node_graphs.draws import Divided, pooled
 from ..core.node_graphs.graph import Graph
-from ..core.perturbing.kinds import ColourPerturbation, Identifiers
+from ..core.perturbing.contexts import Identifiers
+from ..core.perturbing.kinds import ColourPerturbation
 from ..core.perturbing.steps import Step
 from ..core.scratch import ScratchFolder
 from ..core.trajectories.camera_state import camera_state_of
@@ -30,8 +31,7 @@ from .typed import group_of, inputs, new_node, new_tree, override, set_pixels, s
 T = TypeVar("T", bound=np.generic)
 
 SCENE = "Noisy World compositor"
-# Layers of a file, and so the images that one evaluation makes; chosen, so that memory does not grow with the number of
-# settings. A file of several costs less than several files, as writing a row costs more than its bytes.
+# Layers of a file, so images of one evaluation; chosen: memory is bounded, and a file costs less than several files.
 LAYERS = 16
 FLOATS = 4  # bytes of a float32
 Motions: TypeAlias = Mapping[str, CameraMotion | None]

@@ -3,8 +3,25 @@
 
 import re
 
-UNIT_SUFFIXES = ("_px", "_deg", "_m", "_mm", "_percent", "_hz", "_m_s", "_mm_h", "_mrad", "_ms", "_per_s")
-NAMES = {"f_number": "F-Stop", "ambient_electrons": "Ambient"}  # Blender's own word; a label that fits beside a slider
+UNIT_SUFFIXES = (
+    "_px",
+    "_deg",
+    "_m",
+    "_mm",
+    "_percent",
+    "_hz",
+    "_m_s",
+    "_mm_h",
+    "_mrad",
+    "_ms",
+    "_per_s",
+    "_db",
+    "_stops",
+    "_s",
+)
+# Blender's own word; labels that fit beside a slider.
+NAMES = {"f_number": "F-Stop", "ambient_electrons": "Ambient", "full_well_electrons": "Full Well"}
+NAMES |= {"read_noise_electrons": "Read Noise", "row_noise_electrons": "Row Noise", "subtract_black": "Without Black"}
 _SMALL_WORDS = ("by", "of", "to", "and", "on", "in", "the")
 _AMERICAN = {
     "colour": "color", "colours": "colors", "coloured": "colored", "grey": "gray", "greys": "grays",

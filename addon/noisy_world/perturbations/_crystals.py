@@ -34,13 +34,16 @@ RISE, AGING = 0.12, 0.9  # from when a ridge comes until it is whole, and until 
 RIDGE_OPACITY, RIDGE_RELIEF, BODY_RELIEF = 1.0, 1.0, 0.35  # of ridges and of the ice about them; that of the body is 1
 SHADE, DARKEST, LIGHTEST = 0.5, -0.2, 0.3  # how much lighter ice is that leans to the light, and its limits
 GLINT_SLOPE, GLINT_FROM = 4.0, 0.8  # a glint begins at the slope 0.8 / 4
-LIGHT_SHARE = 0.05  # standard deviation of what lights a piece of ice, in shorter sides of the frame
-MEAN_SHARE = 0.6  # of the whole frame's mean in that light
+LIGHT_SHARE = 0.035  # standard deviation of what lights a piece of ice, in shorter sides of the frame
+MEAN_SHARE = 0.25  # of the whole frame's mean in that light
 HALVINGS = 3  # of the image, before it is blurred for that
 
 # What lies between the ridges, chosen by eye: ice about each ridge, haze over a fern, and rime along the edge, grainy.
 _NEAR, _WIDE, _RIME = (1.04, 2.6), (0.65, 9.0), (0.72, 55.0)  # share of the ridges' thickness, and pixels
 _GRAIN = (0.25, 0.9)  # standard deviation, and pixels
+# Along the edge ice comes here sooner, there later, so that the first ice is in patches: share of the whole growth, and
+# the waves along the strip, which close at its ends.
+_LATER, _PATCHES = 0.45, (5, 8, 13)
 _FADE_PX = 40.0  # it gets thinner so far before the strip's end
 
 
@@ -84,7 +87,9 @@ def atlas() -> NDArray[np.uint8]:
 
     ridge = _read("thickness")
     time = cv2.resize(_wrapped(_read("time"), 2), None, fx=TIME_SHRUNK, fy=TIME_SHRUNK, interpolation=cv2.INTER_LINEAR)
-    strip = np.dstack([ridge, time[:, 2 * TIME_SHRUNK : -2 * TIME_SHRUNK], _body(ridge)])
+    strip = np.dstack(
+        [ridge, _in_patches(np.asarray(time[:, 2 * TIME_SHRUNK : -2 * TIME_SHRUNK], np.uint8)), _body(ridge)]
+    )
     parts = []
     for level in levels():
         small = cv2.resize(strip, (WIDTH_PX // level.shrunk, level.rows), interpolation=cv2.INTER_AREA)
@@ -98,7 +103,16 @@ def atlas() -> NDArray[np.uint8]:
 def atlas_picture() -> BroughtImage:
     """Return the atlas as node groups take it."""
     digest = hashlib.sha256(b"".join(read_bytes(map_file(name)) for name in ("thickness", "time"))).hexdigest()
-    return BroughtImage("NW Frost on a lens", f"1 {digest[:16]}", lambda: atlas().transpose(1, 2, 0))
+    return BroughtImage("NW Frost on a lens", f"2 {digest[:16]}", lambda: atlas().transpose(1, 2, 0))
+
+
+def _in_patches(time: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Return times of which those of some stretches of the edge are later; the last is as late as before."""
+    along = np.linspace(0, 2 * np.pi, WIDTH_PX, endpoint=False)
+    phases = stream("patches of frost").random(len(_PATCHES)) * 2 * np.pi
+    waves = sum(np.cos(count * along + phase) for count, phase in zip(_PATCHES, phases, strict=True))
+    rank = np.argsort(np.argsort(waves)) / (WIDTH_PX - 1)  # as many columns of each lateness
+    return np.rint(time * (1 - _LATER) + 255 * _LATER * rank).astype(np.uint8)
 
 
 def _read(name: str) -> NDArray[np.uint8]:

@@ -2,7 +2,6 @@
 """Periodic patterns (on a torus): looking at a part of one, moving it, and keeping it for a whole sequence."""
 
 from collections.abc import Callable
-from dataclasses import replace
 from functools import lru_cache, wraps
 from typing import Concatenate, ParamSpec, TypeVar
 
@@ -32,8 +31,7 @@ def kept_for_sequence(
         if context.temporal == "fresh":
             return draw(context, *args, **kwargs)
         # Leave out what belongs to one frame: else the cache would miss, and keep the frame's images in memory.
-        alone = replace(context, index=0, stamp_s=None, intrinsics=None, motion=None, read_rgb=None, read_depth_m=None)
-        return kept(alone, *args, **kwargs)
+        return kept(context.for_sequence(), *args, **kwargs)
 
     return pick
 

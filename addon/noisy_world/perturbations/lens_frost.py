@@ -51,7 +51,7 @@ class LensFrost:
     coverage: float = key("how far it has grown; 1 is as far as it gets", default=0.55, minimum=0, maximum=1)
     opacity: float = key("optical depth of the thickest ice", default=1.6, minimum=0, maximum=20)
     brightness: float = key("light that ice scatters, times that around it", default=1.6, minimum=0, maximum=20)
-    tint: float = key("how far that light has the surroundings' colour", default=0.3, minimum=0, maximum=1)
+    tint: float = key("how far that light has the surroundings' colour", default=0.8, minimum=0, maximum=1)
     refraction_px: float = key("how far a slope of 1 displaces", default=10.0, unit="px", minimum=0, maximum=200)
     glint: float = key("light of glints, times that around them", default=1.0, minimum=0, maximum=50)
     growth_per_s: float = key(
@@ -225,6 +225,7 @@ PERTURBATION = ColourPerturbation(
     severities={"coverage": (0.22, 0.38, 0.55, 0.78, 1.0), "opacity": (1.0, 1.3, 1.6, 2.0, 2.5)},
     source="our own: from a frosted border to a pane that is iced over but for its middle",
     apply=apply,
+    version=2,  # ice comes in patches, and takes more of the light behind it
     build=build,
     linear=True,
     temporals=("fresh", "fixed", "drift"),

@@ -14,6 +14,7 @@ from ..core.datasets.images import as_bytes, as_float
 from ..core.datasets.layouts import Modality, OutputFormat
 from ..core.datasets.registration import Registration
 from ..core.geometry import Intrinsics
+from ..core.perturbing.earlier_frames import EarlierFrame
 from ..core.perturbing.execution import ColourWork, Notes
 from ..core.perturbing.kinds import FrameContext
 from ..core.perturbing.lit import acts_on_light, after_light, on_light
@@ -22,6 +23,7 @@ from ..core.planning.sequence import Sequence, ShownSources
 from ..core.planning.source import SceneLight, SourceFrame, depth_behind_glass, light_of
 from ..core.trajectories.motion import CameraMotion, motion_between
 from ..core.trajectories.trajectory import Trajectory
+from .earlier import EarlierFrames, light_seen
 from .stage_timer import DECODING, StageTimer
 
 
@@ -97,6 +99,15 @@ class CleanFrame:
         """Colour (H, W, 3) as uint8, rounded if it is float."""
         return as_bytes(self.rgb)
 
+    @cached_property
+    def light_seen(self) -> NDArray[np.float32]:
+        """What a meter sees of it, as `small_light`."""
+        return light_seen(self._image)
+
+    def alone(self, _span_s: float) -> tuple[EarlierFrame, ...]:
+        """Return what was before it if it had been shown for long; a function that contexts can hand on."""
+        return (EarlierFrame(0.0, self.light_seen),)
+
     @property
     def light(self) -> SceneLight | None:
         """Colour before the view transform, of a lit frame."""
@@ -143,11 +154,14 @@ class Camera:
 
     intrinsics: None where unknown. stamps_s: (N,) time stamps of the images of the path's frames, colour or depth,
     seconds; frame i of a sequence has the i-th. path: of the camera, a pose for each source frame; None where unknown.
+    earlier: what sequences showed before a frame; None where no step of colour asks, or where a frame is
+    shown alone: it is seen as if it had been shown for long.
     """
 
     intrinsics: Intrinsics | None
     stamps_s: NDArray[np.float64]
     path: Trajectory | None = None
+    earlier: EarlierFrames | None = None
 
     def context(self, sequence: Sequence, frame: int, clean: CleanFrame) -> FrameContext:
         """Return the context of a frame of a sequence.
@@ -156,6 +170,9 @@ class Camera:
         the depth was taken.
         """
         setting = sequence.setting
+        earlier, key = None, None
+        if setting.looks_back:
+            earlier, key = (clean.alone, None) if self.earlier is None else self.earlier.before(sequence, frame)
         return FrameContext(
             index=frame,
             identifiers=sequence.identifiers,
@@ -164,6 +181,9 @@ class Camera:
             motion=self.motion(sequence, frame) if setting.uses_motion else None,
             read_rgb=clean.read_rgb if setting.needs_rgb else None,
             read_depth_m=clean.read_seen_depth_m if setting.needs_depth else None,
+            read_earlier=earlier,
+            earlier_key=key,
+            shutter=setting.shutter,
         )
 
     def motion(self, sequence: Sequence, frame: int) -> CameraMotion | None:

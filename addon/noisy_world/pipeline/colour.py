@@ -3,7 +3,7 @@
 
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from typing import TYPE_CHECKING, Any, Protocol, TypeAlias, TypeVar
 
@@ -13,12 +13,14 @@ from numpy.typing import NDArray
 from ..core.datasets.images import rgb_bytes
 from ..core.machine import keep_freed_memory
 from ..core.node_graphs.chain import capacity_of
+from ..core.perturbing.contexts import Identifiers
 from ..core.perturbing.execution import ColourWork, Notes
-from ..core.perturbing.kinds import LIGHT_STAGES, ColourPerturbation, Identifiers
+from ..core.perturbing.kinds import ColourPerturbation, FrameContext
 from ..core.perturbing.steps import Step
 from ..core.planning.sequence import Sequence
 from ..core.trajectories.motion import CameraMotion
 from .clean_frame import Camera, CleanFrame
+from .earlier import EarlierFrames
 
 if TYPE_CHECKING:
     from ..blender.compositor import Compositor
@@ -31,12 +33,14 @@ class PerturbedImage:
     """Colour or depth of a frame that shows a clean one perturbed.
 
     key: equal for equal work on a clean frame, in whatever sequences. notes: what is done, for frames.jsonl. pixels:
-    makes it: (H, W, 3) uint8, or float32 light, or (H, W) float32 metres; None where it is the clean image.
+    makes it: (H, W, 3) uint8, or float32 light, or (H, W) float32 metres; None where it is the clean image. camera:
+    what the camera's automatics decided, by name, for frames.jsonl too.
     """
 
     key: Hashable
     notes: Notes
     pixels: Callable[[], NDArray[Any] | None]
+    camera: Mapping[str, float] = field(default_factory=dict[str, float])
 
 
 _Frames: TypeAlias = Mapping[str, tuple[int, Identifiers]]
@@ -66,11 +70,14 @@ class ReferenceColour:
 
     def perturb(self, clean: CleanFrame, asked: list[tuple[Sequence, int]]) -> Colours:
         """Return for each frame a function that perturbs it."""
-        return {(sequence.folder, frame): partial(self._one, clean, sequence, frame) for sequence, frame in asked}
+        return {
+            (sequence.folder, frame): partial(self._one, clean, sequence, self._camera.context(sequence, frame, clean))
+            for sequence, frame in asked
+        }
 
-    def _one(self, clean: CleanFrame, sequence: Sequence, frame: int) -> PerturbedImage:
-        work = ColourWork.of(sequence.setting.rgb, self._camera.context(sequence, frame, clean))
-        return PerturbedImage(("reference", work.key), work.notes, lambda: clean.perturbed_rgb(work))
+    def _one(self, clean: CleanFrame, sequence: Sequence, where: FrameContext) -> PerturbedImage:
+        work = ColourWork.of(sequence.setting.rgb, where)
+        return PerturbedImage(("reference", work.key), work.notes, lambda: clean.perturbed_rgb(work), work.decided)
 
 
 class ReferenceLight:
@@ -88,7 +95,9 @@ class ReferenceLight:
             work = ColourWork.of(sequence.setting.rgb, self._camera.context(sequence, frame, clean))
             if work.key not in pictures:
                 pictures[work.key] = clean.perturbed_rgb(work)
-            image = PerturbedImage(("reference", work.key), work.notes, partial(_given, pictures[work.key]))
+            image = PerturbedImage(
+                ("reference", work.key), work.notes, partial(_given, pictures[work.key]), work.decided
+            )
             made[sequence.folder, frame] = partial(_given, image)
         return made
 
@@ -182,12 +191,25 @@ def _given(value: T) -> T:
 class Colour:
     """The colour of every sequence of a render, each by the executor that its setting names."""
 
-    def __init__(self, executors: Mapping[ColourExecutor, list[Sequence]]) -> None:
-        """Take the executors, each with its sequences."""
+    def __init__(
+        self, executors: Mapping[ColourExecutor, list[Sequence]], earlier: EarlierFrames | None = None
+    ) -> None:
+        """Take the executors, each with its sequences. earlier: what these showed before a frame, if one asks."""
         self._executors = executors
+        self._earlier = earlier
+
+    def prepare(self, source: int) -> None:
+        """Read what steps look back at for the frames that show a source frame. Call it before that frame is made."""
+        if self._earlier is None:
+            return
+        for sequence in (item for sequences in self._executors.values() for item in sequences):
+            for frame in sequence.showing("rgb", source) if sequence.setting.looks_back else ():
+                self._earlier.prepare(sequence, frame)
 
     def of(self, clean: CleanFrame) -> Colours:
         """Return a function for the colour of each frame that shows the clean one perturbed."""
+        if self._earlier is not None:
+            self._earlier.keep(clean.source, clean.light_seen)
         colours: dict[tuple[str, int], Callable[[], PerturbedImage]] = {}
         for executor, sequences in self._executors.items():
             asked = [(sequence, frame) for sequence in sequences for frame in sequence.showing("rgb", clean.source)]
@@ -217,7 +239,7 @@ def colour_of(
         on_arrays: [item for item in perturbed if not item.setting.composited]
     }
     if not composited:
-        yield Colour(executors)
+        yield Colour(executors, camera.earlier)
         return
     from ..blender.compositor import Compositor
 
@@ -233,7 +255,7 @@ def colour_of(
             by_nodes = CompositorLight(parts, (compositor(before, lit=True), compositor(after)), camera, of_light)
         else:
             by_nodes = CompositorColour(compositor(chains), camera)
-        yield Colour({**executors, by_nodes: composited})
+        yield Colour({**executors, by_nodes: composited}, camera.earlier)
 
 
 def _parted(chains: Chains) -> tuple[Chains, Chains]:
@@ -241,6 +263,6 @@ def _parted(chains: Chains) -> tuple[Chains, Chains]:
     parts: tuple[dict[str, tuple[Step[ColourPerturbation], ...]], ...] = ({}, {})
     for name, steps in chains.items():
         for part, early in zip(parts, (True, False), strict=True):
-            if own := tuple(step for step in steps if (step.perturbation.stage in LIGHT_STAGES) == early):
+            if own := tuple(step for step in steps if step.perturbation.acts_on_light == early):
                 part[name] = own
     return parts[0], parts[1]

@@ -28,6 +28,9 @@ from ..core.planning.sequence import Sequence, ShownSources
 from ..core.planning.shards import Shard
 from ..core.planning.sharing import parts_made
 
+TOLD_OTHERWISE = ("motion", "exposure", "camera")
+"""Parts of a record that follow from paths, renders and images, so from a dataset's identity."""
+
 
 @dataclass(frozen=True)
 class Missing:
@@ -80,7 +83,7 @@ def is_as_planned(sequence: Sequence, names: FrameNames, record: FrameRecord) ->
             done["depth"] = DepthWork.of(sequence.setting.depth, FrameContext(taken, sequence.identifiers)).notes
         if sequence.paired:
             done["pairing"] = {"depth_of_frame": taken}
-    recorded = {name: part for name, part in record.perturbed.items() if name != "motion"}  # which is told at the end
+    recorded = {name: part for name, part in record.perturbed.items() if name not in TOLD_OTHERWISE}
     return recorded == json.loads(json.dumps(done))  # tuples are lists there
 
 

@@ -6,8 +6,12 @@ import threading
 import time
 from collections.abc import Hashable
 from collections.abc import Sequence as Many
+from dataclasses import replace
 from functools import partial
 from typing import Generic, Self, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
 
 from ..core.channels import in_order, pair_channels
 from ..core.channels.depth import CHANNEL as DEPTH
@@ -18,6 +22,7 @@ from ..core.errors import InterruptedRunError
 from ..core.messages import Message
 from ..core.planning.exposed import open_render
 from ..core.planning.plan import Plan, Render
+from ..core.planning.sequence import Sequence
 from ..core.planning.source import OpenSource, OwnRendering, PreparedSource, RenderedFrame, RenderOptions, SourceFrame
 from ..core.planning.source_paths import source_paths
 from ..core.progress import Progress
@@ -26,6 +31,7 @@ from .clean_files import CleanFiles
 from .clean_frame import Camera, CleanFrame
 from .colour import Colour, colour_of
 from .completed_images import FinishedImages
+from .earlier import EarlierFrames, light_seen
 from .frame_writer import FrameWriter, Lost
 from .pairs import OpenPairs, motion_of, view_of
 from .report import Report
@@ -82,7 +88,7 @@ class FrameMaker:
             source = self._open(
                 render, judging=bool(finished.sources_missing(render, self._modalities, render.frames[:1]))
             )
-            colour = self._colour_of(render, frames, finished)  # node groups are made once, not for each frame
+            colour = self._colour_of(render, frames, finished, source)  # node groups are made once, not for each frame
         loaded_s = time.perf_counter()
         self.report.loading_s += loaded_s - start_s
         with timer.rest_on(RENDERING), FrameWriter(target, render, finished, timer) as writer:
@@ -131,17 +137,23 @@ class FrameMaker:
         self.report.notes.append(note)
         self._progress.note(note)
 
-    def _colour_of(self, render: Render, frames: Many[int], finished: FinishedImages) -> Colour:
+    def _colour_of(self, render: Render, frames: Many[int], finished: FinishedImages, source: OpenSource) -> Colour:
         """Return what perturbs the colour of those sequences that lack some of it."""
         coloured = render.sequences if "rgb" in self._modalities else ()
         lacking = [item for item in coloured if item.frames and finished.lacks(item, "rgb", frames)]
         key = (render.name, *(item.folder for item in lacking))
         if (colour := self._colour.of(key)) is not None:
             return colour
-        camera = Camera(render.camera, render.scene.source.stamps_s, self.paths_of(render).rgb)
+        stamps_s = render.scene.source.stamps_s
+        earlier = EarlierFrames(stamps_s, partial(self._seen, render, source)) if _look_back(lacking) else None
+        camera = Camera(render.camera, stamps_s, self.paths_of(render).rgb, earlier)
         size_px = (render.camera.width_px, render.camera.height_px)
         lit = render.scene.source.capabilities.lit
         return self._colour.keep(key, colour_of(lacking, camera, size_px, lit=lit, of_light=self._plan.format.of_light))
+
+    def _seen(self, render: Render, source: OpenSource, number: int) -> NDArray[np.float32]:
+        """Return what a meter sees of a source frame that is not made now."""
+        return light_seen(source.frame(replace(self.paths_of(render).request(number), channels=frozenset({"rgb"}))))
 
     def _write(
         self,
@@ -159,6 +171,8 @@ class FrameMaker:
             if self._stop.is_set():
                 break
             start_s = time.perf_counter()
+            if frame in wanted:
+                colour.prepare(frame)  # before the frame: a lit one is shown until the source gives another
             with contextlib.nullcontext() if heard is None else heard.on(DECODING):
                 image = source.frame(paths.request(frame))
             self._count_rays(image)
@@ -213,6 +227,10 @@ class FrameMaker:
 
     def __exit__(self, *_: object) -> None:
         self.close()
+
+
+def _look_back(sequences: Many[Sequence]) -> bool:
+    return any(item.setting.looks_back for item in sequences)
 
 
 class Kept(Generic[T]):

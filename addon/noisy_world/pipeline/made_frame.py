@@ -55,11 +55,14 @@ class MadeFrame:
         self._clean_depth = depth
 
     @cached_property
+    def _colour_work(self) -> ColourWork:
+        maker = self._maker
+        where = maker.colour.context(maker.sequence, self._index, self._clean_rgb)
+        return ColourWork.of(maker.sequence.setting.rgb, where)
+
+    @cached_property
     def _rgb(self) -> tuple[NDArray[np.uint8] | None, Notes]:
-        maker, clean = self._maker, self._clean_rgb
-        where = maker.colour.context(maker.sequence, self._index, clean)
-        work = ColourWork.of(maker.sequence.setting.rgb, where)
-        return clean.perturbed_rgb(work), work.notes
+        return self._clean_rgb.perturbed_rgb(self._colour_work), self._colour_work.notes
 
     @cached_property
     def _depth_m(self) -> tuple[NDArray[np.float32] | None, Notes]:
@@ -114,6 +117,8 @@ class MadeFrame:
         for channel in map(CHANNELS.__getitem__, in_order(written.modalities)):
             if channel.steps is not None and (notes := (self._depth_m if channel.paired else self._rgb)[1]):
                 found[channel.steps] = notes
+                if channel.steps == "rgb" and (decided := self._colour_work.decided):
+                    found["camera"] = dict(decided)
             if channel.paired and self._maker.sequence.paired:
                 found["pairing"] = {"depth_of_frame": self._depth_frame}
         return found

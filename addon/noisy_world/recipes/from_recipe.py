@@ -20,7 +20,6 @@ from ..core.channels.pair import View
 from ..core.errors import InputError
 from ..core.geometry import Intrinsics
 from ..core.optics import Distortion
-from ..core.perturbing.kinds import LIGHT_STAGES
 from ..core.perturbing.steps import Setting
 from ..core.planning.exposed import open_render
 from ..core.planning.motion_record import motion_of_frames
@@ -32,6 +31,7 @@ from ..core.planning.source_paths import source_paths
 from ..core.trajectories.sensor_paths import SensorPaths
 from ..perturbations import registry
 from ..pipeline.clean_frame import Camera, CleanFrame
+from ..pipeline.earlier import EarlierFrames
 from ..pipeline.frame_maker import render_options
 from ..pipeline.made_frame import MadeFrame, SequenceMaker
 from ..pipeline.pairs import CleanPair, view_of
@@ -231,7 +231,8 @@ class SequenceOfRecipe(OpenedSequence):
         self.paths = opened.paths(self.plan, self.render)
         self.written = written_paths(self.sequence, self.paths).rgb
         self.stamps = scene.source.frame_stamps
-        colour = Camera(self.render.camera, scene.source.stamps_s, self.paths.rgb)
+        earlier = EarlierFrames(scene.source.stamps_s, lambda source: opened.clean(self, source).light_seen)
+        colour = Camera(self.render.camera, scene.source.stamps_s, self.paths.rgb, earlier)
         depth = Camera(self.render.depth_camera, self.stamps.depth.seconds)
         self.maker = SequenceMaker(self.sequence, colour, depth, partial(opened.clean, self), self.pair)
 
@@ -269,7 +270,7 @@ class SequenceOfRecipe(OpenedSequence):
             problem = f"the colour of {self.name} is light before the view transform of {scene}, which Blender renders"
             raise InputError(self._opened.place, problem, remedy="'noisy-world remake' makes its files")
         inputs = self._opened.recipe.identity["scenes"][scene]["inputs"]
-        if PERTURBED in inputs and any(step.perturbation.stage in LIGHT_STAGES for step in self.sequence.setting.rgb):
+        if PERTURBED in inputs and any(step.perturbation.acts_on_light for step in self.sequence.setting.rgb):
             problem = (
                 f"the colour of {self.name} is made before the view transform of {scene}, which Blender alone knows"
             )

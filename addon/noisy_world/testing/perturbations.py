@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ..core.datasets.images import as_float, rgb_bytes
 from ..core.errors import NoisyWorldError
+from ..core.perturbing.earlier_frames import alone
 from ..core.perturbing.execution import move, perturb_colour, perturb_depth
 from ..core.perturbing.exposing import SceneAround
 from ..core.perturbing.exposures import expose
@@ -90,6 +91,7 @@ class _Frame:
             intrinsics=CAMERA,
             read_rgb=lambda: self.rgb,
             read_depth_m=lambda: self.depth_m,
+            read_earlier=alone(self.rgb),
         )
         return step.context(where)
 

@@ -116,6 +116,8 @@ _CHOICES = {
     "scene": ("Scene", "The sky's color where there is sky, else a mean that lamps do not move"),
     "colour": ("Color", "As given below"),
     "mean": ("Mean", "The mean of the picture"),
+    "average": ("Average", "All of the picture alike"),
+    "centre": ("Center", "The middle of the picture most"),
     "nguyen_2012": ("Nguyen", "The first Kinect, as Nguyen and others measured it"),
     "khoshelham_2012": ("Khoshelham", "The first Kinect, as Khoshelham measured it"),
     "azure_kinect": ("Azure Kinect", "Microsoft's time-of-flight camera, by a law of two numbers"),

@@ -14,8 +14,9 @@ from ..core.datasets.layouts import OutputFormat
 from ..core.datasets.storage import storage_errors, write_atomic
 from ..core.errors import InputError
 from ..core.geometry import Intrinsics
+from ..core.perturbing.contexts import Identifiers
 from ..core.perturbing.execution import chosen_poses, split_motion
-from ..core.perturbing.kinds import Identifiers, MotionPerturbation
+from ..core.perturbing.kinds import MotionPerturbation
 from ..core.perturbing.reading import parse_steps
 from ..core.perturbing.steps import Step, steps_of_kind
 from ..core.presets.output import OutputSpec

@@ -6,7 +6,7 @@ from typing import Any
 import bpy
 
 from ..blender.typed import get_value, inputs
-from ..core.perturbing.kinds import LIGHT_STAGES, ColourPerturbation
+from ..core.perturbing.kinds import ColourPerturbation
 from ..perturbations import registry
 from . import excluded, this_scene
 from .operators import DONE, UNDOABLE, OnScene
@@ -44,7 +44,7 @@ def shown_after(scene: bpy.types.Scene) -> str:
     """Return the view transform that comes after a sensor in the preview, and before it in the dataset; "" for none."""
     (_, view), panel = _colour_management(scene), panel_of(scene)
     steps = (registry().get(step.perturbation) for step in panel.steps if step.enabled)
-    late = any(isinstance(item, ColourPerturbation) and item.stage not in LIGHT_STAGES for item in steps)
+    late = any(isinstance(item, ColourPerturbation) and not item.acts_on_light for item in steps)
     return view.view_transform if late and this_scene.is_shown(panel) and view.view_transform != "Standard" else ""
 
 

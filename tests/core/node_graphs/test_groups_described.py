@@ -27,7 +27,7 @@ from noisy_world.core.perturbing.reading import parse_steps
 from noisy_world.core.schema import ConfigPath, key
 from noisy_world.perturbations import registry
 
-COLOUR = {item.name: item for item in registry().values() if isinstance(item, ColourPerturbation)}
+COLOUR = {item.name: item for item in registry().values() if isinstance(item, ColourPerturbation) and item.build}
 WHERE = (7, "room", "setting")
 
 

@@ -7,7 +7,8 @@ from typing import Any
 
 from ..geometry import Intrinsics
 from ..labels import title
-from ..perturbing.kinds import SEVERITIES, ColourPerturbation, FrameContext, Identifiers
+from ..perturbing.contexts import Identifiers
+from ..perturbing.kinds import SEVERITIES, ColourPerturbation, FrameContext
 from ..perturbing.steps import Step
 from ..trajectories.camera_state import AT_REST, CameraState
 from .camera import camera_values

@@ -7,7 +7,8 @@ from dataclasses import fields
 from typing import Any, Literal, get_args, get_origin, get_type_hints
 
 from ..labels import american, parameter_label, title
-from ..perturbing.kinds import ColourPerturbation, Perturbation, Temporal
+from ..perturbing.contexts import Temporal
+from ..perturbing.kinds import ColourPerturbation, Perturbation
 from ..streams import stream
 from .graph import Graph, GroupInput, Kind, Panel, Socket
 

@@ -1,8 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Carrying out each kind of perturbation. Only this module calls `apply` and `choose`."""
 
-from collections.abc import Hashable, Sequence
+import math
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
+from functools import cache, partial
 from typing import Any, Generic, Self, TypeAlias, TypeVar
 
 import numpy as np
@@ -11,14 +13,8 @@ from numpy.typing import NDArray
 from ..datasets.images import as_bytes, as_float, rgb_bytes
 from ..errors import NoisyWorldError
 from ..trajectories.trajectory import Trajectory
-from .kinds import (
-    ColourPerturbation,
-    DepthPerturbation,
-    FrameContext,
-    Identifiers,
-    MotionPerturbation,
-    PairingPerturbation,
-)
+from .contexts import Identifiers
+from .kinds import ColourPerturbation, DepthPerturbation, FrameContext, MotionPerturbation, PairingPerturbation
 from .steps import Step
 
 Kind = TypeVar("Kind", ColourPerturbation, DepthPerturbation)
@@ -55,7 +51,7 @@ def _key_of(step: Step[Any], context: FrameContext, parameters: Any) -> tuple[Ha
     named = kind.name, tuple(asdict(parameters).items())
     if isinstance(kind, ColourPerturbation) and kind.is_repeatable(parameters):
         return *named, None, None
-    drawn = context.identifiers, context.index, context.temporal
+    drawn = context.identifiers, context.index, context.temporal, context.earlier_key
     return *named, drawn, None if context.motion is None else context.motion.key
 
 
@@ -190,6 +186,17 @@ class _ImageWork(Generic[P]):
 class ColourWork(_ImageWork[ColourPerturbation]):
     """What the steps of colour do to the colour of one frame."""
 
+    @classmethod
+    def of(cls, steps: Sequence[Step[ColourPerturbation]], where: FrameContext) -> Self:
+        """Draw the severities; what the camera's automatics decide is found when it is first asked for."""
+        active, notes = _drawn_for(steps, where)
+        return cls(deciding(active), notes)
+
+    @property
+    def decided(self) -> Mapping[str, float]:
+        """What the camera's automatics decided for the frame, by name; empty without any."""
+        return self.active[-1][1].decided if self.active else {}
+
     @property
     def takes_bytes(self) -> bool:
         """Whether it is a single step that works on bytes: float colour is then rounded before it, as its file is."""
@@ -206,11 +213,38 @@ class ColourWork(_ImageWork[ColourPerturbation]):
         return on_encoded(self.active, as_float(rgb))
 
 
+def deciding(active: Active[ColourPerturbation]) -> Active[ColourPerturbation]:
+    """Return the steps with contexts that hold what automatics decide, each its own and those of steps before it."""
+    if all(step.perturbation.decides is None for step, _, _ in active):
+        return active
+    found: list[tuple[Step[ColourPerturbation], FrameContext, float | None]] = []
+    before: Callable[[], Mapping[str, float]] = dict[str, float]
+    for step, context, severity in active:
+        own = replace(context, read_decided=before)
+        if step.perturbation.decides is not None:
+            before = cache(partial(_decisions, step, severity, own))
+            own = replace(context, read_decided=before)
+        found.append((step, own, severity))
+    return tuple(found)
+
+
+def _decisions(step: Step[ColourPerturbation], severity: float | None, context: FrameContext) -> Mapping[str, float]:
+    assert step.perturbation.decides is not None
+    made = step.perturbation.decides(step.parameters(severity), context)
+    if wrong := [name for name, value in made.items() if not math.isfinite(value)]:
+        raise NoisyWorldError(f"{step.perturbation.name}: decides has to return finite numbers, but {wrong[0]} is not")
+    return {**context.decided, **{name: float(value) for name, value in made.items()}}
+
+
 def on_encoded(active: Active[ColourPerturbation], image: NDArray[np.float32]) -> NDArray[np.uint8]:
-    """Carry out steps on (H, W, 3), encoded, float32 in [0, 1], and round once at the end."""
+    """Carry out steps on (H, W, 3), encoded, float32 in [0, 1], and round once at the end.
+
+    What is brighter than white passes between steps that act on light in the sensor, which alone decides what it holds.
+    """
     for number, (step, context, severity) in enumerate(active):
         if number:
-            np.clip(image, 0.0, 1.0, out=image)
+            bright = step.perturbation.on_light and active[number - 1][0].perturbation.on_light
+            np.clip(image, 0.0, None if bright else 1.0, out=image)
         image = perturb_colour(step, image, severity, context)
     return rgb_bytes(image)  # which clips what the last step made
 
@@ -234,6 +268,8 @@ def perturb_colour(
     """Carry out one step on (H, W, 3) float32; the result may lie outside [0, 1]. context: the step's own."""
     if step.perturbation.needs_depth and context.read_depth_m is None:
         raise TypeError(f"{step.perturbation.name} needs the frame's depth")
+    if step.perturbation.decides is not None and context.read_decided is None:
+        ((_, context, _),) = deciding(((step, context, severity),))
     made = step.perturbation.apply(rgb, step.parameters(severity), context)
     return _checked_image(step, made, rgb)
 

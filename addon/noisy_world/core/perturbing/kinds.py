@@ -15,15 +15,12 @@ from numpy.typing import NDArray
 
 from ..geometry import Intrinsics
 from ..installed import Distribution
-from ..streams import integers_of_frames, stream
 from ..trajectories.frame_request import RequestedRays, Shutter
-from ..trajectories.motion import CameraMotion
 from ..trajectories.trajectory import Trajectory
+from .contexts import FrameContext, SequenceContext, Temporal
+from .contexts import Identifiers as Identifiers  # noqa: PLC0414 - is found here too
 from .exposing import ExposureApply
 from .parameter_rules import check_no_temporals, check_parameters
-
-Identifiers: TypeAlias = tuple[str | int, ...]
-"""Identifiers of random streams: the preset's seed, scene, setting; then the perturbation and its occurrence."""
 
 ColourStage: TypeAlias = Literal["environment", "lens", "sensor", "post"]
 Stage: TypeAlias = Literal["motion", "exposure", ColourStage, "depth", "pairing"]
@@ -34,99 +31,8 @@ COLOUR_STAGES: tuple[ColourStage, ...] = ("environment", "lens", "sensor", "post
 LIGHT_STAGES: tuple[ColourStage, ...] = ("environment", "lens")
 """Those before a sensor: on lit frames they act on scene-linear light, before the view transform."""
 
-Temporal: TypeAlias = Literal["fresh", "fixed", "drift"]
-"""How a random pattern changes from frame to frame: drawn anew, kept, or moved smoothly."""
-
 SEVERITIES = (1, 2, 3, 4, 5)  # as ImageNet-C and the paper
 RESERVED = ("severity", "mode", "levels", "temporal")  # keys of every perturbation in a preset, beside its parameters
-
-
-# --- what an execution is given ---
-
-
-@dataclass(frozen=True)
-class SequenceContext:
-    """What a perturbation of motion or pairing is given: its own random streams in a sequence."""
-
-    identifiers: Identifiers
-
-    def stream(self, *purpose: str, frame: int | None = None) -> np.random.Generator:
-        """Return the generator of a frame or, without one, of the whole sequence."""
-        if frame is None:
-            return stream(*self.identifiers, *purpose, "sequence")
-        return stream(*self.identifiers, *purpose, frame=frame)
-
-    def integers(self, count: int, low: int, high: int) -> NDArray[np.int64]:
-        """Return (count,): the first `stream(frame=k).integers(low, high)` of each frame k, all at once."""
-        return integers_of_frames(*self.identifiers, count=count, low=low, high=high)
-
-
-@dataclass(frozen=True)
-class FrameContext:
-    """What a perturbation of colour or depth is given beside its image.
-
-    index: the frame's number in its sequence. identifiers: of its random streams; a frame made alone draws the same
-    numbers as in the whole sequence. temporal: how patterns change from frame to frame. stamp_s: the frame's time
-    stamp, seconds. intrinsics: of the camera that took the image. Both are None only where a caller of the library did
-    not give them. motion: of the camera, for perturbations that say uses_motion, None where its path is unknown.
-    read_rgb, read_depth_m: read the other clean image of the same moment, as `rgb` and `depth_m` say.
-    chosen_by: the identifiers of the stream that chooses the frame's severity, where they are not `identifiers`. lit:
-    whether the image is light of any brightness, as of a lit scene, and was not clipped to [0, 1].
-
-    Two contexts are equal if their index, identifiers and temporal are, since these decide the random numbers.
-    """
-
-    index: int
-    identifiers: Identifiers
-    temporal: Temporal = "fresh"
-    stamp_s: float | None = field(default=None, compare=False)
-    intrinsics: Intrinsics | None = field(default=None, compare=False)
-    motion: CameraMotion | None = field(default=None, compare=False, repr=False)
-    read_rgb: Callable[[], NDArray[np.float32]] | None = field(default=None, compare=False, repr=False)
-    read_depth_m: Callable[[], NDArray[np.float32]] | None = field(default=None, compare=False, repr=False)
-    chosen_by: Identifiers | None = field(default=None, compare=False)
-    lit: bool = field(default=False, compare=False)
-
-    def stream(self, *purpose: str) -> np.random.Generator:
-        """Return the generator of this frame."""
-        return stream(*self.identifiers, *purpose, frame=self.index)
-
-    def pattern_stream(self, *purpose: str) -> np.random.Generator:
-        """Return the generator of a pattern: this frame's where patterns are fresh, else the sequence's."""
-        if self.temporal == "fresh":
-            return self.stream(*purpose)
-        return stream(*self.identifiers, *purpose, "sequence")
-
-    @property
-    def drift_frames(self) -> int:
-        """By how many frames a kept pattern has moved on: 0 unless it drifts."""
-        return self.index if self.temporal == "drift" else 0
-
-    @property
-    def rgb(self) -> NDArray[np.float32]:
-        """Clean colour (H, W, 3), sRGB-encoded in [0, 1], read-only.
-
-        Raises TypeError for a perturbation that does not say needs_rgb.
-        """
-        if self.read_rgb is None:
-            raise TypeError("the context holds no colour: it is given to perturbations of depth that say needs_rgb")
-        return _read_only(self.read_rgb())
-
-    @property
-    def depth_m(self) -> NDArray[np.float32]:
-        """Clean planar depth (H, W), metres, 0 = void, read-only.
-
-        Raises TypeError for a perturbation that does not say needs_depth.
-        """
-        if self.read_depth_m is None:
-            raise TypeError("the context holds no depth: it is given to perturbations of colour that say needs_depth")
-        return _read_only(self.read_depth_m())
-
-
-def _read_only(image: NDArray[np.float32]) -> NDArray[np.float32]:
-    view = image.view()
-    view.setflags(write=False)
-    return view
 
 
 # --- the kinds ---
@@ -170,6 +76,9 @@ DepthApply: TypeAlias = Callable[[NDArray[np.float32], Any, FrameContext], NDArr
 The input is not changed.
 """
 
+Decides: TypeAlias = Callable[[Any, FrameContext], Mapping[str, float]]
+"""Parameters; context -> by name what a camera's automatic sets for a frame; it is recorded in frames.jsonl."""
+
 PairingApply: TypeAlias = Callable[[int, Any, SequenceContext], NDArray[np.int64]]
 """The number of frames; parameters; context -> (count,) for each frame the one whose depth is paired with it.
 
@@ -190,7 +99,8 @@ class Perturbation:
     drift, where it has that. counts: parameters that are whole numbers, which a fractional severity rounds.
     implied: for a parameter that only counts with a value of another one, that one and the value, which it has
     where the first is given and it is not. other_severities: by a parameter that is a bool, the table that holds
-    where it is true, of the same parameters. version: raised when equal parameters give other results, so that
+    where it is true, of the same parameters. contradiction: parameters -> what cannot be in their values together, ""
+    for nothing; a preset with it is refused. version: raised when equal parameters give other results, so that
     datasets of before do not grow. distribution: the installed package that brought it, set when it is found; None
     for our own.
 
@@ -210,6 +120,7 @@ class Perturbation:
     counts: frozenset[str] = frozenset()
     implied: Mapping[str, tuple[str, Any]] = field(default_factory=dict)
     other_severities: Mapping[str, Mapping[str, Sequence[float]]] = field(default_factory=dict)
+    contradiction: Callable[[Any], str] | None = None
     version: int = 1
     distribution: Distribution | None = None
 
@@ -322,9 +233,12 @@ class ColourPerturbation(Perturbation):
     the camera's motion, where the context has it, and the group has inputs for it. goes_with_camera: a fixed
     pattern does. by_camera: of the group's parameters, what a known camera decides. repeats: tells of which
     parameters it is repeatable, and looks at no motion, though it has temporals. grain: each pixel has noise of its
-    own, which files of images hardly compress; estimates of sizes ask for it.
+    own, which files of images hardly compress; estimates of sizes ask for it. on_light: of the sensor, but before
+    anything is encoded, so on lit frames it acts on light too, and takes and gives what is brighter than 1.
+    looks_back_s: parameters -> how many seconds of earlier frames it asks its context for. decides: what it sets by
+    these; the contexts of its own and of later steps of the setting hold it.
 
-    Raises ValueError for another stage, and for temporals of what is repeatable.
+    Raises ValueError for another stage, for temporals of what is repeatable, and where it looks back and is repeatable.
     """
 
     apply: ColourApply
@@ -340,6 +254,14 @@ class ColourPerturbation(Perturbation):
     by_camera: Callable[[Intrinsics], Mapping[str, Any]] | None = None
     repeats: Callable[[Any], bool] | None = None
     grain: bool = False
+    on_light: bool = False
+    looks_back_s: Callable[[Any], float] | None = None
+    decides: Decides | None = None
+
+    @property
+    def acts_on_light(self) -> bool:
+        """Whether it acts on scene-linear light of lit frames, before the view transform."""
+        return self.on_light or self.stage in LIGHT_STAGES
 
     def is_repeatable(self, parameters: Any) -> bool:
         """Tell whether with these parameters the result depends on image, depth and intrinsics alone."""
@@ -351,6 +273,8 @@ class ColourPerturbation(Perturbation):
             raise ValueError(f"{self.name}: stage is {self.stage!r}, but has to be one of {', '.join(COLOUR_STAGES)}")
         if self.repeatable and self.temporals:
             raise ValueError(f"{self.name}: what is repeatable has no random pattern, so it has no temporals")
+        if self.repeatable and (self.looks_back_s is not None or self.decides is not None):
+            raise ValueError(f"{self.name}: what is repeatable neither looks back nor decides")
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -8,26 +8,26 @@ from numpy.typing import NDArray
 
 from ..linear_light import decoded, encoded
 from .execution import ColourWork, on_encoded, perturb_colour
-from .kinds import LIGHT_STAGES, ColourPerturbation, FrameContext
+from .kinds import ColourPerturbation, FrameContext
 from .steps import Step
 
 
 def acts_on_light(work: ColourWork) -> bool:
-    """Tell whether a step acts before a sensor, so before the view transform."""
-    return any(step.perturbation.stage in LIGHT_STAGES for step, _, _ in work.active)
+    """Tell whether a step acts on light, so before the view transform."""
+    return any(step.perturbation.acts_on_light for step, _, _ in work.active)
 
 
 def on_light(work: ColourWork, rgb: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Do what acts before a sensor to scene-linear light (H, W, 3), of any brightness; return light."""
+    """Do what acts on light to scene-linear light (H, W, 3), of any brightness; return light."""
     for step, context, severity in work.active:
-        if step.perturbation.stage in LIGHT_STAGES:
+        if step.perturbation.acts_on_light:
             rgb = perturb_light(step, rgb, severity, context)
     return rgb
 
 
 def after_light(work: ColourWork, shown: NDArray[np.float32]) -> NDArray[np.uint8]:
     """Do the rest to what the view transform has made of `on_light`: (H, W, 3), display-encoded in [0, 1]."""
-    return on_encoded(tuple(item for item in work.active if item[0].perturbation.stage not in LIGHT_STAGES), shown)
+    return on_encoded(tuple(item for item in work.active if not item[0].perturbation.acts_on_light), shown)
 
 
 def perturb_light(

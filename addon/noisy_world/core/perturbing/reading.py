@@ -7,7 +7,7 @@ from typing import Any, get_args, get_type_hints
 
 from ..presets.names import format_same_folder
 from ..schema import ConfigPath, deciding_values, describe, parse, shown, unknown_name
-from .kinds import SEQUENCE_KINDS, SEVERITIES, DepthPerturbation, Perturbation, propagation_key
+from .kinds import SEQUENCE_KINDS, SEVERITIES, ColourPerturbation, DepthPerturbation, Perturbation, propagation_key
 from .steps import DEFAULT_SEVERITY, Backend, Setting, Step
 from .sweeps import Registry, known_perturbation, sweep_size, swept
 
@@ -85,6 +85,8 @@ def parse_steps(items: Sequence[Any], place: ConfigPath, registry: Registry) -> 
         same = sum(step.perturbation.name == name for step in steps)
         if same and isinstance(perturbation, SEQUENCE_KINDS):
             raise where.error(f"{name} is given twice", "it acts once on a sequence")
+        if same and isinstance(perturbation, ColourPerturbation) and perturbation.decides is not None:
+            raise where.error(f"{name} is given twice", "a camera has one of it")
         steps.append(_parse_step(perturbation, values, where.at(str(name)), same))
     return tuple(sorted(steps, key=lambda step: propagation_key(step.perturbation)))
 
@@ -149,7 +151,17 @@ def _parse_step(perturbation: Perturbation, values: object, place: ConfigPath, s
         choices = ", ".join(perturbation.temporals)
         raise place.at("temporal").error(f"is {describe(temporal)}, but has to be one of {choices}")
     keyed = levels is not None and mode == "keyed"
-    return Step(perturbation, same, severity, levels, temporal, given, keyed=keyed)
+    step = Step(perturbation, same, severity, levels, temporal, given, keyed=keyed)
+    _check_values(step, place)
+    return step
+
+
+def _check_values(step: Step[Any], place: ConfigPath) -> None:
+    if (contradiction := step.perturbation.contradiction) is None:
+        return
+    for severity in (step.severity,) if step.levels is None else step.levels:
+        if severity != 0 and (problem := contradiction(step.parameters(severity))):
+            raise place.error(problem, "change one of them")
 
 
 def _parse_severity(

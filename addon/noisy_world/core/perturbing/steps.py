@@ -10,17 +10,17 @@ from dataclasses import asdict, dataclass, field, replace
 from typing import Any, Generic, Literal, TypeAlias, TypeVar
 
 from ..channels import CHANNELS
+from ..trajectories.frame_request import Shutter
+from .contexts import Identifiers, Temporal
 from .kinds import (
     ColourPerturbation,
     DepthPerturbation,
     ExposurePerturbation,
     FrameContext,
-    Identifiers,
     MotionPerturbation,
     PairingPerturbation,
     Perturbation,
     SequenceContext,
-    Temporal,
 )
 
 Kind = TypeVar("Kind", bound=Perturbation)
@@ -67,6 +67,8 @@ class Step(Generic[Kind]):
             motion=where.motion if self.uses_motion else None,
             read_rgb=where.read_rgb if isinstance(kind, DepthPerturbation) and kind.needs_rgb else None,
             read_depth_m=where.read_depth_m if isinstance(kind, ColourPerturbation) and kind.needs_depth else None,
+            read_earlier=where.read_earlier if self.looks_back else None,
+            earlier_key=where.earlier_key if self.looks_back else None,
         )
 
     @property
@@ -77,6 +79,20 @@ class Step(Generic[Kind]):
             return False
         severities = (self.severity,) if self.levels is None else self.levels
         return any(not kind.is_repeatable(self.parameters(each)) for each in severities if each != 0)
+
+    @property
+    def looks_back(self) -> bool:
+        """Whether this step looks at earlier frames."""
+        return isinstance(self.perturbation, ColourPerturbation) and self.perturbation.looks_back_s is not None
+
+    @property
+    def looks_back_s(self) -> float:
+        """How many seconds of earlier frames it asks for, with any of its severities."""
+        kind = self.perturbation
+        if not isinstance(kind, ColourPerturbation) or kind.looks_back_s is None:
+            return 0.0
+        severities = (self.severity,) if self.levels is None else self.levels
+        return max((kind.looks_back_s(self.parameters(each)) for each in severities if each != 0), default=0.0)
 
     def sequence_context(self, identifiers: Identifiers) -> SequenceContext:
         """Return this step's context for a whole sequence. identifiers: the sequence's."""
@@ -188,6 +204,25 @@ class Setting:
     def uses_motion(self) -> bool:
         """Whether a step of colour looks at the camera's motion."""
         return any(step.uses_motion for step in self.rgb)
+
+    @property
+    def looks_back(self) -> bool:
+        """Whether a step of colour looks at earlier frames."""
+        return any(step.looks_back for step in self.rgb)
+
+    @property
+    def looks_back_s(self) -> float:
+        """How many seconds of earlier frames its steps ask for."""
+        return max((step.looks_back_s for step in self.rgb), default=0.0)
+
+    @property
+    def shutter(self) -> Shutter | None:
+        """When the lines of a frame are exposed, as its steps of exposure say together; None where there are none."""
+        found: Shutter | None = None
+        for step in self.exposure:
+            own = step.perturbation.shutter(step.parameters(step.severity))
+            found = own if found is None else found.with_another(own)
+        return found
 
     @property
     def needs_rgb(self) -> bool:

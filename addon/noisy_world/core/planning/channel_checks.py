@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from ..channels import pair_channels, surface_channels
 from ..messages import Message, PresetKey, either
 from ..optics import Optics
-from ..perturbing.kinds import LIGHT_STAGES
 from ..perturbing.steps import Setting
 from ..presets.preset import Preset
 from .scene import Scene
@@ -47,7 +46,7 @@ def check_light(scene: Scene, settings: Sequence[Setting], preset: Preset) -> No
     if not scene.source.capabilities.lit:
         raise scene.error("has no light of its own, and output.image exr is scene-linear light", instead)
     for setting in settings:
-        if late := [step.perturbation for step in setting.rgb if step.perturbation.stage not in LIGHT_STAGES]:
+        if late := [step.perturbation for step in setting.rgb if not step.perturbation.acts_on_light]:
             problem = f"{setting.name}: {late[0].name} ({late[0].stage}) acts on what the view transform shows"
             message = f"{problem}, and output.image exr is the light before it"
             raise preset.place("settings").error(message, either("take it out", instead))

@@ -14,9 +14,10 @@ from ..errors import InputError
 from ..geometry import Intrinsics
 from ..messages import Message, PresetKey
 from ..optics import PINHOLE, Optics
+from ..perturbing.contexts import Identifiers
 from ..perturbing.execution import chosen_poses, split_motion
 from ..perturbing.exposures import exposure_key
-from ..perturbing.kinds import LIGHT_STAGES, ExposurePerturbation, Identifiers, MotionPerturbation
+from ..perturbing.kinds import ExposurePerturbation, MotionPerturbation
 from ..perturbing.reading import Registry, parse_settings
 from ..perturbing.steps import Setting, Step
 from ..presets.names import format_same_folder
@@ -56,7 +57,7 @@ class Render:
     def acts_on_light(self) -> bool:
         """Whether a step of a setting acts on the light of a lit scene, before its view transform."""
         steps = [step for sequence in self.sequences for step in sequence.setting.rgb]
-        return self.scene.source.capabilities.lit and any(step.perturbation.stage in LIGHT_STAGES for step in steps)
+        return self.scene.source.capabilities.lit and any(step.perturbation.acts_on_light for step in steps)
 
     @property
     def depth_camera(self) -> Intrinsics:
@@ -300,7 +301,8 @@ def _optics(scene: Scene, plan: Plan, camera: Intrinsics) -> Optics:
     """Return what a scene's cameras have beyond one pinhole. Raises InputError where the layout cannot tell it."""
     check_distorts(scene, plan.preset)
     optics, layout = scene.source.optics(camera), plan.format.layout
-    if optics.plain or layout.optics:
+    said = optics.depth is None and optics.distortion is not None and layout.says_lens(optics.distortion)
+    if optics.plain or layout.optics or said:
         return optics
     if optics.depth is not None:
         problem = f"depth has a camera of its own, which the {layout.label} layout cannot say"

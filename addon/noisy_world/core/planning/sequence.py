@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from ..channels import CHANNELS
 from ..datasets.layouts import Modality
+from ..perturbing.contexts import Identifiers
 from ..perturbing.execution import chosen_poses, paired_depth, split_motion, take_poses
-from ..perturbing.kinds import Identifiers
 from ..perturbing.steps import Setting
 from ..trajectories.sensor_paths import SensorPaths
 from .numbers import ListedNumbers, Numbers, array_of, numbers_of, taken, union

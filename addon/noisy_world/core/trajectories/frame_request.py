@@ -40,6 +40,12 @@ class Shutter:
         """Return a shutter whose middle line is in the middle of its exposure at the frame's time stamp."""
         return cls(-(exposure_s + readout_s) / 2.0, exposure_s, readout_s, direction)
 
+    def with_another(self, other: "Shutter") -> "Shutter":
+        """Return the shutter of two that act one inside the other: a blur whose lines are read one after another."""
+        direction = self.direction if self.readout_s else other.direction
+        exposure_s, readout_s = self.exposure_s + other.exposure_s, self.readout_s + other.readout_s
+        return Shutter(self.opens_s + other.opens_s, exposure_s, readout_s, direction)
+
     def line_times_s(self, count: int) -> NDArray[np.float64]:
         """Return (count,) the middle of the exposure of each row or column, in the image's order from top or left."""
         places = (np.arange(count) + 0.5) / count

@@ -5,8 +5,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.geometry import Intrinsics
+from ...core.perturbing.contexts import Identifiers
+from ...core.perturbing.earlier_frames import alone
 from ...core.perturbing.execution import move, perturb_depth, perturb_rgb, split_motion
-from ...core.perturbing.kinds import FrameContext, Identifiers
+from ...core.perturbing.kinds import FrameContext
 from ...core.perturbing.steps import Setting
 from ...core.planning.scene import Scene
 from ...core.planning.sequence import lay_out
@@ -54,6 +56,7 @@ def _images_differ(setting: Setting, one: Identifiers, other: Identifiers) -> bo
                 intrinsics=camera,
                 read_rgb=lambda: rgb,
                 read_depth_m=lambda: depth_m,
+                read_earlier=alone(rgb),
             )
             made.append([perturb_rgb(setting.rgb, rgb, where)[0], perturb_depth(setting.depth, depth_m, where)[0]])
         if not all(_equal(left, right) for left, right in zip(*made, strict=True)):

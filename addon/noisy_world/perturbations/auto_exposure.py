@@ -1,0 +1,105 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Auto-exposure: a camera sets exposure time and gain by the frames before, and follows changes of light late."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.linear_light import LUMINANCE, decoded, encoded
+from ..core.perturbing.earlier_frames import EarlierFrame
+from ..core.perturbing.kinds import ColourPerturbation, FrameContext
+from ..core.schema import key
+from ._automatic import lag_span_s, lagged
+from ._bands import by_bands
+
+DB_PER_STOP = 20 * math.log10(2)
+CENTRE = 0.25  # standard deviation of the centre's weight, of width and height; chosen
+
+
+@dataclass(frozen=True)
+class AutoExposure:
+    """Exposure time and gain by the light of earlier clean frames, the time first, in linear light.
+
+    In stops of exposure it goes to what the last frame asks for, log2(target / mean light), as
+    1 - exp(-t / lag), within what time and gain allow. The light of an image is light x 2^light_stops x exposure /
+    reference x gain. It begins settled. What other steps do to earlier frames is not metered.
+    """
+
+    target: float = key("mean light that it aims at, of white", default=0.18, above=0, maximum=1)
+    meter: Literal["average", "centre"] = key("which part of the image counts", default="average")
+    lag_s: float = key("time constant of following", default=0.4, unit="s", minimum=0, maximum=5)
+    light_stops: float = key(
+        "how much brighter the scene's light is than in the image; below 0 darker", default=0.0, minimum=-20, maximum=8
+    )
+    reference_ms: float = key(
+        "exposure that shows the image as it is, at no gain", default=10.0, unit="ms", above=0, maximum=1e4
+    )
+    min_ms: float = key("shortest exposure", default=0.05, unit="ms", above=0, maximum=1e4)
+    max_ms: float = key("longest exposure", default=33.0, unit="ms", above=0, maximum=1e4)
+    max_gain_db: float = key(
+        "most gain, where the exposure is at its longest", default=24.0, unit="dB", minimum=0, maximum=72
+    )
+
+
+def decides(parameters: AutoExposure, context: FrameContext) -> Mapping[str, float]:
+    """Return exposure_ms and gain_db of a frame."""
+    shortest, longest = (math.log2(each / parameters.reference_ms) for each in (parameters.min_ms, parameters.max_ms))
+    most = longest + parameters.max_gain_db / DB_PER_STOP
+
+    def wanted(frame: EarlierFrame) -> NDArray[np.float64]:
+        light = metered(frame.light, parameters.meter) * 2.0**parameters.light_stops
+        asked = math.log2(parameters.target / light) if light > 0 else most
+        return np.array(min(max(asked, shortest), most))
+
+    stops = float(lagged(context, parameters.lag_s, wanted))
+    time_stops = min(stops, longest)
+    return {
+        "exposure_ms": parameters.reference_ms * 2.0**time_stops,
+        "gain_db": max(stops - time_stops, 0.0) * DB_PER_STOP,
+    }
+
+
+def metered(light: NDArray[np.float32], meter: str) -> float:
+    """Return the mean luminance of (h, w, 3) linear light, of all or of a Gaussian around the middle."""
+    luminance = light.astype(np.float64) @ np.array(LUMINANCE)
+    if meter == "average":
+        return float(luminance.mean())
+    places = ((np.arange(side) + 0.5) / side - 0.5 for side in luminance.shape)
+    down, across = (np.exp(-0.5 * np.square(place / CENTRE)) for place in places)
+    weights = np.outer(down, across)
+    return float((luminance * weights).sum() / weights.sum())
+
+
+def apply(rgb: NDArray[np.float32], parameters: AutoExposure, context: FrameContext) -> NDArray[np.float32]:
+    """Expose (H, W, 3)."""
+    decided = context.decided
+    times = decided["exposure_ms"] / parameters.reference_ms * 10.0 ** (decided["gain_db"] / 20.0)
+    factor = np.float32(times * 2.0**parameters.light_stops)
+    return by_bands(rgb, rgb.dtype, lambda band: encoded(decoded(band) * factor))
+
+
+def contradiction(parameters: AutoExposure) -> str:
+    """Return what cannot be in these values; "" for nothing."""
+    if parameters.min_ms <= parameters.max_ms:
+        return ""
+    return f"min_ms is {parameters.min_ms:g}, more than max_ms, {parameters.max_ms:g}"
+
+
+PERTURBATION = ColourPerturbation(
+    name="auto_exposure",
+    label="Auto-exposure",
+    stage="sensor",
+    order=2,
+    parameters=AutoExposure,
+    severities={"lag_s": (0.1, 0.2, 0.4, 0.8, 1.6)},
+    source="our own: chosen, from two frames of 20 Hz to a slow webcam",
+    apply=apply,
+    contradiction=contradiction,
+    on_light=True,
+    looks_back_s=lambda parameters: lag_span_s(parameters.lag_s),
+    decides=decides,
+)

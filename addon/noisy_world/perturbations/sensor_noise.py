@@ -1,0 +1,228 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The noise of an image sensor, from light to numbers: photons, dark current, reading, gain, black level and bits."""
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.linear_light import decoded, encoded
+from ..core.perturbing.kinds import ColourPerturbation, FrameContext
+from ..core.schema import key
+from ..core.streams import stream
+from ._bands import by_bands
+from ._grain import grain
+from ._quantiles import CODES, look_up, scaled_normal, uniform_codes
+
+MS_PER_S = 1000.0
+FEW = 8.0  # mean number of electrons below which Poisson's law itself is drawn; chosen
+MOST = 40  # electrons of what has fewer than that on average: more come once in 1e14 times
+
+
+@dataclass(frozen=True)
+class SensorNoise:
+    """Electrons, as EMVA Standard 1288 counts them, in linear light: Poisson's law, read noise, gain and steps.
+
+    A white pixel gives as many electrons as the full well over the gain: what more gain means is less light. Its number
+    is black level + K x electrons, rounded, within the bits that there are; K is what brings white to the last one.
+    Variance over mean is a line of slope K, and read noise and steps of numbers where it begins. Red, green and blue
+    have a sensor each.
+    """
+
+    gain_db: float = key(
+        "how much less light the sensor gets, made up for by gain; auto_exposure adds its own",
+        default=20.8,
+        unit="dB",
+        minimum=0,
+        maximum=72,
+    )
+    full_well_electrons: float = key(
+        "electrons of a pixel that is full, white at no gain", default=10_000.0, minimum=10, maximum=1e6
+    )
+    read_noise_electrons: float = key(
+        "standard deviation of reading a pixel, at its input", default=0.99, minimum=0, maximum=1000
+    )
+    dark_electrons_per_s: float = key("dark current of a pixel", default=10.0, unit="1/s", minimum=0, maximum=1e6)
+    exposure_ms: float = key(
+        "how long the dark current gathers; auto_exposure says its own", default=10.0, unit="ms", minimum=0, maximum=1e4
+    )
+    hot_percent: float = key(
+        "share of pixels that are hot, in a channel", default=0.002, unit="%", minimum=0, maximum=100
+    )
+    hot_electrons_per_s: float = key(
+        "mean dark current of hot pixels, exponentially distributed", default=2e4, unit="1/s", minimum=0, maximum=1e9
+    )
+    row_noise_electrons: float = key(
+        "standard deviation of what all pixels of a row share, drawn for each frame",
+        default=0.2,
+        minimum=0,
+        maximum=1000,
+    )
+    black_level: float = key("black's number over the largest one", default=0.0625, minimum=0, maximum=0.5)
+    subtract_black: bool = key("the black level is taken off again, as a finished image has it", default=True)
+    bits: int = key("bits of the numbers", default=10, minimum=1, maximum=16)
+    grain_px: float = key(
+        "size of the grain: 1 is a sensor's, each pixel by itself; larger is soft, as film",
+        default=1.0,
+        unit="px",
+        minimum=1,
+        maximum=64,
+    )
+    headroom_stops: float = key(
+        "on lit scenes, how far above white the sensor is full; elsewhere it is full at white",
+        default=4.0,
+        minimum=0,
+        maximum=16,
+    )
+    sensor: int = key("which one of its kind: it decides where hot pixels are", default=0, minimum=0, maximum=2**31 - 1)
+
+
+def apply(rgb: NDArray[np.float32], parameters: SensorNoise, context: FrameContext) -> NDArray[np.float32]:
+    """Take (H, W, 3) with a sensor."""
+    decided = context.decided
+    seconds = decided.get("exposure_ms", parameters.exposure_ms) / MS_PER_S
+    gain = 10.0 ** ((parameters.gain_db + decided.get("gain_db", 0.0)) / 20.0)
+    full_at = 2.0**parameters.headroom_stops if context.lit else 1.0
+    white_electrons = parameters.full_well_electrons / gain
+    drawn = _Drawn(parameters, context, rgb.shape[:2])
+    hot = _hot_electrons(parameters, context, rgb.shape[:2], seconds)
+    dark = np.float32(parameters.dark_electrons_per_s * seconds)
+
+    def taken(
+        band: NDArray[np.float32], hot_band: NDArray[np.float32], *others: NDArray[np.float32]
+    ) -> NDArray[np.float32]:
+        electrons = decoded(np.maximum(band, np.float32(0)))
+        electrons *= np.float32(white_electrons / full_at)
+        electrons += hot_band
+        electrons += dark
+        electrons = drawn.counted(electrons, *others)
+        light = numbers_of(electrons, parameters, white_electrons)
+        light *= np.float32(full_at)
+        return encoded(np.maximum(light, np.float32(0)))
+
+    return by_bands(rgb, rgb.dtype, taken, hot, *drawn.fields)
+
+
+def numbers_of(electrons: NDArray[np.float32], parameters: SensorNoise, white_electrons: float) -> NDArray[np.float32]:
+    """Return what a converter makes of electrons, from 0 (black) to 1 (its last number); below 0 under black."""
+    last = 2**parameters.bits - 1
+    black = min(round(parameters.black_level * last), last - 1)
+    numbers = electrons * np.float32((last - black) / white_electrons)
+    numbers += np.float32(black)
+    np.clip(np.rint(numbers, out=numbers), 0, last, out=numbers)
+    if not parameters.subtract_black:
+        return numbers * np.float32(1 / last)
+    numbers -= np.float32(black)
+    return numbers * np.float32(1 / (last - black))
+
+
+class _Drawn:
+    """What is drawn for a frame: bands are counted from the top down. fields: images that a band is counted with."""
+
+    def __init__(self, parameters: SensorNoise, context: FrameContext, shape: tuple[int, int]) -> None:
+        self._read = parameters.read_noise_electrons
+        self._photons, self._reading = (context.pattern_stream(name) for name in ("photons", "reading"))
+        rows = look_up(uniform_codes(context.pattern_stream("rows"), (shape[0], 1)), scaled_normal(1.0))
+        rows = (rows * np.float32(parameters.row_noise_electrons)).reshape(-1, 1, 1)
+        self.fields: tuple[NDArray[np.float32], ...] = (rows,)
+        if parameters.grain_px > 1:
+            self.fields += (grain(context, shape, parameters.grain_px),)
+
+    def counted(
+        self, mean: NDArray[np.float32], rows: NDArray[np.float32], soft: NDArray[np.float32] | None = None
+    ) -> NDArray[np.float32]:
+        """Return as many electrons of a band as are read, of their mean number."""
+        if soft is not None:
+            found = np.sqrt(mean + np.float32(self._read**2))
+            found *= soft
+            found += mean
+        else:
+            found = poisson(mean, uniform_codes(self._photons, mean.shape))
+            noise = look_up(uniform_codes(self._reading, mean.shape), scaled_normal(1.0))
+            noise *= np.float32(self._read)
+            found += noise
+        return np.add(found, rows, out=found)
+
+
+def poisson(mean: NDArray[np.float32], codes: NDArray[np.uint16]) -> NDArray[np.float32]:
+    """Return numbers with Poisson's law about a mean, one for each code: by inversion where they are few.
+
+    Elsewhere by Cornish's and Fisher's expansion (1938), which has his mean, variance, skewness and kurtosis and is not
+    rounded to whole numbers. Each number depends on its own mean and code alone.
+    """
+    normal = look_up(codes, scaled_normal(1.0))
+    root = np.sqrt(np.maximum(mean, np.float32(FEW)))
+    square = normal * normal
+    found = normal * root
+    found += (square - np.float32(1)) * np.float32(1 / 6)
+    found += normal * (np.float32(1) - square) / (root * np.float32(72))
+    found += mean
+    few = mean < np.float32(FEW)
+    if few.any():
+        found[few] = _inverted(mean[few], codes[few])
+    return found
+
+
+def _inverted(mean: NDArray[np.float32], codes: NDArray[np.uint16]) -> NDArray[np.float32]:
+    """Return (N,) the numbers below which Poisson's law of a mean (N,) has the probability of a code (N,)."""
+    uniform = (codes.astype(np.float32) + np.float32(0.5)) * np.float32(1 / CODES)
+    found = np.zeros_like(mean)
+    places = np.arange(len(mean))
+    chance = np.exp(-mean)
+    total = chance.copy()
+    for number in range(1, MOST):
+        more = uniform >= total
+        if not more.any():
+            break
+        places = places[more]
+        mean, uniform, chance, total = (part[more] for part in (mean, uniform, chance, total))
+        found[places] = number
+        chance = chance * mean / np.float32(number)
+        total = total + chance
+    return found
+
+
+def _hot_electrons(
+    parameters: SensorNoise, context: FrameContext, shape: tuple[int, int], seconds: float
+) -> NDArray[np.float32]:
+    """Return (H, W, 3): the mean number of electrons that hot pixels have beside others."""
+    found = np.zeros((*shape, 3), np.float32)
+    places, rates = hot_pixels(int(context.identifiers[0]), parameters.sensor, shape, parameters.hot_percent)
+    found.reshape(-1)[places] = rates * (parameters.hot_electrons_per_s * seconds)
+    return found
+
+
+@lru_cache(maxsize=8)
+def hot_pixels(
+    seed: int, sensor: int, shape: tuple[int, int], percent: float
+) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Return where in (H, W, 3), flat, a sensor's hot pixels are, (N,), and their dark current over its mean, (N,).
+
+    seed: the preset's; scenes and settings have the same sensor.
+    """
+    generator = stream(seed, "sensor_noise", "hot pixels", sensor)
+    values = shape[0] * shape[1] * 3
+    places = generator.permutation(values)[: round(values * percent / 100)]
+    return places, generator.exponential(size=len(places))
+
+
+PERTURBATION = ColourPerturbation(
+    name="sensor_noise",
+    label="Sensor noise",
+    stage="sensor",
+    order=6,
+    parameters=SensorNoise,
+    severities={
+        "gain_db": (0.0, 10.4, 20.8, 31.2, 41.6),
+        "read_noise_electrons": (0.8, 0.89, 0.99, 1.1, 1.22),
+    },
+    source=(
+        "our own: the range of shot noise of Brooks and others (Unprocessing images for learned raw denoising, 2019) "
+        "in equal ratios, with the read noise of their line, for a full well of 10,000 electrons; model: EMVA 1288"
+    ),
+    apply=apply,
+    temporals=("fresh", "fixed"),
+    grain=True,
+    on_light=True,
+)

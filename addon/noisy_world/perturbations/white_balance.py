@@ -1,0 +1,70 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Automatic white balance: gains of red, green and blue by the mean colour of earlier frames, late and in error."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.linear_light import LUMINANCE, decoded, encoded
+from ..core.perturbing.earlier_frames import EarlierFrame
+from ..core.perturbing.kinds import ColourPerturbation, FrameContext
+from ..core.schema import key
+from ._automatic import lag_span_s, lagged
+from ._bands import by_bands
+
+GAINS = ("red_gain", "green_gain", "blue_gain")
+
+
+@dataclass(frozen=True)
+class WhiteBalance:
+    """A grey world is asked for: gains, in stops, that bring the mean light of earlier clean frames towards grey.
+
+    It goes to what the last frame asks for as 1 - exp(-t / lag), in linear light, and begins settled. Gains leave the
+    luminance of grey as it is.
+    """
+
+    strength: float = key("share of the mean colour that is taken away", default=0.6, minimum=0, maximum=1)
+    lag_s: float = key("time constant of following", default=0.8, unit="s", minimum=0, maximum=5)
+    most_stops: float = key("most that red or blue is changed against green", default=1.5, minimum=0, maximum=4)
+    warmth_stops: float = key("error: red over blue", default=0.0, minimum=-4, maximum=4)
+    tint_stops: float = key(
+        "error: red and blue over green; below 0 all is greener", default=0.0, minimum=-4, maximum=4
+    )
+
+
+def decides(parameters: WhiteBalance, context: FrameContext) -> Mapping[str, float]:
+    """Return the gains of red, green and blue of a frame."""
+
+    def wanted(frame: EarlierFrame) -> NDArray[np.float64]:
+        mean = np.maximum(frame.light.astype(np.float64).mean(axis=(0, 1)), 1e-9)
+        return np.clip(parameters.strength * np.log2(mean[1] / mean), -parameters.most_stops, parameters.most_stops)
+
+    stops = lagged(context, parameters.lag_s, wanted)
+    warm = parameters.warmth_stops / 2
+    gains = 2.0 ** (stops + np.array([warm + parameters.tint_stops, 0.0, parameters.tint_stops - warm]))
+    gains /= gains @ np.array(LUMINANCE)
+    return dict(zip(GAINS, gains.tolist(), strict=True))
+
+
+def apply(rgb: NDArray[np.float32], _parameters: WhiteBalance, context: FrameContext) -> NDArray[np.float32]:
+    """Balance (H, W, 3)."""
+    decided = context.decided
+    gains = np.array([decided[name] for name in GAINS], np.float32)
+    return by_bands(rgb, rgb.dtype, lambda band: encoded(decoded(band) * gains))
+
+
+PERTURBATION = ColourPerturbation(
+    name="white_balance",
+    label="White balance",
+    stage="sensor",
+    order=8,
+    parameters=WhiteBalance,
+    severities={"strength": (0.2, 0.4, 0.6, 0.8, 1.0)},
+    source="our own: chosen, up to a world that is grey on average (Buchsbaum, 1980)",
+    apply=apply,
+    on_light=True,
+    looks_back_s=lambda parameters: lag_span_s(parameters.lag_s),
+    decides=decides,
+)
