@@ -100,3 +100,22 @@ def test_more_rays_through_a_pixel_stay_within_it(name):
     # A few pixels are told as even though they are not, and at a border of two colours a ray may fall to either side.
     assert np.quantile(np.abs(smooth - true).max(axis=-1), 0.99) < 0.02
     assert psnr_db(smooth, true) > psnr_db(plain, true) + 10
+
+
+@pytest.mark.parametrize("name", ["barrel", "pincushion"])
+def test_undistorting_brings_back_the_pinhole_within_interpolation(name):
+    """The control is a pinhole's frame of rays half a pixel away, interpolated back, without any lens."""
+    lens, room, sensors = LENSES[name], coloured_room(smooth=True), paths("rotation")
+    bent = seen_by(lens, mesh=room).rgb
+    half = replace(CAMERA, cx_px=CAMERA.cx_px + 0.5, cy_px=CAMERA.cy_px + 0.5)
+    seen = []
+    for camera in (CAMERA, half):
+        with RaySession(room, sensors, camera, OPTIONS) as session:
+            seen.append(session.frame(sensors.request(1)).rgb)
+    back = cv2.undistort(bent, CAMERA.matrix, np.array(lens.coefficients))
+    shift = np.float32([[1, 0, 0.5], [0, 1, 0.5]])
+    size, flags = (CAMERA.width_px, CAMERA.height_px), cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
+    control = cv2.warpAffine(seen[1], shift, size, flags=flags)
+    inner = np.s_[14:-14, 18:-18]  # a pincushion's border does not reach the pinhole's
+    assert psnr_db(back[inner], seen[0][inner]) > psnr_db(control[inner], seen[0][inner]) - 1
+    assert psnr_db(bent[inner], seen[0][inner]) < psnr_db(back[inner], seen[0][inner]) - 8  # the lens does bend it

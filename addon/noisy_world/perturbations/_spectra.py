@@ -48,20 +48,20 @@ def falling(low_hz: float, high_hz: float, octaves: int) -> tuple[Band, ...]:
 
 _SHAKE: tuple[Band, ...] = ((2.0, 8.0, 0.2), (8.0, 12.0, 0.8))
 _STRIDE: tuple[Band, ...] = ((0.9, 1.1, 1.0),)
-_STEP: tuple[Band, ...] = ((1.8, 2.2, 0.94), (3.6, 4.4, 0.05), (5.4, 6.6, 0.01))
+_STEP: tuple[Band, ...] = ((1.8, 2.2, 0.97), (3.6, 4.4, 0.028), (5.4, 6.6, 0.002))
 _RUN_STRIDE: tuple[Band, ...] = ((1.5, 1.7, 1.0),)
-_RUN_STEP: tuple[Band, ...] = ((3.0, 3.4, 0.95), (6.0, 6.8, 0.035), (9.0, 10.2, 0.01), (12.0, 20.0, 0.005))
+_RUN_STEP: tuple[Band, ...] = ((3.0, 3.4, 0.989), (6.0, 6.8, 0.01), (9.0, 10.2, 9e-4), (12.0, 20.0, 1e-4))
 _TROT_STRIDE: tuple[Band, ...] = ((1.9, 2.1, 0.9), (3.8, 4.2, 0.1))
 _TROT_STEP: tuple[Band, ...] = ((3.8, 4.2, 0.8), (7.6, 8.4, 0.15), (11.0, 20.0, 0.05))
 _FLOOR = falling(1.0, 32.0, 5)
 _ROTOR: tuple[Band, ...] = ((45.0, 55.0, 0.1), (90.0, 110.0, 0.6), (180.0, 220.0, 0.3))
-_OPEN_M = AxisSpectrum(0.005 / 3**0.5, ((0.5, 20.0, 1.0),))
-_OPEN_DEG = AxisSpectrum(0.5 / 3**0.5, ((0.5, 20.0, 1.0),))
+_OPEN_M = AxisSpectrum(0.001 / 3**0.5, ((0.5, 20.0, 1.0),))
+_OPEN_DEG = AxisSpectrum(0.1 / 3**0.5, ((0.5, 20.0, 1.0),))
 
 SPECTRA: Mapping[SourceName, Spectrum] = {
     "tremor": Spectrum(
-        (AxisSpectrum(4e-4, _SHAKE), AxisSpectrum(4e-4, _SHAKE), AxisSpectrum(2e-4, _SHAKE)),
-        (AxisSpectrum(0.08, _SHAKE), AxisSpectrum(0.08, _SHAKE), AxisSpectrum(0.05, _SHAKE)),
+        (AxisSpectrum(1e-4, _SHAKE), AxisSpectrum(1e-4, _SHAKE), AxisSpectrum(5e-5, _SHAKE)),
+        (AxisSpectrum(0.03, _SHAKE), AxisSpectrum(0.03, _SHAKE), AxisSpectrum(0.02, _SHAKE)),
     ),
     "walk": Spectrum(
         (AxisSpectrum(0.01, _STRIDE), AxisSpectrum(0.02, _STEP), AxisSpectrum(0.007, _STEP)),
@@ -69,19 +69,19 @@ SPECTRA: Mapping[SourceName, Spectrum] = {
     ),
     "run": Spectrum(
         (AxisSpectrum(0.015, _RUN_STRIDE), AxisSpectrum(0.03, _RUN_STEP), AxisSpectrum(0.01, _RUN_STEP)),
-        (AxisSpectrum(2.0, _RUN_STEP), AxisSpectrum(1.0, _RUN_STRIDE), AxisSpectrum(0.8, _RUN_STRIDE)),
+        (AxisSpectrum(1.5, _RUN_STEP), AxisSpectrum(1.0, _RUN_STRIDE), AxisSpectrum(0.8, _RUN_STRIDE)),
     ),
     "trot": Spectrum(
         (AxisSpectrum(0.003, _TROT_STRIDE), AxisSpectrum(0.004, _TROT_STEP), AxisSpectrum(0.002, _TROT_STEP)),
         (AxisSpectrum(0.22, _TROT_STEP), AxisSpectrum(0.2, _TROT_STRIDE), AxisSpectrum(0.66, _TROT_STRIDE)),
     ),
     "wheels": Spectrum(
-        (AxisSpectrum(3e-4, _FLOOR), AxisSpectrum(2e-3, _FLOOR), AxisSpectrum(3e-4, _FLOOR)),
-        (AxisSpectrum(0.3, _FLOOR), AxisSpectrum(0.05, _FLOOR), AxisSpectrum(0.3, _FLOOR)),
+        (AxisSpectrum(1e-4, _FLOOR), AxisSpectrum(5e-4, _FLOOR), AxisSpectrum(1e-4, _FLOOR)),
+        (AxisSpectrum(0.1, _FLOOR), AxisSpectrum(0.02, _FLOOR), AxisSpectrum(0.1, _FLOOR)),
     ),
     "rotors": Spectrum(
-        (AxisSpectrum(3e-5, _ROTOR), AxisSpectrum(5e-5, _ROTOR), AxisSpectrum(3e-5, _ROTOR)),
-        (AxisSpectrum(0.02, _ROTOR), AxisSpectrum(0.01, _ROTOR), AxisSpectrum(0.02, _ROTOR)),
+        (AxisSpectrum(7e-6, _ROTOR), AxisSpectrum(1e-5, _ROTOR), AxisSpectrum(7e-6, _ROTOR)),
+        (AxisSpectrum(0.006, _ROTOR), AxisSpectrum(0.003, _ROTOR), AxisSpectrum(0.006, _ROTOR)),
     ),
     "band": Spectrum((_OPEN_M, _OPEN_M, _OPEN_M), (_OPEN_DEG, _OPEN_DEG, _OPEN_DEG)),
 }

@@ -29,12 +29,13 @@ from ..core.scenes.mesh_files import check_mesh, imported_format
 from ..core.scenes.selfcheck import reprojection_problem
 from ..core.scenes.turning import Up
 from ..core.schema import ConfigPath
-from ..core.trajectories.bodies import BODIES, embodied
+from ..core.trajectories.bodies import BODIES
 from ..core.trajectories.frame_request import FrameRequest
 from ..core.trajectories.sensor_paths import SensorPaths
 from ..core.trajectories.trajectory import Axes, Trajectory, evenly_stamped
 from .beginning import Beginning, beginning_of, check_beginning
 from .bending import check_overscan
+from .carried_paths import carried_path, check_room
 from .mesh_reading import files_of_mesh, read_mesh
 from .mesh_reading import forget_meshes as forget_read_meshes
 from .path_files import path_file_of, read_path, selected_poses, sha256_of_path
@@ -139,34 +140,17 @@ class MeshSource(SimpleSource):
 
     @cached_property
     def _carried_path(self) -> Trajectory:
-        spec = self.spec.body
-        assert spec is not None, "is asked for where there is a body"
+        assert self.spec.body is not None, "is asked for where there is a body"
         route = self.known_path if self.known_path is not None else self._made_path
-        try:
-            path = embodied(route, spec.kind, seed=self.path_seed, motion=spec.motion)
-        except NoisyWorldError as error:
-            raise self.place.at("trajectory").at("body").error(str(error)) from error
+        path = carried_path(route, self.spec.body, self.path_seed, self.place.at("trajectory").at("body"))
         self.check_room(path)
         return path
 
     def check_room(self, path: Trajectory) -> None:
         """Refuse a path of the body's camera on which the mesh is too near. Raises InputError."""
-        from ..core.trajectories.body_room import first_narrow
-
-        spec, where = self.spec.body, self.place.at("trajectory").at("body")
-        assert spec is not None, "is asked for where there is a body"
-        body = BODIES[spec.kind]
-        try:
-            narrow = first_narrow(load_mesh(self.mesh_path, self.room, self.up), path, body)
-        except NoisyWorldError as error:
-            raise where.error(str(error)) from error
-        if narrow is not None:
-            place = ", ".join(f"{value:.2f}" for value in narrow.place_m)
-            raise where.error(
-                f"a {spec.kind} cannot go this way: at {narrow.time_s:.2f} s, at ({place}) m, the mesh is "
-                f"{narrow.gap_m:.2f} m away, and it needs {body.radius_m} m",
-                "take another path, or another body",
-            )
+        assert self.spec.body is not None, "is asked for where there is a body"
+        mesh = load_mesh(self.mesh_path, self.room, self.up)
+        check_room(mesh, path, self.spec.body, self.place.at("trajectory").at("body"))
 
     @property
     def path_seed(self) -> int:

@@ -68,7 +68,7 @@ LISTED = f"{STAMPS_NS[0]},rgb_0/{STAMPS_NS[0]}.png,{STAMPS_NS[0]},depth_0/{STAMP
         ("calibration.yaml", "depth_factor: 2000.0", "depth_factor: 0", "rgb_0.depth_factor: is 0, but has"),
         ("calibration.yaml", "[7.5, 7.25]", "[7.5]", "rgb_0.focal_length: has to be 2 numbers, finite"),
         ("calibration.yaml", "0.0000000000000, 1.0000000000000]", "0.1, 1.0]", "rgb_0.T_BS: is not the identity"),
-        ("calibration.yaml", "fps: 30.0", "distortion_coefficients: [0.1, 0]", "the lens distorts; undistort"),
+        ("calibration.yaml", "fps: 30.0", "distortion_coefficients: [0.1, 0]", "is 'None' with 2 coefficients"),
     ],
 )  # fmt: skip
 def test_what_is_wrong_is_named(tmp_path, name, old, new, words):

@@ -301,7 +301,8 @@ def _optics(scene: Scene, plan: Plan, camera: Intrinsics) -> Optics:
     """Return what a scene's cameras have beyond one pinhole. Raises InputError where the layout cannot tell it."""
     check_distorts(scene, plan.preset)
     optics, layout = scene.source.optics(camera), plan.format.layout
-    if optics.plain or layout.optics:
+    said = optics.depth is None and optics.distortion is not None and layout.says_lens(optics.distortion)
+    if optics.plain or layout.optics or said:
         return optics
     if optics.depth is not None:
         problem = f"depth has a camera of its own, which the {layout.label} layout cannot say"

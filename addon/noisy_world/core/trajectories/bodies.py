@@ -25,7 +25,7 @@ SLOW_M_S = 0.05  # below this speed the way's direction says nothing
 
 
 @dataclass(frozen=True)
-class Body:
+class CarryingBody:
     """A kind of body.
 
     height_m: of its camera above the floor. radius_m: what it needs around it. stands: whether all has to be free from
@@ -48,12 +48,12 @@ class Body:
 
 
 # Chosen: an adult's eyes and shoulders, a small quadruped, a rover of half a metre, a drone of 30 cm.
-BODIES: dict[str, Body] = {
-    "walker": Body(walking, 1.6, 0.25, 0.1, stands=True, looks=True),
-    "runner": Body(running, 1.6, 0.25, 0.1, stands=True, looks=True),
-    "quadruped": Body(trotting, 0.45, 0.2, 0.05, stands=True, looks=False),
-    "rover": Body(rolling, 0.4, 0.3, 0.03, stands=True, looks=False),
-    "drone": Body(flying, 1.4, 0.2, 0.0, stands=False, looks=True),
+BODIES: dict[str, CarryingBody] = {
+    "walker": CarryingBody(walking, 1.6, 0.25, 0.1, stands=True, looks=True),
+    "runner": CarryingBody(running, 1.6, 0.25, 0.1, stands=True, looks=True),
+    "quadruped": CarryingBody(trotting, 0.45, 0.2, 0.05, stands=True, looks=False),
+    "rover": CarryingBody(rolling, 0.4, 0.3, 0.03, stands=True, looks=False),
+    "drone": CarryingBody(flying, 1.4, 0.2, 0.0, stands=False, looks=True),
 }
 
 

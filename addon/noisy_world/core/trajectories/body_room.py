@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..scenes.mesh import Mesh
-from .bodies import Body
+from .bodies import CarryingBody
 from .room_map import HEAD_M, Float64, columns, distance_m, floor_of
 from .trajectory import Trajectory
 
@@ -23,7 +23,7 @@ class Narrow:
     gap_m: float
 
 
-def first_narrow(mesh: Mesh, path: Trajectory, body: Body) -> Narrow | None:
+def first_narrow(mesh: Mesh, path: Trajectory, body: CarryingBody) -> Narrow | None:
     """Return where a path first leaves a body less than its radius, None where it has room everywhere.
 
     A body that stands needs the floor free, from what it can step on to its head; another one what is around it.

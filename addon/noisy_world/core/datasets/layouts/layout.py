@@ -16,7 +16,7 @@ from ...channels.channel import FileKind
 from ...errors import InputError
 from ...geometry import Intrinsics
 from ...inertial.imu import ImuSamples
-from ...optics import PINHOLE, Optics
+from ...optics import PINHOLE, Distortion, Optics
 from ...trajectories.rig import Rig
 from ...trajectories.sensor_paths import SensorPaths
 from ...trajectories.stamps import FrameStamps, Stamps
@@ -103,6 +103,11 @@ class Layout(ABC):
         """Return a sentence on who does not find colour images of this kind, or ""."""
         del image
         return ""
+
+    def says_lens(self, lens: Distortion) -> bool:
+        """Tell whether its files can say how a lens distorts."""
+        del lens
+        return self.optics
 
     def stamps_problem(self, stamps: StampsLike) -> str:
         """Return why frames with these stamps cannot be written, or "" where they can."""

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from ...errors import InputError
 from ...geometry import Intrinsics, continuous_quats, quat_wxyz_from_rotation
+from ...optics import Distortion, DistortionModel, Optics
 from ...schema import shown
 from ...trajectories.files import read_trajectory
 from ...trajectories.stamps import FrameStamps, Stamps
@@ -30,6 +31,12 @@ from .layout import PATH_SUFFIXES, Image, Layout, SequenceFacts, StampsLike, lin
 
 LISTED = "rgb.csv"
 CALIBRATION = "calibration.yaml"
+LENSES: dict[str, tuple[DistortionModel, int]] = {
+    "radtan4": ("radial-tangential", 4),
+    "radtan5": ("radial-tangential", 5),
+    "equid4": ("equidistant", 4),
+}
+"""What VSLAM-LAB calls a lens's model, by `distortion_type`: its model, and how many coefficients it has."""
 TRUTH = "groundtruth.csv"
 CAMERA = "rgb_0"
 DEPTH = "depth_0"
@@ -92,6 +99,10 @@ class VslamLabLayout(Layout):
             f"groundtruth{path_suffix(name)}.csv": _poses_text(path, stamps) for name, path in paths.named().items()
         }
 
+    def says_lens(self, lens: Distortion) -> bool:
+        """Tell whether VSLAM-LAB has a name for the lens's model."""
+        return _type_of(lens) is not None
+
     def recognises(self, folder: Path) -> bool:
         """Tell whether there is a list of colour images as a table."""
         return (folder / LISTED).is_file()
@@ -105,7 +116,7 @@ class VslamLabLayout(Layout):
         """Pair colour and depth as rgb.csv does, whatever their stamps; poses are those with close stamps."""
         del rate_hz  # the list has stamps
         rgb, depth = _read_listed(folder / LISTED)
-        camera, depth_scale_per_m = _read_calibration(folder / CALIBRATION)
+        camera, depth_scale_per_m, lens = _read_calibration(folder / CALIBRATION)
         file = truth_file(folder / TRUTH, poses)
         path = None if file is None else read_trajectory(file)
         exact = None if file is None or path is None else exact_stamps(file, path)
@@ -124,6 +135,7 @@ class VslamLabLayout(Layout):
             camera,
             folder / CALIBRATION,
             found.notes,
+            optics=Optics(distortion=lens),
         )
 
 
@@ -174,10 +186,18 @@ def _calibration_text(facts: SequenceFacts) -> str:
         f"principal_point: [{_number(camera.cx_px)}, {_number(camera.cy_px)}]",
         f"image_dimension: [{camera.width_px}, {camera.height_px}]",
     ]
+    if (lens := facts.optics.distortion) is not None:
+        values = ", ".join(map(_number, lens.coefficients))
+        entries += [f"distortion_type: {_type_of(lens)}", f"distortion_coefficients: [{values}]"]
     if "depth" in facts.format.modalities:
         entries += [f"depth_factor: {_number(facts.format.depth_scale_per_m)}"]
     entries += [f"fps: {_number(round(rate_hz, 6))}", f"T_BS: [{', '.join(map(_number, np.eye(4).ravel().tolist()))}]"]
     return lines(["%YAML 1.2", "---", "cameras:", "  - {" + ",\n     ".join(entries), "    }"])
+
+
+def _type_of(lens: Distortion) -> str | None:
+    """Return VSLAM-LAB's name of a lens's model; None where it has none."""
+    return next((name for name, known in LENSES.items() if known == (lens.model, len(lens.coefficients))), None)
 
 
 def _number(value: float) -> str:
@@ -240,8 +260,8 @@ def _stamp_ns(path: Path, where: str, cell: str) -> int:
     return int(cell)
 
 
-def _read_calibration(path: Path) -> tuple[Intrinsics, float]:
-    """Return the intrinsics of the camera rgb_0 and its depth scale per metre. Raises InputError."""
+def _read_calibration(path: Path) -> tuple[Intrinsics, float, Distortion | None]:
+    """Return the intrinsics of the camera rgb_0, its depth scale per metre, and its lens. Raises InputError."""
     # Another version's directive, which PyYAML might not take.
     text = "\n".join("" if line.startswith("%YAML") else line for line in read_text(path).splitlines())
     document = read_yaml(text, path)
@@ -252,9 +272,7 @@ def _read_calibration(path: Path) -> tuple[Intrinsics, float]:
     (camera,) = found
     if (model := camera.get("cam_model", "pinhole")) != "pinhole":
         raise InputError(path, f"is {shown(str(model))}, but only pinhole can be read", where=_at("cam_model"))
-    if np.any(_numbers(path, camera, "distortion_coefficients", None)):
-        remedy = "undistort the images, and set these to zeros"
-        raise InputError(path, "are not zero: the lens distorts", where=_at("distortion_coefficients"), remedy=remedy)
+    lens = _lens(path, camera)
     if np.abs(_numbers(path, camera, "T_BS", 16) - np.eye(4).ravel()).max() > _IDENTITY:
         remedy = f"{TRUTH} has to hold the poses of {CAMERA}; set T_BS to the identity where it does"
         raise InputError(path, "is not the identity", where=_at("T_BS"), remedy=remedy)
@@ -262,7 +280,20 @@ def _read_calibration(path: Path) -> tuple[Intrinsics, float]:
     keys = {"image_dimension": 2, "focal_length": 2, "principal_point": 2}
     values = [value for name, count in keys.items() for value in _numbers(path, camera, name, count).tolist()]
     places = tuple(_at(name) for name, count in keys.items() for _ in range(count))
-    return checked_intrinsics(path, places, tuple(values)), scale_per_m
+    return checked_intrinsics(path, places, tuple(values)), scale_per_m, lens
+
+
+def _lens(path: Path, camera: dict[str, Any]) -> Distortion | None:
+    values = _numbers(path, camera, "distortion_coefficients", None)
+    if not values.any():
+        return None
+    model, count = LENSES.get(str(camera.get("distortion_type")), (None, 0))
+    if model is None or len(values) != count:
+        known = ", ".join(f"{name} ({number} numbers)" for name, (_, number) in LENSES.items())
+        given = f"{shown(str(camera.get('distortion_type')))} with {len(values)} coefficients"
+        remedy = "undistort the images, and set these to zeros"
+        raise InputError(path, f"is {given}, but {known} can be read", where=_at("distortion_type"), remedy=remedy)
+    return Distortion(model, tuple(values.tolist()))
 
 
 def _is_colour(camera: Any) -> bool:
