@@ -18,6 +18,7 @@ from ..core.lens import lens_rays
 from ..core.messages import Message, PresetKey
 from ..core.optics import Distortion
 from ..core.planning.source import RenderedFrame, RenderOptions
+from ..core.presets.distortion import DistortionSpec, sound_lens
 from ..core.schema import ConfigPath
 from ..core.trajectories.frame_request import FrameRequest
 from ..core.trajectories.sensor_paths import SensorPaths
@@ -124,13 +125,20 @@ def overscanned(camera: Intrinsics, lens: Distortion) -> Intrinsics:
     return Intrinsics(width, height, camera.fx_px, camera.fy_px, float(-left), float(-top))
 
 
-def check_overscan(camera: Intrinsics, lens: Distortion, place: ConfigPath) -> None:
-    """Refuse a lens that sees so much beside the image that rendering it takes too long. Raises InputError."""
+def lens_of(spec: DistortionSpec, camera: Intrinsics, place: ConfigPath, *, cast: bool) -> Distortion:
+    """Return the lens that a mesh is seen through. cast: whether rays are cast through it, rather than a pinhole bent.
+
+    Raises InputError where it folds over within the image, or a pinhole would take too long to render.
+    """
+    lens = sound_lens(spec, camera, place)
+    if cast:
+        return lens
     pinhole = overscanned(camera, lens)
     times = pinhole.width_px * pinhole.height_px / (camera.width_px * camera.height_px)
     if times > MOST_TIMES:
         size = f"{pinhole.width_px} x {pinhole.height_px} px, {times:.0f} times the image"
         raise place.error(f"needs a pinhole's {size}", Message("use ", PresetKey("render.engine", "embree")))
+    return lens
 
 
 @dataclass

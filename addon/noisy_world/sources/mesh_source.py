@@ -20,7 +20,7 @@ from ..core.geometry import Intrinsics
 from ..core.optics import PINHOLE, Distortion, Optics
 from ..core.planning.simple_source import SimpleSource
 from ..core.planning.source import PreparedSource, RenderOptions, SourceCapabilities, SourceFrame
-from ..core.presets.distortion import DistortionSpec, sound_lens
+from ..core.presets.distortion import DistortionSpec
 from ..core.presets.preset import Preset
 from ..core.presets.scene_keys import HandheldSpec, TrajectorySpec
 from ..core.scenes.embedded import room_mesh
@@ -34,7 +34,7 @@ from ..core.trajectories.frame_request import FrameRequest
 from ..core.trajectories.sensor_paths import SensorPaths
 from ..core.trajectories.trajectory import Axes, Trajectory, evenly_stamped
 from .beginning import Beginning, beginning_of, check_beginning
-from .bending import check_overscan
+from .bending import lens_of
 from .carried_paths import carried_path, check_room
 from .mesh_reading import files_of_mesh, read_mesh
 from .mesh_reading import forget_meshes as forget_read_meshes
@@ -97,13 +97,8 @@ class MeshSource(SimpleSource):
 
     def lens(self, camera: Intrinsics) -> Distortion | None:
         """Return the lens that rays pass. Raises InputError where it folds over within the image."""
-        if self.distortion is None:
-            return None
         place = self.lens_place or self.place
-        lens = sound_lens(self.distortion, camera, place)
-        if not self.casts_rays:
-            check_overscan(camera, lens, place)
-        return lens
+        return None if self.distortion is None else lens_of(self.distortion, camera, place, cast=self.casts_rays)
 
     @property
     def stamps_s(self) -> NDArray[np.float64]:
