@@ -27,6 +27,7 @@ from noisy_world.pipeline.run import Run
 RGB = [name for name, item in registry().items() if isinstance(item, ColourPerturbation)]
 DEPTH = [name for name, item in registry().items() if isinstance(item, DepthPerturbation)]
 EXPOSURES = {"rolling_shutter", "camera_motion_blur"}
+MOTIONS = {"motion_deviation", "faster_motion", "vibration", "drift", "jerk"}
 MIXED = [
     {"gaussian_noise": {"severity": 2, "mode": "dynamic"}},
     {"contrast": {"severity": 3}},
@@ -42,7 +43,7 @@ def test_the_taxonomy_is_whole():
     assert len({name for name in RGB if registry()[name].source.startswith("paper")}) == 16
     assert len({name for name in DEPTH if registry()[name].source.startswith("paper")}) == 4
     assert len(DEPTH) == 10
-    assert set(registry()) - set(RGB) - set(DEPTH) == {"motion_deviation", "faster_motion", "desync"} | EXPOSURES
+    assert set(registry()) - set(RGB) - set(DEPTH) == MOTIONS | {"desync"} | EXPOSURES
 
 
 @pytest.fixture(scope="module")

@@ -139,7 +139,7 @@ def test_a_layout_brings_what_its_readers_expect():
     items = made.bl_rna.properties["layout"].enum_items
     assert [item.identifier for item in items] == list(LAYOUTS)
     assert items["euroc"].name == "EuRoC ASL"
-    assert items["replica"].description == "Of iMAP and NICE-SLAM; JPEG or PNG"
+    assert items["replica"].description == "Of iMAP and NICE-SLAM; JPEG, PNG or EXR"
 
 
 def test_numbers_that_float32_cannot_hold_are_kept(tmp_path):
