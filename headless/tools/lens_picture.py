@@ -19,7 +19,7 @@ from noisy_world.core.planning.source_paths import source_paths
 from noisy_world.core.presets.preset import read_preset
 from noisy_world.pipeline.frame_maker import render_options
 from noisy_world.planning import make_plan
-from tools.gallery import save, strip, whole
+from tools.gallery import QUALITY, save, strip, whole
 
 PRESET = ROOT / "presets" / "lens.yaml"
 FRAME = 3  # chosen by eye: beams, bricks and boards, which are straight
@@ -36,7 +36,7 @@ def main(arguments: list[str]) -> int:
     parser = argparse.ArgumentParser(prog="lens_picture.py", description="Draw a view through three lenses.")
     parser.add_argument("file", type=Path, help="the picture to write")
     file = parser.parse_args(arguments).file
-    save(file, strip([whole(seen(*lens)) for lens in LENSES]))
+    save(file, strip([whole(seen(*lens)) for lens in LENSES]), QUALITY)
     return 0
 
 

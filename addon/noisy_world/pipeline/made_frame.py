@@ -82,7 +82,7 @@ class MadeFrame:
         depth_m, _ = self._depth_m
         return self._clean_depth.depth_m if depth_m is None else depth_m
 
-    def stored_rgb(self, written: OutputFormat) -> NDArray[np.uint8]:
+    def stored_rgb(self, written: OutputFormat) -> NDArray[np.uint8] | NDArray[np.float32]:
         """Return colour (H, W, 3), RGB, as a dataset's image holds it if nothing is lost in encoding."""
         pixels, _ = self._rgb
         return written.stored_rgb(self._clean_rgb.rgb if pixels is None else pixels)

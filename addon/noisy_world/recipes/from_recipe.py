@@ -326,14 +326,14 @@ class FrameOfRecipe(Frame):
             raise InputError(self._in.plan.preset.path, f"makes no {what}", remedy=remedy)
 
     @property
-    def rgb(self) -> NDArray[np.uint8]:
+    def rgb(self) -> NDArray[np.uint8] | NDArray[np.float32]:
         """Colour (H, W, 3), RGB, encoded and decoded. Raises InputError where Blender's compositor makes it."""
         if self._format.image == "png":
             return self.rgb_uncompressed
         return _decoded(self._coloured().rgb_to_decode(self._format))
 
     @property
-    def rgb_uncompressed(self) -> NDArray[np.uint8]:
+    def rgb_uncompressed(self) -> NDArray[np.uint8] | NDArray[np.float32]:
         """Colour (H, W, 3), RGB. Raises InputError where Blender's compositor makes it."""
         return self._coloured().stored_rgb(self._format)
 

@@ -30,10 +30,11 @@ class Features(NamedTuple):
         return len(self.signs)
 
 
-def grey_of(rgb: NDArray[np.uint8]) -> Grey:
-    """(H, W, 3) RGB -> (H, W): luma of ITU-R BT.601, as every feature-based system takes it."""
+def grey_of(rgb: NDArray[np.uint8] | NDArray[np.float32]) -> Grey:
+    """(H, W, 3) RGB, bytes -> (H, W): luma of ITU-R BT.601, as every feature-based system takes it."""
     import cv2
 
+    assert rgb.dtype == np.uint8, "datasets of light, as EXR files hold it, are not evaluated"
     return np.asarray(cv2.cvtColor(rgb, cv2.COLOR_RGB2GRAY), dtype=np.uint8)
 
 

@@ -95,8 +95,10 @@ def _thumb(sequence: CaseSequence, number: int) -> bytes:
     return data.tobytes()
 
 
-def _small(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
+def _small(image: NDArray[np.uint8] | NDArray[np.float32]) -> NDArray[np.uint8]:
     import cv2
+
+    assert image.dtype == np.uint8, "datasets of light, as EXR files hold it, are not evaluated"
 
     high, wide = image.shape[:2]
     size = (min(THUMB_PX, wide), max(1, round(high * min(THUMB_PX, wide) / wide)))
