@@ -138,7 +138,7 @@ def test_intrinsics_that_the_sequence_tells_have_to_be_the_presets(tmp_path):
 
 # --- removal ---
 
-MINE = ("mav0/cam0/data/notes.txt", "mav0/imu0/data.csv", "results/mine.png", "rgb/mine.png", "mine.txt")
+MINE = ("mav0/cam0/data/notes.txt", "mav0/imu1/data.csv", "results/mine.png", "rgb/mine.png", "mine.txt")
 
 
 @pytest.mark.parametrize("new", list(LAYOUTS))

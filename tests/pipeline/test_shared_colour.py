@@ -15,6 +15,7 @@ from noisy_world.perturbations import registry
 pytestmark = pytest.mark.usefixtures("no_blender")
 COUNT = 24
 REPEATABLE = ["brightness", "contrast", "jpeg_compression", "pixelate", "gaussian_blur", "defocus_blur"]
+ALSO_REPEATABLE = {"haze", "fog_depth", "defocus_depth", "vignetting", "chromatic_aberration"}
 SETTINGS = [
     {"name": "clean"},
     {"sweep": {"perturb": ["contrast", "gaussian_noise"], "severities": [1, 3], "modes": ["static", "dynamic"]}},
@@ -79,7 +80,7 @@ class Watched(FrameContext):
 def test_what_says_so_is_repeatable():
     coloured = [item for item in registry().values() if isinstance(item, ColourPerturbation)]
     found = [item for item in coloured if item.is_repeatable(item.at_severity(3))]
-    assert {item.name for item in found} == {*REPEATABLE, "haze", "fog_depth", "defocus_depth"}
+    assert {item.name for item in found} == {*REPEATABLE, *ALSO_REPEATABLE}
     rng = np.random.default_rng(0)
     rgb, depth_m = rng.random((24, 32, 3), dtype=np.float32), rng.uniform(1, 5, (24, 32)).astype(np.float32)
     for item in found:
