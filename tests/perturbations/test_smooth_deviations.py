@@ -49,6 +49,7 @@ def band_powers(values, rate_hz, bands):
     return found
 
 
+@pytest.mark.one_python
 @cases("source", [name for name in SPECTRA if name != "band"])
 def test_each_band_of_a_source_has_its_power(source):
     spectrum = SPECTRA[source]
@@ -104,6 +105,7 @@ def test_root_mean_squares_are_those_asked_for(values):
     assert np.sqrt((turned**2).sum(axis=1).mean()) == pytest.approx(wanted_deg, rel=0.03)
 
 
+@pytest.mark.one_python
 def test_drift_is_slow_and_as_large_as_asked_for():
     path = still(20_001)
     shifts = [

@@ -140,6 +140,7 @@ def path_in_room(folder, ahead_m, **keys):
     return scene_with(folder, {"engine": "embree"}, mesh="embedded:room", trajectory={"file": "ahead.txt", **keys})
 
 
+@pytest.mark.one_python
 def test_a_body_is_carried_along_a_file_unless_there_is_a_wall(tmp_path):
     source = source_of(path_in_room(tmp_path, 0.1, body="walker"))
     plain = source_of(path_in_room(tmp_path, 0.1)).trajectory()

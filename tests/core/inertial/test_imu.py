@@ -149,6 +149,7 @@ def fitted(values, *, white=True):
     return np.sqrt(found)
 
 
+@pytest.mark.one_python
 @cases("device", ["adis16448", "bmi055"])
 def test_densities_and_walks_come_back_from_two_hours(device):
     # Without digits: those of the BMI055's accelerometer, of 12 bits, add a tenth to its noise.
