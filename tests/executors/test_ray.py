@@ -106,8 +106,14 @@ def test_a_cluster_that_loses_a_command_a_worker_and_a_node(tmp_path, cluster, p
 
     killing = when((mishaps / "waits").exists, lambda: cluster.remove_node(cluster.victim, allow_graceful=False))
 
+    counts = []
+
     def merged():
-        return any((out / ".noisy_world").glob("merged*.jsonl")) and not killing.is_alive()
+        """A shard was merged after a command had ended: by then it has been told."""
+        if (mishaps / "the command ends").exists():
+            journals = (out / ".noisy_world").glob("merged*.jsonl")
+            counts.append(sum(len(path.read_text().splitlines()) for path in journals))
+        return bool(counts) and counts[-1] > counts[0] and not killing.is_alive()
 
     when(merged, lambda: os.kill(os.getpid(), signal.SIGINT))
     stopped = generate_here(*command, check=False)

@@ -252,7 +252,10 @@ def test_dry_run_and_lists_write_nothing(world, tmp_path):
     assert "presets/demo.yaml" in generate_here("--list", "presets").stdout
     listed = generate_here("--list", "layouts").stdout
     assert "euroc  EuRoC ASL, " in listed
-    assert "images jpg or png; colour rgb or grey\n    depth in 16 bits, 6553.5 steps a metre: up to 10.0 m" in listed
+    assert (
+        "images jpg or png or exr; colour rgb or grey\n    depth in 16 bits, 6553.5 steps a metre: up to 10.0 m"
+        in listed
+    )
     assert not out.exists()
 
 
