@@ -273,6 +273,16 @@ def test_sequences_copied_out_of_a_dataset_say_enough(made, tmp_path):
     check(frame, made.out, records(made.out, "early/box")[5])
 
 
+@pytest.mark.parametrize("perturbed", ["motion", 0.1, ["rgb"], None])
+def test_a_record_whose_perturbations_are_no_object_is_damaged(made, tmp_path, perturbed):
+    shutil.copytree(made.out / "late/box", tmp_path / "some/late/box")
+    path = tmp_path / "some/late/box/frames.jsonl"
+    lines = [json.loads(line) | {"perturbed": perturbed} for line in path.read_text().splitlines()]
+    path.write_text("".join(f"{json.dumps(line)}\n" for line in lines))
+    with refused("frames.jsonl: frame 5: its line is damaged"):
+        noisy_world.open(tmp_path / "some")["late/box"][5]
+
+
 def test_the_compositors_colour_is_not_made_here(made, tmp_path):
     text = made.recipe.read_text().replace('"backend":"reference"', '"backend":"compositor"')
     (tmp_path / "recipe.json").write_text(text)

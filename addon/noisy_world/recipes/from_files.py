@@ -165,6 +165,7 @@ class _Records:
         try:
             record: dict[str, Any] = json.loads(line)
             _ = (float(record["time_s"]), float(record.get("depth_time_s", 0)), dict(record["sha256"]))
+            _ = {**record.get("perturbed", {})}  # an object, too
         except (ValueError, KeyError, TypeError) as error:
             where = f"frame {self._order[place]}"
             raise InputError(self.path, "its line is damaged", where=where, remedy=AGAIN) from error

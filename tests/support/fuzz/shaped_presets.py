@@ -34,7 +34,8 @@ WORDS = (
 )
 
 
-DEVIATES = "motion_deviation"  # which no recording can do
+# What no recording can do: be seen from elsewhere, or at other moments.
+ELSEWHERE = {"motion_deviation", "vibration", "drift", "jerk", "rolling_shutter", "camera_motion_blur"}
 
 
 def _of_schema(cls, rng, likely=0.4):
@@ -95,6 +96,9 @@ def _step(rng, known):
     if isinstance(found, PairingPerturbation):  # whose values may leave no frame of a short path
         return {found.name: {"offset": 1} if found.name == "desync" else None}
     inside = _of_schema(found.parameters, rng, 0.3) if rng.integers(2) else {}
+    contradiction = getattr(found, "contradiction", None)
+    if contradiction is not None and contradiction(found.parameters(**inside)):
+        inside = {}
     if found.temporals and rng.integers(3) == 0:
         inside["temporal"] = pick(rng, found.temporals)
     if found.severities and not inside.keys() & found.severities.keys():
@@ -123,6 +127,7 @@ def _setting(rng, number, known):
 
 def _document(rng):
     camera = {**_of_schema(CameraSpec, rng), "near_m": 0.01, "far_m": float(rng.uniform(1, 1e6))}
+    camera.pop("distortion", None)  # most lenses fold over in most images
     camera |= {"width": int(rng.integers(1, 5000)), "height": int(rng.integers(1, 5000))}
     layout = LAYOUTS[pick(rng, tuple(LAYOUTS))]
     render = {**_of_schema(RenderSpec, rng), "device": "cpu", "backend": "reference"}
@@ -130,13 +135,17 @@ def _document(rng):
     render["samples"] = pick(rng, offered.get(str(render.get("engine")), (1,)))
     scenes = [_scene(rng, k) for k in range(int(rng.integers(1, 4)))]
     recorded = any("sequence" in scene for scene in scenes)
-    known = {name: each for name, each in registry().items() if not (recorded and name == DEVIATES)}
+    known = {name: each for name, each in registry().items() if not (recorded and name in ELSEWHERE)}
     document = {
         "scenes": scenes,
         "settings": [_setting(rng, k, known) for k in range(int(rng.integers(1, 5)))],
         "seed": int(rng.integers(2**63)),
         "render": render,
-        "output": {"layout": layout.name, "image": pick(rng, layout.images), "modalities": ["rgb", "depth"]},
+        "output": {
+            "layout": layout.name,
+            "image": pick(rng, [each for each in layout.images if each != "exr"]),
+            "modalities": ["rgb", "depth"],
+        },
     }
     if not recorded:
         document["camera"] = camera
