@@ -79,6 +79,21 @@ def test_a_body_that_falls_or_cannot_arrive_is_said():
         simulate(bent_route(), "quadruped", floor_m=0.0, roughness_m=0.1, seed=0)
 
 
+@pytest.mark.parametrize("metres", [0.0, 0.1])
+def test_a_route_of_no_length_is_said(metres):
+    with pytest.raises(
+        NoisyWorldError, match=r"m long, and a body has arrived 0\.15 m before its end; take a longer one"
+    ):
+        simulate(bent_route(metres / 8, seconds=8.0), "rover", floor_m=0.0, roughness_m=0.0, seed=0)
+    with pytest.raises(NoisyWorldError, match="take a longer one"):
+        simulate(bent_route(seconds=0.1), "rover", floor_m=0.0, roughness_m=0.0, seed=0)
+
+
+def test_a_route_that_is_too_fast_is_said():
+    quick, slow = (simulate(bent_route(speed), "rover", floor_m=0.0, roughness_m=0.0, seed=0) for speed in (2.0, 0.5))
+    assert (quick.held_back, slow.held_back) == (True, False)
+
+
 def test_the_command_writes_a_path_that_a_preset_takes(tmp_path, capfd):
     scene = {"name": "room", "mesh": "embedded:room", "trajectory": {"handheld": {"frames": 60}, "body": "rover"}}
     preset = write_world(tmp_path, frames=2, size=(8, 6), scenes=[scene], render={"engine": "embree"})
@@ -96,4 +111,8 @@ def test_the_command_writes_a_path_that_a_preset_takes(tmp_path, capfd):
     walker = ["--set", "scenes.0.trajectory.body=walker"]
     assert command.main(["simulate", str(preset), str(tmp_path / "none.txt"), *walker]) == 1
     assert "trajectory.body: has to be a quadruped or a rover of a mesh" in capfd.readouterr().err
+    assert not (tmp_path / "none.txt").exists()
+    rough = ["--set", "scenes.0.trajectory.body=quadruped", "--roughness", "0.1"]
+    assert command.main(["simulate", str(preset), str(tmp_path / "none.txt"), *rough]) == 1
+    assert f"{preset}: scenes.0.trajectory.body: the quadruped " in capfd.readouterr().err
     assert not (tmp_path / "none.txt").exists()

@@ -42,6 +42,7 @@ def _simulate(options: argparse.Namespace) -> int:
     from ..core.extras import need
     from ..core.trajectories.bodies import BODIES
     from ..core.trajectories.files import tum_text
+    from ..simulation.controllers import MOST_M_S
     from ..simulation.run import simulate
     from ..sources.mesh_source import MeshSource
 
@@ -59,11 +60,18 @@ def _simulate(options: argparse.Namespace) -> int:
         raise where.error("has to be a quadruped or a rover of a mesh to be simulated", "say body: rover")
     route = source.trajectory()
     floor_m = float(route.c2w[:, 2, 3].mean()) - BODIES[body.kind].height_m
-    way = simulate(route, body.kind, floor_m=floor_m, roughness_m=options.roughness, seed=source.path_seed)
+    try:
+        way = simulate(route, body.kind, floor_m=floor_m, roughness_m=options.roughness, seed=source.path_seed)
+    except NoisyWorldError as error:
+        raise where.error(str(error)) from error
     source.check_room(way.path)
     said = f"{body.kind} of {plan.scenes[0].name}, roughness {options.roughness:g} m, seed {source.path_seed}"
     header = f"# {said}; simulated by MuJoCo {way.version}\n# t tx ty tz qx qy qz qw: camera-to-world, OpenCV axes\n"
     write_atomic(options.out, (header + tum_text(way.path)).encode(), options.out.absolute().parent)
+    if way.held_back:
+        print(
+            f"the route is faster than the {MOST_M_S[body.kind]:g} m/s that a {body.kind} goes at, so it takes longer"
+        )
     print(
         f"wrote {options.out}: {len(way.path)} poses, {way.path.stamps_s[-1]:.1f} s; use it as trajectory: "
         f"{{file: {options.out.name}, resample_hz: 30}}"

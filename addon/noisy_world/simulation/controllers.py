@@ -21,11 +21,15 @@ SKID = 1.8  # wheels that slip sideways turn the rover by less than their speeds
 
 @dataclass(frozen=True, eq=False)
 class Route:
-    """Where a body goes: points (N, 2), their way (N,) from the first, and the speed there (N,) m/s."""
+    """Where a body goes: points (N, 2), their way (N,) from the first, and the speed there (N,) m/s.
+
+    held_back: whether the speed was lowered somewhere to what the body can do.
+    """
 
     points_m: Float64
     way_m: Float64
     speed_m_s: Float64
+    held_back: bool
 
     def ahead(self, place_m: Float64, passed_m: float) -> tuple[Float64, float, float]:
         """Return the point to steer for, how much of the way is passed, and the speed there. place_m: (2,)."""

@@ -27,13 +27,15 @@ FALLEN = 0.5  # of the trunk's up along the world's
 class SimulatedWay:
     """What came of a simulation: the camera's path, OpenCV axes, at RATE_HZ, and what an IMU there felt, (N, 3) each.
 
-    force_m_s2, rate_rad_s: in the axes x forward, y left, z up. version: of MuJoCo.
+    force_m_s2, rate_rad_s: in the axes x forward, y left, z up. version: of MuJoCo. held_back: whether the route is
+    faster somewhere than the body can go.
     """
 
     path: Trajectory
     force_m_s2: Float64
     rate_rad_s: Float64
     version: str
+    held_back: bool
 
 
 def simulate(route: Trajectory, kind: SimulatedKind, *, floor_m: float, roughness_m: float, seed: int) -> SimulatedWay:
@@ -47,6 +49,9 @@ def simulate(route: Trajectory, kind: SimulatedKind, *, floor_m: float, roughnes
 
     mujoco: Any = untyped
     plan = _planned(route, MOST_M_S[kind])
+    if plan.way_m[-1] < ARRIVED_M:
+        problem = f"the route is {plan.way_m[-1]:.2f} m long, and a body has arrived {ARRIVED_M} m before its end"
+        raise NoisyWorldError(problem, remedy="take a longer one")
     floor = rough_floor(plan.points_m, floor_m, roughness_m, stream("simulation", kind, seed))
     first = plan.points_m[min(20, len(plan.points_m) - 1)] - plan.points_m[0]
     model = mujoco.MjModel.from_xml_string(
@@ -57,7 +62,7 @@ def simulate(route: Trajectory, kind: SimulatedKind, *, floor_m: float, roughnes
     data = mujoco.MjData(model)
     longest_s = SETTLED_S + PATIENCE * float(np.sum(np.diff(plan.way_m) / np.maximum(plan.speed_m_s[1:], 0.05)))
     path, felt = _followed(mujoco, _Body(model, data, kind), plan, longest_s)
-    return SimulatedWay(path, felt[:, :3], felt[:, 3:], str(mujoco.__version__))
+    return SimulatedWay(path, felt[:, :3], felt[:, 3:], str(mujoco.__version__), plan.held_back)
 
 
 def _planned(route: Trajectory, most_m_s: float) -> Route:
@@ -66,7 +71,8 @@ def _planned(route: Trajectory, most_m_s: float) -> Route:
     points_m = route.poses_at(at_s)[:, :2, 3]
     steps_m = np.linalg.norm(np.diff(points_m, axis=0), axis=1)
     speed_m_s = np.append(steps_m, steps_m[-1]) / (at_s[1] - at_s[0]) if span_s else np.zeros(len(points_m))
-    return Route(points_m, np.concatenate([[0.0], np.cumsum(steps_m)]), np.clip(speed_m_s, 0.1, most_m_s))
+    way_m = np.concatenate([[0.0], np.cumsum(steps_m)])
+    return Route(points_m, way_m, np.clip(speed_m_s, 0.1, most_m_s), bool(speed_m_s.max() > 1.001 * most_m_s))
 
 
 @dataclass(frozen=True, eq=False)
