@@ -37,11 +37,11 @@ def test_a_meshs_lens_comes_back_as_it_was(tmp_path, distortion):
     assert again.spec.mesh_camera.distortion == given.spec.mesh_camera.distortion
 
 
-def test_a_recordings_lens_is_said_of_its_scene():
+def test_a_recordings_lens_is_said_of_its_scene(tmp_path):
     from noisy_world.ui.shown_sources import PANEL_SOURCES
 
     panel = settings()
-    panel.mesh_source, panel.sequence_path = "RECORDING", "/tmp/sequence"
+    panel.mesh_source, panel.sequence_path = "RECORDING", str(tmp_path)
     panel.distorts, panel.distortion_model, panel.distortion_k1 = True, "equidistant", 0.25
     said = PANEL_SOURCES["RECORDING"].entry(panel, str)
     assert said["distortion"] == {"model": "equidistant", "k1": 0.25}

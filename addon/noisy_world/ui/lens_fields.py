@@ -6,13 +6,12 @@ from typing import Any
 import bpy
 
 from ..core.optics import MODELS
-from ..core.presets.distortion import DistortionSpec
+from ..core.presets.distortion import OF_ANGLE, DistortionSpec
 from .described import described, tell
 from .typed_numbers import set_value, value_of
 
 COEFFICIENTS = ("k1", "k2", "k3", "k4", "k5", "k6", "p1", "p2")
 UPDATE = "distortion"  # what listeners are told
-_OF_ANGLE = ("k1", "k2", "k3", "k4")
 
 
 def lens_members() -> dict[str, Any]:
@@ -70,4 +69,4 @@ def draw_distortion(layout: bpy.types.UILayout, panel: Any, *, rendered: bool) -
 
 
 def _shown(panel: Any) -> tuple[str, ...]:
-    return _OF_ANGLE if panel.distortion_model == MODELS[1] else COEFFICIENTS
+    return OF_ANGLE if panel.distortion_model == MODELS[1] else COEFFICIENTS

@@ -9,7 +9,7 @@ from ..optics import Distortion, DistortionModel, Optics
 from ..schema import ConfigPath, key
 
 _OF_PLANE = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")  # in OpenCV's order
-_OF_ANGLE = ("k1", "k2", "k3", "k4")
+OF_ANGLE = ("k1", "k2", "k3", "k4")
 _LARGEST = 100.0  # of a coefficient; Azure Kinect's rational ones are below 10
 
 
@@ -44,7 +44,7 @@ class DistortionSpec:
     @property
     def lens(self) -> Distortion | None:
         """The lens; None where all coefficients are 0."""
-        names = _OF_ANGLE if self.model == "equidistant" else _OF_PLANE
+        names = OF_ANGLE if self.model == "equidistant" else _OF_PLANE
         values = [float(getattr(self, name)) for name in names]
         if not any(values):
             return None
@@ -61,7 +61,7 @@ class DistortionSpec:
 def check_distortion(spec: DistortionSpec, place: ConfigPath) -> None:
     """Refuse coefficients that the model has not, and a lens that does nothing. Raises InputError."""
     if spec.model == "equidistant":
-        for name in set(_OF_PLANE) - set(_OF_ANGLE):
+        for name in set(_OF_PLANE) - set(OF_ANGLE):
             if getattr(spec, name):
                 raise place.at(name).error("goes with radial-tangential: equidistant has k1 to k4", "leave it out")
     if spec.lens is None:

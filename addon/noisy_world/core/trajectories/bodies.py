@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import NoisyWorldError
-from ..geometry import opencv_from_robot_c2w, pose, rotation_from_rotvec
+from ..geometry import opencv_from_robot_c2w, pose, rotation_from_euler_deg, rotation_from_rotvec
 from ..streams import stream
 from .curve import SplineCurve
 from .gaits import Gait, Way, flying, rolling, running, trotting, walking
@@ -73,7 +73,7 @@ def embodied(route: Trajectory, kind: BodyKind, *, seed: int, motion: float = 1.
     way, ahead_rad = _way(passed_s, mean[:, :3, 3])
     offsets = body.gait(way, stream("body", kind, seed))
     facing = _facing(mean, None if body.looks else ahead_rad)
-    level = _rotation_z(np.arctan2(facing[:, 1, 0], facing[:, 0, 0]))
+    level = _turned(np.arctan2(facing[:, 1, 0], facing[:, 0, 0]))
     place_m = mean[:, :3, 3] + np.einsum("nij,nj->ni", level, motion * offsets.moved_m)
     turned = facing @ rotation_from_rotvec(motion * offsets.turned_rad)
     c2w = opencv_from_robot_c2w(pose(turned, place_m))
@@ -131,12 +131,12 @@ def _smoothed(values: Float64, sigma_s: float = SMOOTH_S) -> Float64:
 def _facing(mean: Float64, ahead_rad: Float64 | None) -> Float64:
     """Return (N, 3, 3): the body's axes in the world, x forward, y left, z up."""
     if ahead_rad is not None:
-        return _rotation_z(ahead_rad)
+        return _turned(ahead_rad)
     right, down, forward = (mean[:, :3, axis] for axis in range(3))
     return np.stack([forward, -right, -down], axis=-1)
 
 
-def _rotation_z(angle_rad: Float64) -> Float64:
-    cos, sin, zero = np.cos(angle_rad), np.sin(angle_rad), np.zeros_like(angle_rad)
-    rows = [[cos, -sin, zero], [sin, cos, zero], [zero, zero, np.ones_like(zero)]]
-    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+def _turned(yaw_rad: Float64) -> Float64:
+    """(N,) -> (N, 3, 3): level axes that look that way."""
+    level_deg = np.zeros_like(yaw_rad)
+    return rotation_from_euler_deg(level_deg, level_deg, np.rad2deg(yaw_rad))
