@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from ..errors import NoisyWorldError
 from ..geometry import opencv_from_robot_c2w, pose, rotation_from_euler_deg, rotation_from_rotvec
 from ..streams import stream
+from .blurring import blurred
 from .curve import SplineCurve
 from .gaits import Gait, Way, flying, rolling, running, trotting, walking
 from .trajectory import MOST_POSES, Trajectory
@@ -119,13 +120,8 @@ def _direction_rad(velocity: Float64, speed: Float64) -> Float64:
 
 
 def _smoothed(values: Float64, sigma_s: float = SMOOTH_S) -> Float64:
-    """(N, C) -> (N, C): blurred over time by a Gaussian; the ends are repeated."""
-    sigma = sigma_s * RATE_HZ
-    reach = int(4.0 * sigma)
-    kernel = np.exp(-0.5 * (np.arange(-reach, reach + 1) / sigma) ** 2)
-    kernel /= kernel.sum()
-    padded = np.pad(values, ((reach, reach), (0, 0)), mode="edge")
-    return np.stack([np.convolve(column, kernel, mode="valid") for column in padded.T], axis=-1)
+    """(N, C) -> (N, C): blurred over time by a Gaussian."""
+    return blurred(values, sigma_s * RATE_HZ)
 
 
 def _facing(mean: Float64, ahead_rad: Float64 | None) -> Float64:

@@ -4,6 +4,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from .blurring import blurred
 from .room_map import SIGHT_M, Float64, Grid, Mask, Room
 
 _STEP_M = 0.01  # between the points along the path
@@ -135,13 +136,13 @@ def _smoothed(room: Room, corners_m: Float64) -> tuple[Float64, Float64]:
     at_m = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(corners_m, axis=0), axis=1))])
     dense_m = np.arange(0.0, at_m[-1], _STEP_M)
     straight_m = np.stack([np.interp(dense_m, at_m, corners_m[:, axis]) for axis in (0, 1)], axis=-1)
-    bends = np.array([_blurred(straight_m, width_m / _STEP_M) for width_m in _BENDS_M])
+    bends = np.array([blurred(straight_m, width_m / _STEP_M) for width_m in _BENDS_M])
     level = np.zeros(len(straight_m))
     reach = int(3.0 * 0.2 / _STEP_M)
     while True:
         # Raised within the whole reach of the blur below, so that the blurred level is not lower where it must be high.
         raised = np.lib.stride_tricks.sliding_window_view(np.pad(level, reach, mode="edge"), 2 * reach + 1).max(axis=1)
-        tightness = np.clip(_blurred(raised[:, None], 0.2 / _STEP_M)[:, 0], 0.0, len(_BENDS_M) - 1.0)
+        tightness = np.clip(blurred(raised[:, None], 0.2 / _STEP_M)[:, 0], 0.0, len(_BENDS_M) - 1.0)
         wider = np.minimum(tightness.astype(np.int64), len(_BENDS_M) - 2)
         share = (tightness - wider)[:, None]
         share = share * share * (3.0 - 2.0 * share)
@@ -151,15 +152,6 @@ def _smoothed(room: Room, corners_m: Float64) -> tuple[Float64, Float64]:
         if not blocked.any():
             return path_m, tightness
         level[blocked] += 1.0
-
-
-def _blurred(rows: Float64, sigma: float) -> Float64:
-    """(N, C): each column blurred with a Gaussian of sigma rows, cut at 3 sigma; the ends are repeated."""
-    reach = int(3.0 * sigma)
-    kernel = np.exp(-0.5 * (np.arange(-reach, reach + 1) / sigma) ** 2)
-    kernel /= kernel.sum()
-    padded = np.pad(rows, ((reach, reach), (0, 0)), mode="edge")
-    return np.stack([np.convolve(column, kernel, mode="valid") for column in padded.T], axis=-1)
 
 
 def look_around(
@@ -188,7 +180,7 @@ def look_around(
         looked[sectors[best]] += 1.0
         yaw_deg.append(yaw_deg[-1] + float(turn_deg[best]) if yaw_deg else float(bearings_deg[best]))
     fine_s = np.arange(0.0, keys_s[-1], 0.01)
-    smooth_deg = _blurred(np.interp(fine_s, keys_s, yaw_deg)[:, None], _LOOK_SIGMA_S / 0.01)[:, 0]
+    smooth_deg = blurred(np.interp(fine_s, keys_s, yaw_deg)[:, None], _LOOK_SIGMA_S / 0.01)[:, 0]
     return np.interp(time_s, fine_s, smooth_deg)
 
 
