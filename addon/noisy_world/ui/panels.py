@@ -11,7 +11,19 @@ from ..core.datasets.layouts import LAYOUTS
 from ..core.labels import title
 from ..core.perturbing.kinds import Perturbation, Stage
 from ..perturbations import registry
-from . import asset_library, camera_link, footage, generate, header_presets, operators, paths, preview, tracking, world
+from . import (
+    asset_library,
+    camera_link,
+    footage,
+    generate,
+    header_presets,
+    operators,
+    paths,
+    pictures,
+    preview,
+    tracking,
+    world,
+)
 from .described import CAMERA, DEVIATION, OUTPUT, PERTURBATIONS, SCENE, TRAJECTORY
 from .document import NO_BODY
 from .imu_fields import draw_imu
@@ -260,6 +272,7 @@ class NOISYWORLD_PT_perturbations(PanelSection, bpy.types.Panel):
         buttons.separator()
         buttons.operator("noisy_world.move_step_up", text="", icon="TRIA_UP")
         buttons.operator("noisy_world.move_step_down", text="", icon="TRIA_DOWN")
+        pictures.draw_buttons(layout)
         if (step := active_step(panel)) is not None and step.perturbation in registry():
             write(layout, context, line_on(perturbation_of(step)), "INFO")
             draw_step(layout, step)
