@@ -26,6 +26,17 @@ QUALITY, LEAST_QUALITY = 70, 30  # of JPEG
 MOST_BYTES = 4500  # of a picture; chosen for 300 kB in all
 TILES, GAP_PX = 3, 6  # of a picture of the gallery
 MIDDLE = ("contrast", "fog", "fog_depth")  # at their greatest strength hardly anything of the room is left
+FINE = (
+    "snow_depth",
+    "rain_depth",
+    "lens_drops",
+    "lens_dirt",
+    "spatter",
+    "snow",
+    "rolling_shutter",
+    "camera_motion_blur",
+)
+PART = 0.6  # of a tile, of which that is shown whose effect is fine
 CLEAN = "clean"
 
 
@@ -53,14 +64,16 @@ def main(arguments: list[str]) -> int:
 
 
 def of_perturbation(gallery: Path, name: str, side_px: int = SIDE_PX) -> NDArray[np.uint8]:
-    """Return the middle of a tile of the gallery as a square, BGR."""
+    """Return the middle of a tile of the gallery, or a part of it, as a square, BGR."""
     strip = np.asarray(cv2.imread(str(gallery / f"{name}.jpg")), np.uint8)
     width = (strip.shape[1] - (TILES - 1) * GAP_PX) // TILES
     place = 0 if name == CLEAN else 1 if name in MIDDLE else TILES - 1
     tile = strip[:, place * (width + GAP_PX) :][:, :width]
-    left = (width - tile.shape[0]) // 2
-    square = tile[:, left : left + tile.shape[0]]
-    return np.asarray(cv2.resize(square, (side_px, side_px), interpolation=cv2.INTER_AREA), np.uint8)
+    side = round(tile.shape[0] * (PART if name in FINE else 1.0))
+    left = (width - side) // 2
+    square = tile[:side, left : left + side]
+    kind = cv2.INTER_AREA if side > side_px else cv2.INTER_CUBIC
+    return np.asarray(cv2.resize(square, (side_px, side_px), interpolation=kind), np.uint8)
 
 
 def of_preset(gallery: Path, path: Path) -> NDArray[np.uint8]:

@@ -8,8 +8,7 @@ import bpy
 from ..blender.typed import layout_of
 from ..core.channels import CHANNELS
 from ..core.datasets.layouts import LAYOUTS
-from ..core.labels import title
-from ..core.perturbing.kinds import Perturbation, Stage
+from ..core.perturbing.kinds import Stage
 from ..perturbations import registry
 from . import (
     asset_library,
@@ -30,7 +29,7 @@ from .imu_fields import draw_imu
 from .keyed import without_effect
 from .lens_fields import draw_distortion
 from .long_text import write
-from .offered import BENCHMARK, PACKAGES, PHYSICAL, Offered, line_on, offered
+from .offered import BENCHMARK, PACKAGES, PHYSICAL, Offered, line_on, offered, short_label
 from .own_objects import own_object
 from .properties import active_step, panel_of, perturbation_of
 from .shown_sources import shown
@@ -185,12 +184,6 @@ class NOISYWORLD_PT_camera(PanelSection, bpy.types.Panel):
 
 
 # --- perturbations ---
-
-
-def short_label(perturbation: Perturbation) -> str:
-    """Return a perturbation's name for a list that shows its stage beside it."""
-    label = perturbation.label.removeprefix("Depth: ").removeprefix("RGB-D ")
-    return title(label[0].upper() + label[1:])
 
 
 class NOISYWORLD_UL_steps(bpy.types.UIList):

@@ -11,7 +11,7 @@ import bpy.utils.previews
 
 from ..blender.typed import layout_of
 from ..core.perturbing.kinds import Perturbation
-from .offered import BENCHMARK, PHYSICAL, Offered, offered
+from .offered import BENCHMARK, PHYSICAL, Offered, offered, short_label
 from .preset_files import listed, own_folder, preset_label, shipped_folder
 
 FOLDER = Path(__file__).resolve().parent / "thumbnails"
@@ -62,13 +62,12 @@ def _shown(grid: bpy.types.UILayout, icon: int) -> bpy.types.UILayout:
 
 def _draw_list(chosen: Offered, layout: bpy.types.UILayout) -> None:
     """Draw a list of perturbations, each with a button that adds it."""
-    from .panels import short_label
-
     layout.label(text=chosen.said)
     grid = _grid(layout)
     for perturbation in offered(chosen):
         place = _shown(grid, picture_of(perturbation))
-        place.operator("noisy_world.add_step", text=short_label(perturbation)).perturbation = perturbation.name
+        label = short_label(perturbation).removeprefix("Depth Sensor: ")
+        place.operator("noisy_world.add_step", text=label).perturbation = perturbation.name
 
 
 def _draw_presets(layout: bpy.types.UILayout) -> None:

@@ -63,7 +63,7 @@ NoisyWorldShot: type = type(
 def shot_list_members() -> dict[str, Any]:
     """Return the properties of a scene that hold its shots."""
     return {
-        "shots": bpy.props.CollectionProperty(type=NoisyWorldShot, name="Shots"),
+        "shots": bpy.props.CollectionProperty(type=NoisyWorldShot, name="Shots", description="Made by Generate Shots"),
         "active_shot": _whole(name="Active Shot", description="The shot whose values are shown", min=0),
     }
 

@@ -123,7 +123,7 @@ class NoisyWorldReplaceShots(bpy.types.Operator):
     """Delete the datasets that stood in the way of shots in the last run, and make those shots"""
 
     bl_idname = "noisy_world.replace_shots"
-    bl_label = "Replace Datasets"
+    bl_label = "Replace Dataset"
     bl_options = {"REGISTER"}
 
     @classmethod
