@@ -17,7 +17,7 @@ test -n "$(PYTHON)" || { echo "make: Python 3.13 is needed; get it, with 'uv pyt
 endef
 
 .DEFAULT_GOAL := help
-.PHONY: help venv demo picture gallery rooms screenshots assets example film extension ice wheel docs test test-below test-above test-python311 fuzz bench benchmark lint format lock slam-env blender-env peer-env corruptions-env clean
+.PHONY: help venv demo picture gallery thumbnails rooms screenshots assets example film extension ice wheel docs test test-below test-above test-python311 fuzz bench benchmark lint format lock slam-env blender-env peer-env corruptions-env clean
 
 help: ## list the targets
 	@grep -hE '^[a-z0-9-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 16
@@ -45,6 +45,9 @@ rooms: venv ## draw docs/rooms.jpg anew: the embedded rooms
 
 gallery: venv ## draw the pictures of docs/gallery anew: every perturbation, at three strengths
 	$(PY) headless/tools/gallery.py docs/gallery
+
+thumbnails: venv ## draw the panel's small pictures of presets and perturbations anew, from the gallery's
+	$(PY) headless/tools/thumbnails.py docs/gallery addon/noisy_world/ui/thumbnails
 
 screenshots: blender-env example ## photograph Blender's window into docs: BLENDER=/path/to/blender, a display, ImageMagick
 	$(BLENDER) --factory-startup -P headless/tools/screenshots.py -- docs
