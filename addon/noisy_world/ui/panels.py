@@ -11,7 +11,19 @@ from ..core.datasets.layouts import LAYOUTS
 from ..core.labels import title
 from ..core.perturbing.kinds import Perturbation, Stage
 from ..perturbations import registry
-from . import asset_library, camera_link, footage, generate, header_presets, operators, paths, preview, tracking, world
+from . import (
+    asset_library,
+    camera_link,
+    footage,
+    generate,
+    header_presets,
+    operators,
+    paths,
+    preview,
+    real_cameras,
+    tracking,
+    world,
+)
 from .described import CAMERA, DEVIATION, OUTPUT, PERTURBATIONS, SCENE, TRAJECTORY
 from .document import NO_BODY
 from .imu_fields import draw_imu
@@ -161,6 +173,7 @@ class NOISYWORLD_PT_camera(PanelSection, bpy.types.Panel):
             layout.prop(panel, source.lens_field)
             if not source.gives_lens(panel):
                 return
+        real_cameras.draw_choice(layout)
         layout.operator("noisy_world.camera_from_file", text="From File", icon="FILE_FOLDER")
         for names in (("width_px", "height_px"), ("fx_px", "fy_px"), ("cx_px", "cy_px"), ("near_m", "far_m")):
             column = layout.column(align=True)
