@@ -49,7 +49,7 @@ def seen(device: str) -> NDArray[np.uint8]:
     """Return what a camera sees, (H, W, 3) BGR bytes at its own size."""
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder) / "out"
-        sets = [f"camera={{device: {device}}}", "rig=null", "output={image: png, modalities: [rgb]}"]
+        sets = [f"camera={{device: {device}}}", "output={image: png, modalities: [rgb]}"]
         sets.append(f"settings=[{{name: seen, perturb: [{{device: {device}}}]}}]")
         given = [part for text in sets for part in ("--set", text)]
         program = [sys.executable, str(ROOT / "headless" / "generate.py"), str(PRESET), "--out", str(out)]

@@ -12,7 +12,7 @@ _FOCUS = ("fx", "fy", "cx", "cy")
 
 
 def with_device(document: dict[str, Any], place: ConfigPath) -> dict[str, Any]:
-    """Return a preset's document with what its camera's device stands for written out; what is given stays.
+    """Return a preset's document with what its camera's device stands for in its stead; what is given stays.
 
     With another size than the device's own, focal lengths and principal point are scaled. Raises InputError.
     """
@@ -20,7 +20,11 @@ def with_device(document: dict[str, Any], place: ConfigPath) -> dict[str, Any]:
     if not isinstance(camera, Mapping) or camera.get("device") is None:
         return document
     device = device_named(camera["device"], place.at("camera").at("device"))
-    given = {name: value for name, value in camera.items() if value is not None or name == "distortion"}
+    given = {
+        name: value
+        for name, value in camera.items()
+        if name != "device" and (value is not None or name == "distortion")
+    }
     return {**document, "camera": {**_sized(device, given, place.at("camera")), **given}}
 
 

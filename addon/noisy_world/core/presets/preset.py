@@ -51,7 +51,7 @@ class CameraSpec:
         "a real camera, whose intrinsics and distortion stand for keys that are not given",
         default=None,
         choices={name: Choice(item.label, item.meaning) for name, item in CAMERA_DEVICES.items()},
-        identity="nothing",
+        identity="meaning",
     )
     distortion: DistortionSpec | None = key("the lens that meshes are seen through, where it distorts", default=None)
 
