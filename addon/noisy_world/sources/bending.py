@@ -141,6 +141,17 @@ def lens_of(spec: DistortionSpec, camera: Intrinsics, place: ConfigPath, *, cast
     return lens
 
 
+def surfaces_bent(frame: RenderedFrame, bending: Bending) -> RenderedFrame:
+    """Return a frame whose colour is bent already with all else bent too."""
+    behind_m = frame.behind_glass_m
+    return replace(
+        frame,
+        depth_m=None if frame.depth_m is None else bending.depth_m(frame.depth_m),
+        others={name: bending.nearest(image) for name, image in frame.others.items()},
+        behind_glass_m=None if behind_m is None else bending.depth_m(behind_m),
+    )
+
+
 @dataclass
 class BentSession:
     """A session of a renderer that knows pinholes alone, whose frames are bent as a lens does.
@@ -166,12 +177,9 @@ class BentSession:
 
     def frame(self, request: FrameRequest) -> RenderedFrame:
         """Render a frame, and bend it."""
-        frame, bending = self.session.frame(request), self.bending
-        return replace(
-            frame,
-            rgb=None if frame.rgb is None else bending.rgb(frame.rgb),
-            depth_m=None if frame.depth_m is None else bending.depth_m(frame.depth_m),
-            others={name: bending.nearest(image) for name, image in frame.others.items()},
+        frame = self.session.frame(request)
+        return surfaces_bent(
+            replace(frame, rgb=None if frame.rgb is None else self.bending.rgb(frame.rgb)), self.bending
         )
 
     def __enter__(self) -> "BentSession":
