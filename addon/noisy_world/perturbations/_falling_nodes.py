@@ -16,6 +16,7 @@ from ..core.node_graphs.groups import Canvas
 from ._air_light_nodes import air_nodes, kept_sky
 from ._falling_tile import DENSITY, EXCESS, LEVELS, TILE, UNITS, shells
 from ._falling_widths import area_and_width
+from ._lamp_nodes import lamp_light_nodes
 from ._particles import NEAR_M
 from ._precipitation import EXTINCTION_EFFICIENCY
 from ._sheet_nodes import SIZES, seen_through_sheets
@@ -32,12 +33,15 @@ class Laws:
 
     sizes: graph; mm/h -> particles per cubic metre and mm of diameter, by 1000; mean diameter in mm.
     speed: graph; diameter in mm -> speed of fall in still air, m/s. brightness: with which it has the sky's own colour.
+    scattering: of a lamp's light, as `_lamp_light` says. longest: of a streak on lit frames, in widths.
     """
 
     name: str
     sizes: Callable[[Graph, Socket], tuple[Value, Socket]]
     speed: Callable[[Graph, Socket], Socket]
     brightness: float
+    scattering: float
+    longest: float
 
 
 def build_falling(canvas: Canvas, given: Mapping[str, Socket], laws: Laws) -> Socket:
@@ -99,16 +103,18 @@ def build_falling(canvas: Canvas, given: Mapping[str, Socket], laws: Laws) -> So
         veil = graph.math("MULTIPLY_ADD", integral, seen_to_m, distance_m - limit_m) * extinction
         seen = graph.math("EXPONENT", veil * kept_sky(canvas, given) * -1.0)
     with graph.section("Streaks in the world"):
-        drifts = graph.math("GREATER_THAN", canvas.drifts, 0.0)
+        # On lit frames all is in the world: there shells would cut the nearest particles.
+        worldly = graph.math("ADD", canvas.drifts, canvas.lit) if canvas.lit != 0.0 else canvas.drifts
+        drifts = graph.math("GREATER_THAN", worldly, 0.0)
         speeds = {sizes: laws.speed(graph, measured_mm * sizes.typical) * given["fall"] for sizes in SIZES}
         kept = shared | {"Nearness": graph.choose(drifts, nearness, HIDDEN, "float")}
-    through = seen_through_sheets(canvas, given, kept, speeds)
+    through = seen_through_sheets(canvas, given, kept, speeds, laws.longest)
     with graph.section("Streaks"):
         seen = seen * through
         # What drifts is in the world. Of shells and sheets, those not used see a single number, which costs nothing.
         shared |= {"Nearness": graph.choose(drifts, HIDDEN, nearness, "float")}
         part = _shell_graph(laws)
-        for number, shell in enumerate(shells()):
+        for number, shell in enumerate(shells() if canvas.lit != 1.0 else ()):
             start = canvas.random(number) * graph.vector(float(UNITS), float(UNITS))
             inputs = shared | {"Start": start, "Share": shell.share, "Middle": shell.middle}
             inputs |= {f"Depth {power}": value for power, value in enumerate(shell.places)}
@@ -130,7 +136,13 @@ def _light(canvas: Canvas, given: Mapping[str, Socket], laws: Laws) -> Socket:
         for each in (mean, air.surfaces):
             grey = graph.math("DOT_PRODUCT", each, LUMINANCE)
             tinted.append(graph.mix(graph.vector(grey, grey, grey), each, tint))
-        return air.chosen(*tinted, over=laws.brightness) * graph.vector(*[given["brightness"]] * 3)
+        bright = graph.vector(*[given["brightness"]] * 3)
+        light = air.chosen(*tinted, over=laws.brightness) * bright
+    if canvas.lit == 0.0:
+        return light
+    lamps = lamp_light_nodes(canvas, given["view_deg"], light, laws.scattering / laws.brightness)
+    with graph.section("Light"):
+        return graph.math("MULTIPLY_ADD", lamps, bright, light)
 
 
 _INPUTS = {

@@ -11,7 +11,9 @@ from ..core.node_graphs.graph import Graph, Socket
 from ..core.node_graphs.groups import Canvas
 from ..core.perturbing.kinds import ColourPerturbation, FrameContext
 from ..core.schema import key
+from ._as_nodes import as_nodes
 from ._falling_nodes import Laws, build_falling
+from ._lamp_light import DROP
 from ._precipitation import drop_speed_m_s, rain
 from ._view import by_camera
 from ._weather import GIVEN_AIR, Falling, Kind, fallen_on
@@ -42,6 +44,8 @@ KIND = Kind(rain, drop_speed_m_s, BRIGHTNESS)
 
 def apply(rgb: NDArray[np.float32], parameters: RainDepth, context: FrameContext) -> NDArray[np.float32]:
     """Let it rain on (H, W, 3), by the context's planar depth (H, W), metres; 0 is void."""
+    if context.lit:
+        return as_nodes(PERTURBATION, rgb, parameters, context)
     return fallen_on(KIND, rgb, parameters, context)
 
 
@@ -58,7 +62,7 @@ def _speed(graph: Graph, diameter_mm: Socket) -> Socket:
     return graph.math("MAXIMUM", graph.math("EXPONENT", diameter_mm * -0.6) * -10.3 + 9.65, 0.0)
 
 
-LAWS = Laws("Rain", _sizes, _speed, BRIGHTNESS)
+LAWS = Laws("Rain", _sizes, _speed, BRIGHTNESS, DROP, 24.0)
 
 PERTURBATION = ColourPerturbation(
     name="rain_depth",

@@ -11,7 +11,9 @@ from ..core.node_graphs.graph import Graph, Socket
 from ..core.node_graphs.groups import Canvas
 from ..core.perturbing.kinds import ColourPerturbation, FrameContext
 from ..core.schema import key
+from ._as_nodes import as_nodes
 from ._falling_nodes import Laws, build_falling
+from ._lamp_light import FLAKE
 from ._precipitation import SWOLLEN, flake_speed_m_s, snow
 from ._view import by_camera
 from ._weather import GIVEN_AIR, Falling, Kind, fallen_on
@@ -41,6 +43,8 @@ KIND = Kind(snow, flake_speed_m_s, BRIGHTNESS)
 
 def apply(rgb: NDArray[np.float32], parameters: SnowDepth, context: FrameContext) -> NDArray[np.float32]:
     """Let it snow on (H, W, 3), by the context's planar depth (H, W), metres; 0 is void."""
+    if context.lit:
+        return as_nodes(PERTURBATION, rgb, parameters, context)
     return fallen_on(KIND, rgb, parameters, context)
 
 
@@ -58,7 +62,7 @@ def _speed(graph: Graph, diameter_mm: Socket) -> Socket:
     return graph.math("POWER", diameter_mm, 0.16) * 0.8
 
 
-LAWS = Laws("Snow", _sizes, _speed, BRIGHTNESS)
+LAWS = Laws("Snow", _sizes, _speed, BRIGHTNESS, FLAKE, 4.0)
 
 PERTURBATION = ColourPerturbation(
     name="snow_depth",
