@@ -140,7 +140,7 @@ def _light(canvas: Canvas, given: Mapping[str, Socket], laws: Laws) -> Socket:
         light = air.chosen(*tinted, over=laws.brightness) * bright
     if canvas.lit == 0.0:
         return light
-    lamps = lamp_light_nodes(canvas, given["view_deg"], light, laws.scattering / laws.brightness)
+    lamps = lamp_light_nodes(canvas, given, light, laws.scattering / laws.brightness)
     with graph.section("Light"):
         return graph.math("MULTIPLY_ADD", lamps, bright, light)
 

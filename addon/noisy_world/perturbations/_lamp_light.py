@@ -9,15 +9,26 @@ general C is half the integral of the phase function over the angle of scatterin
 1 / a. A drop of water that is looked through (Snell, Fresnel, once through; Garg and Nayar, Vision and rain, 2007)
 throws light forward, and has C = 0.256.
 
+Through fog of the optical depth t the share 1 / (1 + 0.75 (1 - g) t) of a lamp's light arrives at all, most of it
+scattered many times (Eddington's approximation for a layer that absorbs nothing); g = 0.85 of water's droplets.
+
 C / a is a sum of Gaussians, each twice as wide as the one before: of width s and volume ln(2) s C sqrt(8 pi). The
 widest has twice that, for all that would be wider: from 0.02 to 0.4 radians the sum is right within 6 %.
 """
 
 import math
 
+from ..core.schema import key
+
 FLAKE, DROP = 0.125, 0.256
+DIFFUSE = 0.75 * (1 - 0.85)
 WIDTHS_RAD = (0.8, 0.4, 0.2, 0.1, 0.05, 0.025, 0.0125)
 VOLUMES = tuple(math.log(2) * math.sqrt(8 * math.pi) * width * (2 if width == 0.8 else 1) for width in WIDTHS_RAD)
+
+
+def lamps_key() -> float:
+    """Return the parameter that says how strong that light is."""
+    return key("light of lamps in the air, on lit scenes, times its estimate", default=1.0, minimum=0, maximum=100)
 
 
 def lamp_kernel(angle_rad: float) -> float:

@@ -2,23 +2,29 @@
 """The light of lamps on what floats in the air, as nodes; `_lamp_light` says why."""
 
 import math
+from collections.abc import Mapping
 
 from ..core.node_graphs.graph import Socket, Value
 from ..core.node_graphs.groups import Canvas
 from ._block_nodes import blocks_of, blurred
-from ._lamp_light import VOLUMES, WIDTHS_RAD
+from ._lamp_light import DIFFUSE, VOLUMES, WIDTHS_RAD
 
 
-def lamp_light_nodes(canvas: Canvas, view_deg: Socket, air: Socket, scattering: float) -> Socket:
+def lamp_light_nodes(
+    canvas: Canvas, given: Mapping[str, Socket], air: Socket, scattering: float, depth: Value = 0.0
+) -> Socket:
     """Return the light at each pixel of what is brighter than the air's light, C / a of it; nothing where not lit.
 
-    view_deg: horizontal field of view. scattering: C.
+    given: the parameters `lamps` and `view_deg`. scattering: C. depth: optical, of the air before each pixel.
     """
-    graph = canvas.graph
+    graph, view_deg = canvas.graph, given["view_deg"]
     with graph.section("Lamps: what is brighter than the air"):
-        on = graph.math("GREATER_THAN", canvas.lit, 0.5)
+        on = graph.math("MULTIPLY", graph.math("GREATER_THAN", canvas.lit, 0.5), given["lamps"] > 0.0)
         image = graph.choose(on, canvas.image, (0.0, 0.0, 0.0))
         bright = graph.math("MAXIMUM", graph.math("SUBTRACT", image, air), (0.0, 0.0, 0.0))
+        if isinstance(depth, Socket):
+            arrives = graph.math("DIVIDE", 1.0, graph.math("MULTIPLY_ADD", depth, DIFFUSE, 1.0))
+            bright = bright * graph.vector(arrives, arrives, arrives)
         bright = graph.choose(on, bright, (0.0, 0.0, 0.0))
         blocks = blocks_of(canvas, on)
         lamps = blocks.means(bright) * graph.vector(*[blocks.inside] * 3)
@@ -30,4 +36,4 @@ def lamp_light_nodes(canvas: Canvas, view_deg: Socket, air: Socket, scattering: 
             share = volume * scattering
             total = blurred(lamps * (share, share, share), focal * width, total)
         assert isinstance(total, Socket)
-        return blocks.back(total)
+        return blocks.back(total) * graph.vector(*[given["lamps"]] * 3)

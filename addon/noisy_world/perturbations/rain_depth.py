@@ -11,7 +11,6 @@ from ..core.node_graphs.graph import Graph, Socket
 from ..core.node_graphs.groups import Canvas
 from ..core.perturbing.kinds import ColourPerturbation, FrameContext
 from ..core.schema import key
-from ._as_nodes import as_nodes
 from ._falling_nodes import Laws, build_falling
 from ._lamp_light import DROP
 from ._precipitation import drop_speed_m_s, rain
@@ -44,8 +43,6 @@ KIND = Kind(rain, drop_speed_m_s, BRIGHTNESS)
 
 def apply(rgb: NDArray[np.float32], parameters: RainDepth, context: FrameContext) -> NDArray[np.float32]:
     """Let it rain on (H, W, 3), by the context's planar depth (H, W), metres; 0 is void."""
-    if context.lit:
-        return as_nodes(PERTURBATION, rgb, parameters, context)
     return fallen_on(KIND, rgb, parameters, context)
 
 
@@ -74,6 +71,7 @@ PERTURBATION = ColourPerturbation(
     source="our own: light, moderate, heavy, violent rain, and a cloudburst; sizes: Marshall and Palmer, 1948",
     apply=apply,
     build=build,
+    lit_by_nodes=True,
     linear=True,
     needs_depth=True,
     implied=GIVEN_AIR,

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The nodes of Blender's compositor that look at more than one pixel, on arrays: images (H, W), the bottom row first."""
+"""Nodes of Blender's compositor that look at more than one pixel, on arrays: (H, W), the bottom row first."""
 
 import math
 from collections.abc import Callable
@@ -121,3 +121,48 @@ def _weights(size_px: float) -> NDArray[np.float64]:
     places = np.arange(-math.ceil(size_px), math.ceil(size_px) + 1)
     weights = np.exp(-4.5 * (places / size_px) ** 2)
     return weights / weights.sum()
+
+
+def displaced(image: Held, by: Triple, interpolation: str, beyond: tuple[str, str]) -> Held:
+    """Return an image moved by so many pixels to the right and up, as Displace does."""
+    height, width = size_of(image)
+    columns, rows = (np.arange(side, dtype=np.float32) for side in (width, height))
+    half = np.float32(0.5)
+    x = (columns + half - np.asarray(by[0], np.float32)) / np.float32(width)
+    y = (rows[:, None] + half - np.asarray(by[1], np.float32)) / np.float32(height)
+    where = whole(x, (height, width)), whole(y, (height, width)), np.float32(1)
+    return looked_up(image, where, interpolation, beyond)
+
+
+def flipped(image: Held, axes: tuple[int, ...]) -> Held:
+    """Return an image mirrored along axes: 0 upside down, 1 left to right."""
+    return by_channel(image, lambda values: np.ascontiguousarray(np.flip(values, axes)))
+
+
+def normalized(image: Number) -> Number:
+    """Return an image from 0 at its least to 1 at its greatest value, as Normalize does."""
+    low, high = np.min(image), np.max(image)
+    return (image - low) * (np.float32(1) / (high - low) if high > low else np.float32(0))
+
+
+def slopes(image: Held) -> Held:
+    """Return the length of Sobel's two differences, as Filter does; the border is repeated."""
+    import cv2
+
+    def channel(values: Image) -> Image:
+        right, up = (
+            cv2.Sobel(values, cv2.CV_32F, *order, borderType=cv2.BORDER_REPLICATE) for order in ((1, 0), (0, 1))
+        )
+        return np.asarray(np.sqrt(right * right + up * up), np.float32)
+
+    return by_channel(image, channel)
+
+
+def boxed(image: Held, size_px: Triple) -> Held:
+    """Return means of rectangles that reach so many pixels to each side, as Blur does with Flat."""
+    import cv2
+
+    sides = [2 * int(part) + 1 for part in size_px[:2]]
+    return by_channel(
+        image, lambda values: np.asarray(cv2.blur(values, sides, borderType=cv2.BORDER_REPLICATE), np.float32)
+    )

@@ -90,6 +90,7 @@ OPERATIONS: Mapping[str, Callable[..., Number]] = {
     "CEIL": np.ceil,
     "ROUND": lambda a: np.floor(a + np.float32(0.5)),
     "FRACT": lambda a: a - np.floor(a),
+    "FRACTION": lambda a: a - np.floor(a),  # the same, of vectors
     "MODULO": np.fmod,
     "WRAP": _wrapped,
     "SINE": _exact(np.sin),
@@ -125,7 +126,7 @@ def mixed(first: Held, second: Held, share: Number) -> Held:
 
 
 def white_noise(where: Triple, w: Number | None) -> Callable[[str], Held]:
-    """Return White Noise's outputs by name, Value or Color: Bob Jenkins' hash of three or four words (lookup3, 2006)."""
+    """Return White Noise's outputs by name, Value or Color: Jenkins' hash of three or four words (lookup3, 2006)."""
     parts = (*where,) if w is None else (*where, w)
     wide = np.broadcast_arrays(*(np.asarray(part, np.float32) for part in parts))
     words = [np.ascontiguousarray(part).view(np.uint32).reshape(part.shape) for part in wide]

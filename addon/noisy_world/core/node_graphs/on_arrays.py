@@ -5,14 +5,27 @@ For groups whose random pattern is best told by their nodes: written twice, the 
 """
 
 from collections import Counter
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..linear_light import decoded, encoded
-from .array_images import block_means, blurred, coordinates, looked_up, mean, size_of, whole
+from .array_images import (
+    block_means,
+    blurred,
+    boxed,
+    coordinates,
+    displaced,
+    flipped,
+    looked_up,
+    mean,
+    normalized,
+    size_of,
+    slopes,
+    whole,
+)
 from .array_math import OPERATIONS, Held, mixed, number, triple, vector_math, white_noise
 from .graph import IMAGE_KINDS, INTERFACE, Graph, Kind, Node, Socket
 
@@ -171,65 +184,133 @@ def _stacked(parts: list[Any]) -> Any:
     return np.concatenate(parts) if isinstance(parts[0], np.ndarray) else parts[0]
 
 
-def _of_node(node: Node, values: Mapping[str, Any], frame: int) -> Any:  # noqa: PLR0911 - one line for each node
-    """Return what a node gives: a value, or by its outputs' names."""
-    match node.idname:
-        case "ShaderNodeMath":
-            return OPERATIONS[node.properties["operation"]](*map(number, values.values()))
-        case "ShaderNodeVectorMath":
-            return vector_math(node.properties["operation"], [triple(value) for value in values.values()])
-        case "ShaderNodeMix":
-            first, second = (values[f"{end}_{node.properties['data_type'].capitalize()}"] for end in "AB")
-            return mixed(first, second, number(values["Factor_Float"]))
-        case "ShaderNodeTexWhiteNoise":
-            return white_noise(triple(values["Vector"]), number(values["W"]) if "W" in values else None)
-        case "ShaderNodeCombineXYZ":
-            return tuple(number(values[axis]) for axis in "XYZ")
-        case "ShaderNodeSeparateXYZ":
-            return dict(zip("XYZ", triple(values["Vector"]), strict=True))
-        case "CompositorNodeSeparateColor":
-            return dict(zip(("Red", "Green", "Blue"), triple(values["Image"]), strict=True)) | {"Alpha": np.float32(1)}
-        case "CompositorNodeSetAlpha":
-            return values["Image"]
-        case "CompositorNodeConvertColorSpace":
-            return _converted(node, values["Image"])
-        case "CompositorNodeSceneTime":
-            return np.float32(frame)
-        case "GeometryNodeMenuSwitch":
-            items = node.properties["items"]
-            return {f"Item_{place}": np.float32(item == values["Menu"]) for place, item in enumerate(items)}
-        case _:
-            return _of_image(node, values)
+# --- nodes ---
+
+Values: TypeAlias = Mapping[str, Any]
+_BLURS = {"Gaussian": blurred, "Flat": boxed}
+_CHANNELS = ("Red", "Green", "Blue")
 
 
-def _of_image(node: Node, values: Mapping[str, Any]) -> Any:
-    match node.idname:
-        case "CompositorNodeImageInfo":
-            height, width = size_of(values["Image"])
-            return np.float32(width), np.float32(height), np.float32(0)
-        case "CompositorNodeImageCoordinates":
-            return coordinates(values["Image"])
-        case "CompositorNodeBlankImage":
-            width, height = (max(int(number(part)), 1) for part in triple(values["Size"])[:2])
-            return tuple(np.zeros((height, width), np.float32) for _ in range(3))
-        case "CompositorNodeLevels":
-            parts = dict(zip(("Red", "Green", "Blue"), triple(values["Image"]), strict=True))
-            part = parts[values["Channel"]]
-            return {"Mean": mean(part), "Maximum": np.max(part), "Minimum": np.min(part)}
-        case "CompositorNodeMapUV":
-            beyond = values["Extension X"], values["Extension Y"]
-            return looked_up(values["Image"], triple(values["UV"]), values["Interpolation"], beyond)
-        case "CompositorNodePixelate":
-            return block_means(values["Color"], number(values["Size"]))
-        case "CompositorNodeBlur" if values["Type"] == "Gaussian" and values["Separable"]:
-            return blurred(values["Image"], triple(values["Size"]))
-        case _:
-            raise ValueError(f"{node.idname} of a node group has no counterpart on arrays")
+def _of_node(node: Node, values: Values, frame: int) -> Any:
+    """Return what a node gives: a value, or several by its outputs' names."""
+    if node.idname == "CompositorNodeSceneTime":
+        return np.float32(frame)
+    if node.idname not in _NODES:
+        raise ValueError(f"{node.idname} of a node group has no counterpart on arrays")
+    return _NODES[node.idname](node.properties, values)
 
 
-def _converted(node: Node, image: Held) -> Held:
-    spaces = node.properties["from_color_space"], node.properties["to_color_space"]
+def _mix(properties: Values, values: Values) -> Held:
+    if properties.get("blend_type") != "MULTIPLY":
+        first, second = (values[f"{end}_{properties['data_type'].capitalize()}"] for end in "AB")
+        return mixed(first, second, number(values["Factor_Float"]))
+    ends = zip(triple(values["A_Color"]), triple(values["B_Color"]), strict=True)
+    x, y, z = (np.clip(first * second, np.float32(0), np.float32(1)) for first, second in ends)
+    return x, y, z
+
+
+def _noise(_properties: Values, values: Values) -> Any:
+    return white_noise(triple(values["Vector"]), number(values["W"]) if "W" in values else None)
+
+
+def _by_channels(names: Iterable[str], value: Held) -> dict[str, Held]:
+    return dict(zip(names, triple(value), strict=True))
+
+
+def _chosen(properties: Values, values: Values) -> dict[str, Held]:
+    return {f"Item_{place}": np.float32(item == values["Menu"]) for place, item in enumerate(properties["items"])}
+
+
+def _converted(properties: Values, values: Values) -> Held:
+    spaces, image = (properties["from_color_space"], properties["to_color_space"]), values["Image"]
     curve = {("sRGB", "Linear Rec.709"): decoded, ("Linear Rec.709", "sRGB"): encoded}[spaces]
     parts = (curve(np.atleast_2d(np.asarray(part, np.float32))) for part in triple(image))
     x, y, z = (part if size_of(image) != (1, 1) else np.float32(part[0, 0]) for part in parts)
     return x, y, z
+
+
+def _size(_properties: Values, values: Values) -> Held:
+    height, width = size_of(values["Image"])
+    return np.float32(width), np.float32(height), np.float32(0)
+
+
+def _coordinates(_properties: Values, values: Values) -> dict[str, Held]:
+    """Return pixels from the lower left, and the places of their middles from 0 to 1."""
+    x, y, _ = pixel = coordinates(values["Image"])
+    height, width = size_of(values["Image"])
+    half = np.float32(0.5)
+    middle = (x + half) / np.float32(width), (y + half) / np.float32(height), np.float32(0)
+    return {"Pixel": pixel, "Normalized": middle}
+
+
+def _blank(_properties: Values, values: Values) -> Held:
+    width, height = (max(int(number(part)), 1) for part in triple(values["Size"])[:2])
+    x, y, z = (np.zeros((height, width), np.float32) for _ in range(3))
+    return x, y, z
+
+
+def _levels(_properties: Values, values: Values) -> dict[str, Held]:
+    part = _by_channels(_CHANNELS, values["Image"])[values["Channel"]]
+    return {"Mean": mean(number(part)), "Maximum": np.max(part), "Minimum": np.min(part)}
+
+
+def _beyond(values: Values) -> tuple[str, str]:
+    return values["Extension X"], values["Extension Y"]
+
+
+def _map_uv(_properties: Values, values: Values) -> Held:
+    return looked_up(values["Image"], triple(values["UV"]), values["Interpolation"], _beyond(values))
+
+
+def _displace(_properties: Values, values: Values) -> Held:
+    return displaced(values["Image"], triple(values["Displacement"]), values["Interpolation"], _beyond(values))
+
+
+def _blur(_properties: Values, values: Values) -> Held:
+    if values["Type"] not in _BLURS or not values["Separable"]:
+        raise ValueError(f"a blur of a node group that is {values['Type']} has no counterpart on arrays")
+    return _BLURS[values["Type"]](values["Image"], triple(values["Size"]))
+
+
+def _flip(_properties: Values, values: Values) -> Held:
+    return flipped(values["Image"], tuple(axis for axis, name in enumerate(("Flip Y", "Flip X")) if values[name]))
+
+
+def _filter(_properties: Values, values: Values) -> Held:
+    if values["Type"] != "Sobel":
+        raise ValueError(f"a filter of a node group that is {values['Type']} has no counterpart on arrays")
+    return slopes(values["Image"])
+
+
+def _crop(_properties: Values, values: Values) -> Held:
+    width, height = (int(number(values[side])) for side in ("Width", "Height"))
+    size = size_of(values["Image"])
+    x, y, z = (whole(part, size)[:height, :width] for part in triple(values["Image"]))
+    return x, y, z
+
+
+_NODES: Mapping[str, Callable[[Values, Values], Any]] = {
+    "ShaderNodeMath": lambda p, v: OPERATIONS[p["operation"]](*map(number, v.values())),
+    "ShaderNodeVectorMath": lambda p, v: vector_math(p["operation"], [triple(value) for value in v.values()]),
+    "ShaderNodeMix": _mix,
+    "ShaderNodeTexWhiteNoise": _noise,
+    "ShaderNodeCombineXYZ": lambda _, v: tuple(number(v[axis]) for axis in "XYZ"),
+    "ShaderNodeSeparateXYZ": lambda _, v: _by_channels("XYZ", v["Vector"]),
+    "GeometryNodeMenuSwitch": _chosen,
+    "GeometryNodeIndexSwitch": lambda _, v: v[f"Item_{int(number(v['Index']))}"],
+    "CompositorNodeSeparateColor": lambda _, v: _by_channels(_CHANNELS, v["Image"]) | {"Alpha": np.float32(1)},
+    "CompositorNodeSetAlpha": lambda _, v: v["Image"],
+    "CompositorNodeConvertColorSpace": _converted,
+    "CompositorNodeImageInfo": _size,
+    "CompositorNodeImageCoordinates": _coordinates,
+    "CompositorNodeBlankImage": _blank,
+    "CompositorNodeLevels": _levels,
+    "CompositorNodeMapUV": _map_uv,
+    "CompositorNodePixelate": lambda _, v: block_means(v["Color"], number(v["Size"])),
+    "CompositorNodeBlur": _blur,
+    "CompositorNodeDisplace": _displace,
+    "CompositorNodeNormalize": lambda _, v: normalized(v["Value"]),
+    "CompositorNodeFlip": _flip,
+    "CompositorNodeFilter": _filter,
+    "CompositorNodeCrop": _crop,
+}
