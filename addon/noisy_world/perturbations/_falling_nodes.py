@@ -101,7 +101,8 @@ def build_falling(canvas: Canvas, given: Mapping[str, Socket], laws: Laws) -> So
         integral = graph.math("MAXIMUM", graph.math("MULTIPLY_ADD", decayed, polynomial, x - 3.0), 0.0)
         extinction = count_m3 * scale_mm * scale_mm * (EXTINCTION_EFFICIENCY * math.pi / 2 * 1e-6)
         veil = graph.math("MULTIPLY_ADD", integral, seen_to_m, distance_m - limit_m) * extinction
-        seen = graph.math("EXPONENT", veil * kept_sky(canvas, given) * -1.0)
+        veil = veil * kept_sky(canvas, given)
+        seen = graph.math("EXPONENT", veil * -1.0)
     with graph.section("Streaks in the world"):
         # On lit frames all is in the world: there shells would cut the nearest particles.
         worldly = graph.math("ADD", canvas.drifts, canvas.lit) if canvas.lit != 0.0 else canvas.drifts
@@ -119,9 +120,36 @@ def build_falling(canvas: Canvas, given: Mapping[str, Socket], laws: Laws) -> So
             inputs = shared | {"Start": start, "Share": shell.share, "Middle": shell.middle}
             inputs |= {f"Depth {power}": value for power, value in enumerate(shell.places)}
             seen = seen * graph.group(part, inputs, name=f"Shell {number + 1}").out("Seen", "float")
+    return _over_the_image(canvas, given, laws, _Hidden(veil, through, seen))
+
+
+@dataclass(frozen=True)
+class _Hidden:
+    """What hides the scene at each pixel. veil: its optical depth. through, seen: what passes sheets, and all."""
+
+    veil: Socket
+    through: Socket
+    seen: Socket
+
+
+def _over_the_image(canvas: Canvas, given: Mapping[str, Socket], laws: Laws, hidden: _Hidden) -> Socket:
+    """Mix the image with the particles' light, and add that of lamps."""
+    graph = canvas.graph
     light = _light(canvas, given, laws)
     with graph.section("Over the image"):
-        return graph.mix(light, canvas.image, graph.vector(seen, seen, seen))
+        fallen = graph.mix(light, canvas.image, _wide(hidden.seen))
+    if canvas.lit == 0.0:
+        return fallen
+    usual = graph.math("MAXIMUM", given["brightness"] / laws.brightness, 1e-3)
+    lamps = lamp_light_nodes(canvas, given, light / _wide(usual), laws.scattering / laws.brightness, hidden.veil)
+    with graph.section("Over the image"):
+        before = lamps.veil(1.0 - graph.math("EXPONENT", hidden.veil * -1.0)) * _wide(hidden.through)
+        lit = graph.math("MULTIPLY_ADD", lamps.particles, _wide(1.0 - hidden.through), before)
+        return graph.math("MULTIPLY_ADD", lit, _wide(given["brightness"]), fallen)
+
+
+def _wide(value: Socket) -> Socket:
+    return value.graph.vector(value, value, value)
 
 
 def _light(canvas: Canvas, given: Mapping[str, Socket], laws: Laws) -> Socket:
@@ -136,13 +164,7 @@ def _light(canvas: Canvas, given: Mapping[str, Socket], laws: Laws) -> Socket:
         for each in (mean, air.surfaces):
             grey = graph.math("DOT_PRODUCT", each, LUMINANCE)
             tinted.append(graph.mix(graph.vector(grey, grey, grey), each, tint))
-        bright = graph.vector(*[given["brightness"]] * 3)
-        light = air.chosen(*tinted, over=laws.brightness) * bright
-    if canvas.lit == 0.0:
-        return light
-    lamps = lamp_light_nodes(canvas, given, light, laws.scattering / laws.brightness)
-    with graph.section("Light"):
-        return graph.math("MULTIPLY_ADD", lamps, bright, light)
+        return air.chosen(*tinted, over=laws.brightness) * _wide(given["brightness"])
 
 
 _INPUTS = {

@@ -9,6 +9,9 @@ general C is half the integral of the phase function over the angle of scatterin
 1 / a. A drop of water that is looked through (Snell, Fresnel, once through; Garg and Nayar, Vision and rain, 2007)
 throws light forward, and has C = 0.256.
 
+Even air with an extinction of b a metre takes 1 - exp(-b x) of the light up to a depth x, and so has that share of it,
+but no more than 1 - exp(-2 b z): beyond twice the lamp's distance hardly any of its light is left.
+
 Through fog of the optical depth t the share 1 / (1 + 0.75 (1 - g) t) of a lamp's light arrives at all, most of it
 scattered many times (Eddington's approximation for a layer that absorbs nothing); g = 0.85 of water's droplets.
 

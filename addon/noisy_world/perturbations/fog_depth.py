@@ -71,7 +71,8 @@ def build(canvas: Canvas, given: Mapping[str, Socket], _served: Mapping[str, flo
         air = own.chosen(plain, own.surfaces)
     glow = glow_nodes(canvas, given, air, depth)
     if canvas.lit != 0.0:
-        air = graph.math("ADD", lamp_light_nodes(canvas, given, air, DROP, depth * -1.0), air)
+        lamps = lamp_light_nodes(canvas, given, air, DROP, depth * -1.0)
+        glow = graph.math("ADD", glow, lamps.veil(1.0 - seen))
     with graph.section("Over the image"):
         return graph.math("ADD", graph.mix(air, canvas.image, seen), glow)
 

@@ -131,10 +131,13 @@ def build(canvas: Canvas, given: Mapping[str, Socket], _served: Mapping[str, flo
         hue = colour / graph.vector(bright, bright, bright)
         mean = graph.math("DOT_PRODUCT", own.surfaces, LUMINANCE)
         air = own.chosen(grey * hue, graph.vector(mean, mean, mean) * hue)
-    if canvas.lit != 0.0:
-        air = graph.math("ADD", lamp_light_nodes(canvas, given, air, DROP, depths[1] * -1.0), air)
     with graph.section("Over the image"):
-        return graph.mix(air, canvas.image, seen)
+        hazed = graph.mix(air, canvas.image, seen)
+    if canvas.lit == 0.0:
+        return hazed
+    lamps = lamp_light_nodes(canvas, given, air, DROP, depths[1] * -1.0)
+    with graph.section("Over the image"):
+        return hazed + lamps.veil(1.0 - seen.y)
 
 
 PERTURBATION = ColourPerturbation(
