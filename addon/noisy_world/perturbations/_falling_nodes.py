@@ -33,7 +33,9 @@ class Laws:
 
     sizes: graph; mm/h -> particles per cubic metre and mm of diameter, by 1000; mean diameter in mm.
     speed: graph; diameter in mm -> speed of fall in still air, m/s. brightness: with which it has the sky's own colour.
-    scattering: of a lamp's light, as `_lamp_light` says. longest: of a streak on lit frames, in widths.
+    scattering: of a lamp's light, as `_lamp_light` says. shine: on lit frames, of a particle beside the air before the
+    horizon: it faces more of an overcast sky, three times as bright overhead (Moon and Spencer, 1942). longest: of a
+    streak on lit frames, in widths.
     """
 
     name: str
@@ -41,6 +43,7 @@ class Laws:
     speed: Callable[[Graph, Socket], Socket]
     brightness: float
     scattering: float
+    shine: float
     longest: float
 
 
@@ -105,7 +108,7 @@ def build_falling(canvas: Canvas, given: Mapping[str, Socket], laws: Laws) -> So
         seen = graph.math("EXPONENT", veil * -1.0)
     with graph.section("Streaks in the world"):
         # On lit frames all is in the world: there shells would cut the nearest particles.
-        worldly = graph.math("ADD", canvas.drifts, canvas.lit) if canvas.lit != 0.0 else canvas.drifts
+        worldly = canvas.drifts if canvas.never_lit else graph.math("ADD", canvas.drifts, canvas.lit)
         drifts = graph.math("GREATER_THAN", worldly, 0.0)
         speeds = {sizes: laws.speed(graph, measured_mm * sizes.typical) * given["fall"] for sizes in SIZES}
         kept = shared | {"Nearness": graph.choose(drifts, nearness, HIDDEN, "float")}
@@ -115,7 +118,7 @@ def build_falling(canvas: Canvas, given: Mapping[str, Socket], laws: Laws) -> So
         # What drifts is in the world. Of shells and sheets, those not used see a single number, which costs nothing.
         shared |= {"Nearness": graph.choose(drifts, HIDDEN, nearness, "float")}
         part = _shell_graph(laws)
-        for number, shell in enumerate(shells() if canvas.lit != 1.0 else ()):
+        for number, shell in enumerate(() if canvas.always_lit else shells()):
             start = canvas.random(number) * graph.vector(float(UNITS), float(UNITS))
             inputs = shared | {"Start": start, "Share": shell.share, "Middle": shell.middle}
             inputs |= {f"Depth {power}": value for power, value in enumerate(shell.places)}
@@ -138,13 +141,15 @@ def _over_the_image(canvas: Canvas, given: Mapping[str, Socket], laws: Laws, hid
     light = _light(canvas, given, laws)
     with graph.section("Over the image"):
         fallen = graph.mix(light, canvas.image, _wide(hidden.seen))
-    if canvas.lit == 0.0:
+    if canvas.never_lit:
         return fallen
     usual = graph.math("MAXIMUM", given["brightness"] / laws.brightness, 1e-3)
     lamps = lamp_light_nodes(canvas, given, light / _wide(usual), laws.scattering / laws.brightness, hidden.veil)
     with graph.section("Over the image"):
         before = lamps.veil(1.0 - graph.math("EXPONENT", hidden.veil * -1.0)) * _wide(hidden.through)
-        lit = graph.math("MULTIPLY_ADD", lamps.particles, _wide(1.0 - hidden.through), before)
+        shine = light * _wide((laws.shine - 1.0) / usual / laws.brightness)
+        own = graph.math("ADD", lamps.particles, shine)
+        lit = graph.math("MULTIPLY_ADD", own, _wide(1.0 - hidden.through), before)
         return graph.math("MULTIPLY_ADD", lit, _wide(given["brightness"]), fallen)
 
 

@@ -70,7 +70,7 @@ def build(canvas: Canvas, given: Mapping[str, Socket], _served: Mapping[str, flo
         plain = convert(graph, graph.vector(grey, grey, grey), "sRGB", "Linear Rec.709")
         air = own.chosen(plain, own.surfaces)
     glow = glow_nodes(canvas, given, air, depth)
-    if canvas.lit != 0.0:
+    if not canvas.never_lit:
         lamps = lamp_light_nodes(canvas, given, air, DROP, depth * -1.0)
         glow = graph.math("ADD", glow, lamps.veil(1.0 - seen))
     with graph.section("Over the image"):

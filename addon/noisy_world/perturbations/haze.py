@@ -133,7 +133,7 @@ def build(canvas: Canvas, given: Mapping[str, Socket], _served: Mapping[str, flo
         air = own.chosen(grey * hue, graph.vector(mean, mean, mean) * hue)
     with graph.section("Over the image"):
         hazed = graph.mix(air, canvas.image, seen)
-    if canvas.lit == 0.0:
+    if canvas.never_lit:
         return hazed
     lamps = lamp_light_nodes(canvas, given, air, DROP, depths[1] * -1.0)
     with graph.section("Over the image"):

@@ -59,7 +59,7 @@ def _speed(graph: Graph, diameter_mm: Socket) -> Socket:
     return graph.math("MAXIMUM", graph.math("EXPONENT", diameter_mm * -0.6) * -10.3 + 9.65, 0.0)
 
 
-LAWS = Laws("Rain", _sizes, _speed, BRIGHTNESS, DROP, 24.0)
+LAWS = Laws("Rain", _sizes, _speed, BRIGHTNESS, DROP, 1.6, 24.0)
 
 PERTURBATION = ColourPerturbation(
     name="rain_depth",

@@ -59,7 +59,7 @@ def _speed(graph: Graph, diameter_mm: Socket) -> Socket:
     return graph.math("POWER", diameter_mm, 0.16) * 0.8
 
 
-LAWS = Laws("Snow", _sizes, _speed, BRIGHTNESS, FLAKE, 4.0)
+LAWS = Laws("Snow", _sizes, _speed, BRIGHTNESS, FLAKE, 1.25, 4.0)
 
 PERTURBATION = ColourPerturbation(
     name="snow_depth",

@@ -252,7 +252,7 @@ def _share_nearer(distance: Socket, crossed: Socket) -> Socket:
 def _relief(canvas: Canvas, share: Socket) -> Socket:
     """Return the share embossed as by _RIM and averaged over 3 x 3."""
     graph = share.graph
-    if canvas.lit == 1.0:
+    if canvas.always_lit:
         return _boxed(graph.clamp(graph.math("MULTIPLY_ADD", _embossed(graph, share), 4.5, share)))
     # A bilinear look-up 2/3 of a pixel away on the diagonal weights its neighbours 2 : 1 : 1; the difference of the two
     # sides is _RIM without its middle.

@@ -8,14 +8,14 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from .array_math import Held, Number, Triple, triple
+from .array_math import Held, Number, Triple
 
 Image: TypeAlias = NDArray[np.float32]
 
 
 def size_of(value: Held) -> tuple[int, int]:
     """Return the height and width of an image; 1 and 1 of a single value."""
-    shape = np.broadcast_shapes(*(np.shape(part) for part in triple(value)))
+    shape = np.broadcast_shapes(*(np.shape(part) for part in (value if isinstance(value, tuple) else (value,))))
     return (shape[0], shape[1]) if len(shape) == 2 else (1, 1)
 
 
@@ -29,8 +29,8 @@ def by_channel(value: Held, function: Callable[[Image], Image]) -> Held:
     size = size_of(value)
     if not isinstance(value, tuple):
         return function(whole(value, size))
-    x, y, z = (function(whole(part, size)) for part in value)
-    return x, y, z
+    x, y, z, *alpha = (function(whole(part, size)) for part in value)
+    return (x, y, z, alpha[0]) if alpha else (x, y, z)
 
 
 def coordinates(image: Held) -> Triple:

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The arithmetic of Blender's Math, Vector Math, Mix and White Noise nodes on arrays, in float32 as there.
 
-A value is a number, an image of numbers (H, W) with the bottom row first, or three of these: a vector or a colour.
+A value is a number, an image of numbers (H, W) with the bottom row first, or three of these: a vector or a colour; where
+alpha has a meaning it is a fourth.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -12,15 +13,15 @@ from numpy.typing import NDArray
 
 Number: TypeAlias = NDArray[np.float32] | np.float32
 Triple: TypeAlias = tuple[Number, Number, Number]
-Held: TypeAlias = Number | Triple
+Held: TypeAlias = Number | Triple | tuple[Number, Number, Number, Number]
 
 _ONE, _ZERO = np.float32(1), np.float32(0)
 _THREE_WORDS, _FOUR_WORDS = (np.uint32(0xDEADBEEF + (count << 2) + 13) for count in (3, 4))
 
 
 def triple(value: Held) -> Triple:
-    """Return a number three times, and three numbers as they are."""
-    return value if isinstance(value, tuple) else (value, value, value)
+    """Return a number three times, and three numbers as they are; a fourth, alpha, is left out."""
+    return value[:3] if isinstance(value, tuple) else (value, value, value)
 
 
 def number(value: Held) -> Number:
@@ -64,6 +65,11 @@ def _wrapped(a: Number, high: Number, low: Number) -> Number:
     return a - span * np.floor((a - low) / span)
 
 
+def _there_and_back(a: Number, side: Number) -> Number:
+    turns = (a - side) / (side * np.float32(2))
+    return np.abs((turns - np.floor(turns)) * side * np.float32(2) - side)
+
+
 def _told(condition: Any) -> Number:
     return condition.astype(np.float32) if isinstance(condition, np.ndarray) else np.float32(condition)
 
@@ -93,6 +99,7 @@ OPERATIONS: Mapping[str, Callable[..., Number]] = {
     "FRACTION": lambda a: a - np.floor(a),  # the same, of vectors
     "MODULO": np.fmod,
     "WRAP": _wrapped,
+    "PINGPONG": _there_and_back,
     "SINE": _exact(np.sin),
     "COSINE": _exact(np.cos),
     "TANGENT": _exact(np.tan),

@@ -69,6 +69,16 @@ class Canvas:
     lit: Socket | float = 0.0
     camera: CameraSockets | None = None
 
+    @property
+    def never_lit(self) -> bool:
+        """Whether it is known that the image is clipped."""
+        return not isinstance(self.lit, Socket) and self.lit == 0
+
+    @property
+    def always_lit(self) -> bool:
+        """Whether it is known that the image is light of any brightness."""
+        return not isinstance(self.lit, Socket) and self.lit == 1
+
     def random(self, purpose: int, position: Value = (0.0, 0.0, 0.0)) -> Socket:
         """Return three independent uniform numbers in [0, 1] for each position, of this seed and frame.
 

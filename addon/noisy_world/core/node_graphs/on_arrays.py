@@ -6,6 +6,8 @@ For groups whose random pattern is best told by their nodes: written twice, the 
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
+from functools import lru_cache
+from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -26,8 +28,8 @@ from .array_images import (
     slopes,
     whole,
 )
-from .array_math import OPERATIONS, Held, mixed, number, triple, vector_math, white_noise
-from .graph import IMAGE_KINDS, INTERFACE, Graph, Kind, Node, Socket
+from .array_math import OPERATIONS, Held, Number, mixed, number, triple, vector_math, white_noise
+from .graph import IMAGE_KINDS, INTERFACE, BroughtImage, Graph, Kind, Node, Socket
 
 BAND_ROWS = 16  # of a frame, which a group of arithmetic alone is given together; chosen: they stay in the cache
 _ARITHMETIC = (
@@ -76,7 +78,7 @@ def _plain(value: Any) -> Any:
 def _as_kind(kind: Kind, value: Any) -> Any:
     if isinstance(value, bool | str):
         return value
-    return triple(value) if kind in IMAGE_KINDS else value
+    return value if kind not in IMAGE_KINDS or isinstance(value, tuple) else triple(value)
 
 
 class _Walk:
@@ -154,6 +156,8 @@ class _Walk:
         }
         if node.group is not None:
             return self._inside(node.group, values)
+        if node.picture is not None:
+            return _picture(node.picture)
         return _of_node(node, values, self._frame)
 
     def _inside(self, group: Graph, values: Mapping[str, Any]) -> dict[str, Held]:
@@ -166,6 +170,15 @@ class _Walk:
             for first in range(0, rows, BAND_ROWS)
         ]
         return {name: _stacked([band[name] for band in bands]) for name in bands[0]}
+
+
+@lru_cache(maxsize=8)
+def _picture(picture: BroughtImage) -> Held:
+    """Return a picture that a group brings, as stored: bytes as 255ths."""
+    made = picture.make()
+    assert not isinstance(made, Path), "those that are drawn, not read, are carried out on arrays"
+    values = made if made.dtype == np.float32 else made.astype(np.float32) / np.float32(255)
+    return triple(_held(values))
 
 
 def _sockets(node: Node) -> list[Socket]:
@@ -215,6 +228,10 @@ def _noise(_properties: Values, values: Values) -> Any:
 
 def _by_channels(names: Iterable[str], value: Held) -> dict[str, Held]:
     return dict(zip(names, triple(value), strict=True))
+
+
+def _alpha(value: Held) -> Number:
+    return value[3] if isinstance(value, tuple) and len(value) == 4 else np.float32(1)
 
 
 def _chosen(properties: Values, values: Values) -> dict[str, Held]:
@@ -298,8 +315,8 @@ _NODES: Mapping[str, Callable[[Values, Values], Any]] = {
     "ShaderNodeSeparateXYZ": lambda _, v: _by_channels("XYZ", v["Vector"]),
     "GeometryNodeMenuSwitch": _chosen,
     "GeometryNodeIndexSwitch": lambda _, v: v[f"Item_{int(number(v['Index']))}"],
-    "CompositorNodeSeparateColor": lambda _, v: _by_channels(_CHANNELS, v["Image"]) | {"Alpha": np.float32(1)},
-    "CompositorNodeSetAlpha": lambda _, v: v["Image"],
+    "CompositorNodeSeparateColor": lambda _, v: _by_channels(_CHANNELS, v["Image"]) | {"Alpha": _alpha(v["Image"])},
+    "CompositorNodeSetAlpha": lambda _, v: (*triple(v["Image"]), number(v["Alpha"])),
     "CompositorNodeConvertColorSpace": _converted,
     "CompositorNodeImageInfo": _size,
     "CompositorNodeImageCoordinates": _coordinates,
