@@ -13,8 +13,8 @@ from ._fog_glow import MARGIN
 
 
 @dataclass(frozen=True)
-class Blocks:
-    """Blocks over a frame. side: of one, pixels. columns, rows: with those of nothing around; 1 where not wanted.
+class FrameBlocks:
+    """FrameBlocks over a frame. side: of one, pixels. columns, rows: with those of nothing around; 1 where not wanted.
 
     first: where the lower left pixel of each lies, from 0 to 1. inside: the share of each that lies in the frame.
     """
@@ -43,7 +43,7 @@ class Blocks:
         return looked_up(graph, means, at, "Bilinear")
 
 
-def blocks_of(canvas: Canvas, on: Socket) -> Blocks:
+def blocks_of(canvas: Canvas, on: Socket) -> FrameBlocks:
     """Return the frame's blocks. on: 1 where they are wanted; otherwise they are one, and cost nothing."""
     graph = canvas.graph
     side = graph.math("MAXIMUM", graph.math("ROUND", canvas.scale * float(BLOCK_PX)), 1.0)
@@ -56,10 +56,10 @@ def blocks_of(canvas: Canvas, on: Socket) -> Blocks:
     size = graph.vector(canvas.width_px, canvas.height_px, 1.0)
     sides = graph.vector(side, side, 0.0)
     first = graph.math("DIVIDE", graph.math("MULTIPLY_ADD", block, sides, (0.5, 0.5, 1.0)), size)
-    # Blocks that the frame's edge cuts hold as much less light.
+    # FrameBlocks that the frame's edge cuts hold as much less light.
     left = graph.math("SUBTRACT", 1.0, first) * size + (0.5, 0.5, 0.0)
     share = graph.clamp(graph.math("DIVIDE", left, sides))
-    return Blocks(canvas, on, side, columns, rows, first, share.x * share.y)
+    return FrameBlocks(canvas, on, side, columns, rows, first, share.x * share.y)
 
 
 def blurred(image: Socket, sigma: Socket, before: Value) -> Socket:

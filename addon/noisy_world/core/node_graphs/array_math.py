@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The arithmetic of Blender's Math, Vector Math, Mix and White Noise nodes on arrays, in float32 as there.
 
-A value is a number, an image of numbers (H, W) with the bottom row first, or three of these: a vector or a colour; where
-alpha has a meaning it is a fourth.
+A value is a number, an image of numbers (H, W) with the bottom row first, or three of these: a vector or a colour;
+where alpha has a meaning it is a fourth.
 """
 
 from collections.abc import Callable, Mapping, Sequence
