@@ -22,8 +22,8 @@ def build_dirt(canvas: Canvas, given: Given, absorbed_share: float) -> Socket:
     with graph.section("Pixels"):
         share = graph.node("CompositorNodeImageCoordinates", {"Image": canvas.image}).out("Normalized", "vector")
     dirt = _dirt(canvas, given["size"], share)
+    dust = _out_of_focus(canvas, dirt, given["size"])
     with graph.section("What is lost"):
-        dust = _out_of_focus(canvas, dirt.x, given["size"])
         absorbed = dust * (given["dust"] * absorbed_share)
         scattered = graph.math("MULTIPLY_ADD", dirt.y, given["smudges"], dust * (given["dust"] * (1 - absorbed_share)))
         scattered = graph.math("MULTIPLY_ADD", dirt.z, given["scratches"], scattered)
@@ -36,16 +36,17 @@ def build_dirt(canvas: Canvas, given: Given, absorbed_share: float) -> Socket:
         return graph.math("MULTIPLY_ADD", glare, graph.vector(lit, lit, lit), seen)
 
 
-def _out_of_focus(canvas: Canvas, dust: Socket, size: Socket) -> Socket:
+def _out_of_focus(canvas: Canvas, dirt: Socket, size: Socket) -> Socket:
     """Return dust as the lens sees what lies on it, on lit frames: without edges, which only dust on a sensor has."""
     graph = canvas.graph
     if canvas.never_lit:
-        return dust
+        with graph.section("What is lost"):
+            return dirt.x
     with graph.section("Dust out of focus"):
         on = graph.math("GREATER_THAN", canvas.lit, 0.5)
         wide = graph.math("MULTIPLY", size * canvas.scale, DUST_BLUR_PX)
-        soft = _blurred(graph.choose(on, dust, 0.0, "float"), wide, wide)
-        return graph.choose(on, soft, dust, "float") if isinstance(canvas.lit, Socket) else soft.x
+        soft = _blurred(graph.choose(on, dirt.x, 0.0, "float"), wide, wide)
+        return graph.choose(on, soft.x, dirt.x, "float")
 
 
 def _dirt(canvas: Canvas, size: Socket, share: Socket) -> Socket:

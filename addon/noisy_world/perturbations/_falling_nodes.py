@@ -143,12 +143,14 @@ def _over_the_image(canvas: Canvas, given: Mapping[str, Socket], laws: Laws, hid
         fallen = graph.mix(light, canvas.image, _wide(hidden.seen))
     if canvas.never_lit:
         return fallen
-    usual = graph.math("MAXIMUM", given["brightness"] / laws.brightness, 1e-3)
-    lamps = lamp_light_nodes(canvas, given, light / _wide(usual), laws.scattering / laws.brightness, hidden.veil)
-    with graph.section("Over the image"):
-        before = lamps.veil(1.0 - graph.math("EXPONENT", hidden.veil * -1.0)) * _wide(hidden.through)
-        shine = light * _wide((laws.shine - 1.0) / usual / laws.brightness)
-        own = graph.math("ADD", lamps.particles, shine)
+    with graph.section("Lamps: the air before each pixel"):
+        usual = graph.math("MAXIMUM", given["brightness"] / laws.brightness, 1e-3)
+        air = light / _wide(usual)
+        veiled = 1.0 - graph.math("EXPONENT", hidden.veil * -1.0)
+    lamps = lamp_light_nodes(canvas, given, air, laws.scattering / laws.brightness, hidden.veil)
+    with graph.section("Lamps over the image"):
+        before = lamps.veil(veiled) * _wide(hidden.through)
+        own = graph.math("MULTIPLY_ADD", air, ((laws.shine - 1.0) / laws.brightness,) * 3, lamps.particles)
         lit = graph.math("MULTIPLY_ADD", own, _wide(1.0 - hidden.through), before)
         return graph.math("MULTIPLY_ADD", lit, _wide(given["brightness"]), fallen)
 

@@ -70,11 +70,15 @@ def build(canvas: Canvas, given: Mapping[str, Socket], _served: Mapping[str, flo
         plain = convert(graph, graph.vector(grey, grey, grey), "sRGB", "Linear Rec.709")
         air = own.chosen(plain, own.surfaces)
     glow = glow_nodes(canvas, given, air, depth)
-    if not canvas.never_lit:
-        lamps = lamp_light_nodes(canvas, given, air, DROP, depth * -1.0)
-        glow = graph.math("ADD", glow, lamps.veil(1.0 - seen))
     with graph.section("Over the image"):
-        return graph.math("ADD", graph.mix(air, canvas.image, seen), glow)
+        fogged_over = graph.math("ADD", graph.mix(air, canvas.image, seen), glow)
+    if canvas.never_lit:
+        return fogged_over
+    with graph.section("Lamps: the fog before each pixel"):
+        thick, hidden = depth * -1.0, 1.0 - seen
+    lamps = lamp_light_nodes(canvas, given, air, DROP, thick)
+    with graph.section("Lamps over the image"):
+        return fogged_over + lamps.veil(hidden)
 
 
 PERTURBATION = ColourPerturbation(

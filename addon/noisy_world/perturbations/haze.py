@@ -135,9 +135,11 @@ def build(canvas: Canvas, given: Mapping[str, Socket], _served: Mapping[str, flo
         hazed = graph.mix(air, canvas.image, seen)
     if canvas.never_lit:
         return hazed
-    lamps = lamp_light_nodes(canvas, given, air, DROP, depths[1] * -1.0)
-    with graph.section("Over the image"):
-        return hazed + lamps.veil(1.0 - seen.y)
+    with graph.section("Lamps: the haze before each pixel"):
+        thick, hidden = depths[1] * -1.0, 1.0 - seen.y
+    lamps = lamp_light_nodes(canvas, given, air, DROP, thick)
+    with graph.section("Lamps over the image"):
+        return hazed + lamps.veil(hidden)
 
 
 PERTURBATION = ColourPerturbation(
