@@ -119,6 +119,14 @@ class OpenedSequence(ABC):
     def distortion(self) -> Distortion | None:
         """The lens that its colour, and depth seen through it, distort by; None for a pinhole's frames."""
 
+    def text(self, name: str) -> bytes | None:
+        """Return a text file beside its images, by its name in the sequence's folder; None where there is none.
+
+        A recipe's frames have none. Raises InputError where it cannot be read.
+        """
+        del name
+        return None
+
     @abstractmethod
     def _frame(self, index: int) -> Frame:
         """Return a frame that there is."""
@@ -166,6 +174,11 @@ class Opened(Mapping[str, OpenedSequence]):
         """Keep the place, the file or folder that messages name. Loops that are fed from here fork their workers."""
         end_opencv_threads_before_forks()
         self.place = place
+
+    @property
+    def identity(self) -> dict[str, Any]:
+        """All that decides its bytes, as its manifest or recipe has it; {} where none is there."""
+        return {}
 
     @property
     @abstractmethod
