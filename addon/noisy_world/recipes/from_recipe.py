@@ -139,9 +139,7 @@ class OpenedRecipe(Opened):
         key = (sequence.render.name, source)
         with self._lock:
             if key not in self._recent:
-                self._recent[key] = CleanFrame(
-                    source, self._clean_image(sequence, source), sequence.render.registration
-                )
+                self._recent[key] = CleanFrame.of(sequence.render, source, self._clean_image(sequence, source))
                 if len(self._recent) > KEPT_FRAMES:
                     self._recent.popitem(last=False)
             return self._recent[key]
@@ -153,7 +151,10 @@ class OpenedRecipe(Opened):
             return view_of(lambda: self._open_source(sequence), paths, clean, camera)
 
     def _clean_image(self, sequence: "SequenceOfRecipe", source: int) -> SourceFrame:
-        stored = None if self._store is None else self._store.frame(sequence.render.name, source)
+        render = sequence.render
+        between = render.needs_depth and render.unit is not None and render.unit.camera is not None
+        kept = None if between else self._store  # which has no depth that colour itself sees
+        stored = None if kept is None else kept.frame(render.name, source)
         return stored or self._open_source(sequence).frame(sequence.paths.request(source))
 
     def _open_source(self, sequence: "SequenceOfRecipe") -> OpenSource:
@@ -230,7 +231,7 @@ class SequenceOfRecipe(OpenedSequence):
         (self.sequence,) = self.render.sequences
         self.paths = opened.paths(self.plan, self.render)
         self.written = written_paths(self.sequence, self.paths).rgb
-        self.stamps = scene.source.frame_stamps
+        self.stamps = self.render.scene.source.frame_stamps
         earlier = EarlierFrames(scene.source.stamps_s, lambda source: opened.clean(self, source).light_seen)
         colour = Camera(self.render.camera, scene.source.stamps_s, self.paths.rgb, earlier)
         depth = Camera(self.render.depth_camera, self.stamps.depth.seconds)

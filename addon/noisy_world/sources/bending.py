@@ -145,12 +145,13 @@ def lens_of(spec: DistortionSpec, camera: Intrinsics, place: ConfigPath, *, cast
 class BentSession:
     """A session of a renderer that knows pinholes alone, whose frames are bent as a lens does.
 
-    session: of the pinhole of `bending`. origin_m: (3,) float64, around which it is rendered. notes: what a user should
-    know about how it is rendered.
+    session: of the pinhole of `bending`. own_depth: whether depth is of a camera of its own. origin_m: (3,) float64,
+    around which it is rendered. notes: what a user should know about how it is rendered.
     """
 
     session: Any
     bending: Bending
+    own_depth: bool = False
     origin_m: NDArray[np.float64] = field(init=False)
     notes: tuple[str, ...] = field(init=False)
 
@@ -170,9 +171,13 @@ class BentSession:
         return replace(
             frame,
             rgb=None if frame.rgb is None else bending.rgb(frame.rgb),
-            depth_m=None if frame.depth_m is None else bending.depth_m(frame.depth_m),
+            depth_m=frame.depth_m if self.own_depth else self._bent(frame.depth_m),
+            behind_glass_m=self._bent(frame.behind_glass_m),
             others={name: bending.nearest(image) for name, image in frame.others.items()},
         )
+
+    def _bent(self, depth_m: Float32 | None) -> Float32 | None:
+        return None if depth_m is None else self.bending.depth_m(depth_m)
 
     def __enter__(self) -> "BentSession":
         self.session.__enter__()

@@ -8,11 +8,10 @@ from typing import Any, get_args, get_type_hints
 from ..presets.names import format_same_folder
 from ..schema import ConfigPath, deciding_values, describe, parse, shown, unknown_name
 from .kinds import SEQUENCE_KINDS, SEVERITIES, ColourPerturbation, DepthPerturbation, Perturbation, propagation_key
-from .steps import DEFAULT_SEVERITY, Backend, Setting, Step
+from .steps import DEFAULT_SEVERITY, SENSOR_STREAM, Backend, Setting, Step
 from .sweeps import Registry, known_perturbation, sweep_size, swept
 
 LARGEST_SETTINGS = 10_000  # chosen: a hundred times the paper's
-SENSOR_STREAM = "rig.depth"  # what a rig's depth sensor draws by, whatever the setting
 
 
 def parse_settings(

@@ -58,6 +58,7 @@ class EurocLayout(Layout):
     meaning = "of the EuRoC MAV datasets, which visual-inertial systems read"
     images = ("png",)
     colours = ("grey", "rgb")  # grey by default: Basalt aborts at images of more than one channel
+    lists_depth = True
     optics = True  # in sensor.yaml
     holds_imu = True
     depth_scale_per_m = 5000.0  # TUM's, so that depth images can be linked from one layout to the other
