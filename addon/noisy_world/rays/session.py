@@ -37,8 +37,8 @@ class _Eye:
     @classmethod
     def of(cls, camera: Intrinsics, lens: LensRays | None = None) -> "_Eye":
         """Return the rays of a pinhole, and of its lens where that distorts."""
-        right = (np.arange(camera.width_px) - camera.cx_px) / camera.fx_px
-        return cls(right, (np.arange(camera.height_px) - camera.cy_px) / camera.fy_px, lens)
+        columns, rows = (np.arange(size, dtype=np.float64) for size in (camera.width_px, camera.height_px))
+        return cls((columns - camera.cx_px) / camera.fx_px, (rows - camera.cy_px) / camera.fy_px, lens)
 
     @property
     def size(self) -> tuple[int, int]:

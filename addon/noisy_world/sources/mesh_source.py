@@ -296,8 +296,8 @@ class OpenMesh:
     ) -> None:
         """Keep what frames are rendered with. unchecked: the mesh, until a frame has been checked; then emptied.
 
-        camera, lens: those of depth, of which own_depth says whether they are not colour's. rectified: what makes a pinhole's
-        frames of them; None leaves them as they are.
+        camera, lens: those of depth; own_depth: whether they are its own. rectified: what makes a pinhole's frames of
+        them; None leaves them as they are.
         """
         self._session = session
         self._unchecked = unchecked
