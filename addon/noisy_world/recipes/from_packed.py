@@ -19,7 +19,7 @@ from ..core.datasets.layouts import Modality
 from ..core.datasets.storage import sha256_of_bytes
 from ..core.errors import InputError
 from ..core.geometry import Intrinsics
-from ..core.optics import Distortion
+from ..core.optics import DepthCamera, Distortion
 from ..storage.finished import Packed, open_packed
 from ..storage.packed_table import AGAIN
 from .frame_numbers import FrameNumbers
@@ -111,7 +111,12 @@ class PackedSequence(OpenedSequence):
     @property
     def distortion(self) -> Distortion | None:
         """The lens of its frames."""
-        return self._opened.packed.distortion(self.name)
+        return self._opened.packed.optics(self.name).distortion
+
+    @property
+    def depth_camera(self) -> DepthCamera | None:
+        """The camera of its depth."""
+        return self._opened.packed.optics(self.name).depth
 
     def _frame(self, index: int) -> "PackedFrame":
         (row,) = self._rows.slice(int(np.searchsorted(self._order, index)), 1).to_pylist()

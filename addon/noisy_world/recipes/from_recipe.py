@@ -19,7 +19,7 @@ from ..core.channels import CHANNELS, COLOUR_AND_DEPTH
 from ..core.channels.pair import View
 from ..core.errors import InputError
 from ..core.geometry import Intrinsics
-from ..core.optics import Distortion
+from ..core.optics import DepthCamera, Distortion
 from ..core.perturbing.steps import Setting
 from ..core.planning.exposed import open_render
 from ..core.planning.motion_record import motion_of_frames
@@ -254,6 +254,11 @@ class SequenceOfRecipe(OpenedSequence):
     def distortion(self) -> Distortion | None:
         """The lens of its frames."""
         return self.render.optics.distortion
+
+    @property
+    def depth_camera(self) -> DepthCamera | None:
+        """The camera of its depth."""
+        return self.render.optics.depth
 
     @cached_property
     def motion(self) -> list[dict[str, Any]]:
