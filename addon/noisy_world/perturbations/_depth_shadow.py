@@ -67,7 +67,7 @@ def _covered(
     front = np.full((height, width), -1.0, np.float32)
     front.reshape(-1)[cells[inside]] = column[inside]
     front = np.asarray(cv2.dilate(front, np.ones((1, 3), np.uint8)), np.float32).reshape(seen.shape)
-    # Outside its own neighbours: the next pixel of the same surface is in the next cell. What is left of all is covered.
+    # Outside its own neighbours: the next pixel of the same surface is in the next cell. Left of all is hidden.
     behind = front.reshape(-1)[np.where(inside, cells, 0)] >= column + 2
     covered = np.zeros(seen.shape, np.bool_)
     covered.reshape(-1)[places] = behind | ~inside
