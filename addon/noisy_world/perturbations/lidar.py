@@ -75,7 +75,9 @@ def apply(depth_m: NDArray[np.float32], parameters: Lidar, context: FrameContext
     row, column = _once(row, column, depth.shape[1])
     ray = np.stack([(column - camera.cx_px) / camera.fx_px, (row - camera.cy_px) / camera.fy_px, np.ones(row.size)])
     length = np.sqrt(np.sum(ray * ray, axis=0))
-    cosine = cosine_of_incidence(depth, camera)[row, column] if own.max_m > 0 else np.ones(row.size)
+    cosine = np.ones(row.size)
+    if own.max_m > 0:
+        cosine = cosine_of_incidence(depth, camera)[row, column].astype(np.float64)
     range_m = np.where(valid[row, column], depth[row, column] * length, 0)
     measured_m = returned(range_m, cosine, own, generator)
     kept = measured_m > 0

@@ -95,7 +95,7 @@ class SpinningCaster:
         normals = np.take(self._normals, triangles, axis=0, mode="clip")
         cosine = np.abs(np.einsum("bak,bak->ba", normals, directions))
         luminance = rgb.astype(np.float64) @ np.array([0.2126, 0.7152, 0.0722])
-        return Echoes(depth_m * length, cosine, luminance)
+        return Echoes(depth_m.astype(np.float64) * length, cosine, luminance)
 
     def close(self) -> None:
         """Free the mesh."""
