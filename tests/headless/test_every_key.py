@@ -80,6 +80,7 @@ CHANGES = {
     "camera.fy": ("mesh", "camera.fy=33"),
     "camera.cx": ("mesh", "camera.cx=30"),
     "camera.cy": ("mesh", "camera.cy=20"),
+    "camera.device": ("mesh", "camera.device=phone"),
     "camera.near_m": ("mesh", "camera.near_m=0.1"),
     "camera.far_m": ("mesh", "camera.far_m=100"),
     "camera.distortion.model": ("bent", "camera.distortion.model=equidistant"),

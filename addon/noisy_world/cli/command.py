@@ -38,6 +38,8 @@ GROUPS = {
     "look at what there is": {
         "list": Subcommand("list_command", "list what a preset may say and what is shipped, or what a preset holds"),
         "status": Subcommand("status", "say how far a dataset has come, and what of it is missing or damaged"),
+        "view": Subcommand("view_command", "open a dataset's images, paths, IMU and perturbations in Rerun's viewer"),
+        "video": Subcommand("video_command", "write a dataset's sequences as videos to look at, or as one sheet"),
     },
     "share a dataset, and make it again": {
         "publish": Subcommand("publish_command", "pack a finished dataset as tars, in an object store or a folder"),

@@ -77,6 +77,11 @@ class OpenedRecipe(Opened):
         return _reopened, (self.recipe.path, folder, self._data, self._scenes)
 
     @property
+    def identity(self) -> dict[str, Any]:
+        """As the recipe has it."""
+        return dict(self.recipe.identity)
+
+    @property
     def _names(self) -> Collection[str]:
         return self.recipe.sequences.keys()
 

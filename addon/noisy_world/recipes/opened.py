@@ -124,6 +124,14 @@ class OpenedSequence(ABC):
         """The camera of its depth and where it sits beside colour's; None where depth lies in colour's pixels."""
         return None
 
+    def text(self, name: str) -> bytes | None:
+        """Return a text file beside its images, by its name in the sequence's folder; None where there is none.
+
+        A recipe's frames have none. Raises InputError where it cannot be read.
+        """
+        del name
+        return None
+
     @abstractmethod
     def _frame(self, index: int) -> Frame:
         """Return a frame that there is."""
@@ -171,6 +179,11 @@ class Opened(Mapping[str, OpenedSequence]):
         """Keep the place, the file or folder that messages name. Loops that are fed from here fork their workers."""
         end_opencv_threads_before_forks()
         self.place = place
+
+    @property
+    def identity(self) -> dict[str, Any]:
+        """All that decides its bytes, as its manifest or recipe has it; {} where none is there."""
+        return {}
 
     @property
     @abstractmethod

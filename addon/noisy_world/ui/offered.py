@@ -115,3 +115,9 @@ def line_on(perturbation: Perturbation) -> str:
     line = f"{list_of(perturbation).label}: {sentence_of(perturbation)}"
     twin = TWINS.get(perturbation.name)
     return line if twin is None else f"{line}. Its physical twin is {title(registry()[twin].label)}"
+
+
+def short_label(perturbation: Perturbation) -> str:
+    """Return a perturbation's name for a list that shows its stage beside it."""
+    label = perturbation.label.removeprefix("Depth: ").removeprefix("RGB-D ")
+    return title(label[0].upper() + label[1:])
