@@ -83,7 +83,7 @@ def test_an_edge_spreads_as_the_shutter_is_open(ramp):
     true = np.interp(pixels / length_px + 0.5, fine, opened).mean(axis=1)
     assert np.abs(seen - true).max() < 0.01  # the bar
     spread, wanted = (np.diff(values) @ np.diff(values) for values in (seen, true))
-    assert spread == pytest.approx(wanted, rel=0.06)
+    assert spread == pytest.approx(wanted, rel=0.01)
 
 
 def test_moments_are_odd_bounded_and_of_the_blur():
