@@ -238,10 +238,13 @@ class PreparedBlend:
     def open(self, paths: SensorPaths, options: RenderOptions, note: Callable[[str], None]) -> "OpenBlend":
         """Return the scene ready to be rendered along the paths. Raises MissingDependencyError where it cannot be."""
         del note  # all is said already
-        if self.session is None or not self.session.serves(paths, options):
+        session = self.session
+        if session is None or not session.serves(paths, options):
             self.closing.close()
-            self.session = self.closing.enter_context(self.opened(paths, options, self.closing))
-        return OpenBlend(self.session, self.beginning(paths, options.first_frames))
+            session = self.opened(paths, options, self.closing)
+            self.session = session
+            self.closing.enter_context(session)
+        return OpenBlend(session, self.beginning(paths, options.first_frames))
 
 
 class OpenBlend:
