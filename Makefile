@@ -17,7 +17,7 @@ test -n "$(PYTHON)" || { echo "make: Python 3.13 is needed; get it, with 'uv pyt
 endef
 
 .DEFAULT_GOAL := help
-.PHONY: help venv demo picture gallery rooms screenshots assets example film extension ice wheel docs test test-below test-above test-python311 fuzz bench benchmark lint format lock slam-env blender-env peer-env corruptions-env clean
+.PHONY: help venv demo picture gallery thumbnails rooms screenshots assets example film extension ice wheel docs test test-below test-above test-python311 fuzz bench benchmark lint format lock slam-env blender-env peer-env corruptions-env clean
 
 help: ## list the targets
 	@grep -hE '^[a-z0-9-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 16
@@ -45,6 +45,9 @@ rooms: venv ## draw docs/rooms.jpg anew: the embedded rooms
 
 gallery: venv ## draw the pictures of docs/gallery anew: every perturbation, at three strengths
 	$(PY) headless/tools/gallery.py docs/gallery
+
+thumbnails: venv ## draw the panel's small pictures of presets and perturbations anew, from the gallery's
+	$(PY) headless/tools/thumbnails.py docs/gallery addon/noisy_world/ui/thumbnails
 
 screenshots: blender-env example ## photograph Blender's window into docs: BLENDER=/path/to/blender, a display, ImageMagick
 	$(BLENDER) --factory-startup -P headless/tools/screenshots.py -- docs
@@ -89,18 +92,20 @@ $(VENV)/.evaluate: requirements-evaluate.lock $(VENV)/.installed
 	$(ENVIRONMENT) "$(PYTHON)" $(VENV) $(PINNED) $<
 	touch $(VENV)/.installed $@
 
-# Several processes share the tests, a file at a time; tests/conftest.py says which files are the first.
-PYTEST := $(PY) -m pytest --numprocesses logical --maxprocesses 4 --dist loadfile --no-loadscope-reorder
+# Several processes share the tests, a file at a time; tests/conftest.py says which files are the first. Above Blender
+# many a test waits for a window or a cluster, so there is a process more than processors.
+PYTEST := $(PY) -m pytest --dist loadfile --no-loadscope-reorder --maxprocesses 4 --numprocesses
+ONE_MORE = $$($(PY) -c 'import os; print(min(4, 1 + os.cpu_count()))')
 
 test: test-below test-above ## run the tests; of core and perturbations, count the branches that they take
 
 test-below: $(VENV)/.extras
-	$(PYTEST) --cov --cov-report= $(COUNTED)
+	$(PYTEST) logical --cov --cov-report= $(COUNTED)
 	$(PY) -m coverage report --include='addon/noisy_world/core/*'
 	$(PY) -m coverage report --include='addon/noisy_world/perturbations/*'
 
 test-above: $(VENV)/.extras
-	$(PYTEST) tests $(COUNTED:%=--ignore=%)
+	$(PYTEST) $(ONE_MORE) tests $(COUNTED:%=--ignore=%)
 
 # What the library does without Blender, under the oldest Python that it works with.
 test-python311: .venv-python311/.installed ## run tests of what needs no Blender under Python 3.11

@@ -7,8 +7,9 @@ Needs ImageMagick's `import`. Writes compositor.jpg: the embedded room in the vi
 above the compositor that holds it; node_group.jpg: a group, opened; and of the add-on add_on_panel.jpg, the sidebar
 beside the room; add_on_paths.jpg, the planned and the deviated path; add_on_preview.jpg, the perturbations live, half
 before and half after; add_on_nodes.jpg, the groups that the preview made; and add_on_frame.jpg, a frame as it will be
-written, beside the sliders; and example.jpg, the file of `make example`. With names, which are "groups", "add_on",
-"tracking" and "example", only those.
+written, beside the sliders; add_on_pictures.jpg and add_on_shots.jpg, the lists of pictures and of shots; and
+example.jpg, the file of `make example`. With names, which are "groups", "add_on", "tracking", "shots" and "example",
+only those.
 """
 
 import itertools
@@ -37,6 +38,7 @@ from noisy_world.core.presets.preset import read_preset
 from noisy_world.perturbations import registry
 from noisy_world.planning import make_plan
 from noisy_world.rooms import build_room
+from noisy_world.ui import pictures, shots
 from noisy_world.ui.properties import panel_of
 from noisy_world.ui.standard_view import use_standard_view
 from tools.window import (
@@ -66,6 +68,8 @@ TRACKED: dict[str, Any] = {  # a path that turns enough for late depth to matter
     "room_seed": 1, "handheld_frames": 300, "handheld_rate_hz": 20.0, "handheld_speed_m_s": 0.5,
     "width_px": 320, "height_px": 240, "fx_px": 277.0, "fy_px": 277.0, "cx_px": 159.5, "cy_px": 119.5,
 }  # fmt: skip
+SHOT_STEPS = (("rain_depth", 3), ("lens_drops", 2))
+SHOTS = (("arrival", 1, 24, 1), ("lamps", 25, 48, 2), ("corner", 49, 72, 3))  # name, first and last frame, seed
 EXAMPLE_PART = "1314x789+0+26"  # what is left of the outliner and above the timeline
 SETTLE_S = 1.5  # after a change, for Blender to draw; chosen for software GL
 
@@ -76,6 +80,7 @@ def main(folder: Path, names: Sequence[str]) -> None:
         "groups": photograph_groups,
         "add_on": photograph_add_on,
         "tracking": photograph_tracking,
+        "shots": photograph_shots,
         "example": photograph_example,
     }
     steps = itertools.chain.from_iterable(takes[name](folder) for name in names or takes)
@@ -187,6 +192,39 @@ def photograph_tracking(folder: Path) -> Iterator[float]:
         yield from scroll_to_end(view)
         yield from until_drawn()
         photograph(folder / "add_on_tracking.jpg", part_of(view))
+    noisy_world.unregister()
+
+
+def photograph_shots(folder: Path) -> Iterator[float]:
+    """Photograph a list of pictures, and a list of shots in the example's street; yields the seconds to wait."""
+    bpy.ops.wm.open_mainfile(filepath=str(ROOT / "out/example/street.blend"))
+    shots.NOISYWORLD_PT_shots.bl_options = set()  # open from the beginning
+    noisy_world.register()
+    yield SETTLE_S
+    scene, view = bpy.context.scene, largest("VIEW_3D")
+    in_area(view, bpy.ops.screen.screen_full_area)
+    yield SETTLE_S
+    view, panel = largest("VIEW_3D"), panel_of(scene)
+    panel.mesh_source = "SCENE"
+    for name, severity in SHOT_STEPS:
+        operators().add_step(perturbation=name)
+        panel.steps[panel.active_step].severity = severity
+    for name, first, last, seed in SHOTS:
+        operators().add_shot()
+        shot = panel.shots[-1]
+        shot.name, shot.frame_start, shot.frame_end, shot.seed = name, first, last, seed
+        shot.output_folder = f"//{name}"
+    yield from open_tab(view)
+    show_camera(view)
+    shading = shading_of(space_of(view))
+    shading.type, shading.use_compositor, shading.light, shading.color_type = "SOLID", "DISABLED", "STUDIO", "MATERIAL"
+    yield from scroll_to_end(view)
+    yield from until_drawn()
+    photograph(folder / "add_on_shots.jpg", part_of(view))
+    with override(window=window(), area=view, region=sidebar(view)):
+        bpy.ops.wm.call_panel(name=pictures.POPOVERS["physical"], keep_open=True)
+    yield from until_drawn()
+    photograph(folder / "add_on_pictures.jpg", "800x590+0+310")  # where it opens, with the mouse in the corner
     noisy_world.unregister()
 
 

@@ -11,6 +11,7 @@ LOADERS = {
     "tum": ("slam_tum", "associate_py", "orb_slam_rgbd_tum", "orb_slam_mono_tum"),
     "replica": ("slam_replica", "splatam_replica"),
     "euroc": ("orb_slam3_mono_euroc", "evo_euroc"),
+    "tum_vi": ("orb_slam3_mono_tum_vi", "dm_vio", "pandas_tum_vi"),
     "vslamlab": ("vslamlab",),
 }
 CASES = [(layout, name) for layout, names in LOADERS.items() for name in names]

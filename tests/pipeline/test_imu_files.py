@@ -116,6 +116,80 @@ def test_other_layouts_have_it_beside(tmp_path, layout):
     assert not names_in(folder) & {"imu.csv", "imu.yaml", "imu_states.csv"}
 
 
+def test_tum_vi_has_it_in_mav0_and_in_dso(tmp_path):
+    rig = {**RIG, "imu": {**IMU, "time_offset_s": 0.02}}
+    run(felt(tmp_path / "e", "euroc", rig=rig), tmp_path / "euroc")
+    run(felt(tmp_path / "w", "tum_vi", rig=rig), tmp_path / "out")
+    folder, mav = tmp_path / "out/clean/box", tmp_path / "euroc/clean/box/mav0"
+    assert (folder / "mav0/imu0/data.csv").read_bytes() == (mav / "imu0/data.csv").read_bytes()
+    samples = as_orb_slam3_reads(folder / "mav0/imu0/data.csv")
+    spaced = [line.split(" ") for line in (folder / "dso/imu.txt").read_text().splitlines()[1:]]
+    np.testing.assert_array_equal(np.array(spaced, float), samples)
+    truth = as_basalt_reads(mav / "state_groundtruth_estimate0/data.csv")
+    assert as_basalt_reads(folder / "mav0/mocap0/data.csv") == [row[:8] for row in truth]
+    assert (folder / "imu_states.csv").read_bytes() == (mav / "state_groundtruth_estimate0/data.csv").read_bytes()
+    # As VSLAM-LAB and others read Kalibr's files: plain YAML.
+    chain = yaml.safe_load((folder / "dso/camchain.yaml").read_text())["cam0"]
+    np.testing.assert_allclose(np.linalg.inv(chain["T_cam_imu"]), extrinsics(mav / "cam0/sensor.yaml"), atol=1e-12)
+    assert chain["intrinsics"] == [4.0, 4.0, 3.5, 2.5]
+    noise = yaml.safe_load((folder / "dso/imu_config.yaml").read_text())
+    assert noise["gyroscope_noise_density"] == 1.6968e-4
+    assert noise["update_rate"] == 200
+    assert not (folder / "mav0/state_groundtruth_estimate0").exists()
+    np.testing.assert_allclose(
+        find_sequence(folder).trajectory.c2w, find_sequence(tmp_path / "euroc/clean/box").trajectory.c2w, atol=1e-12
+    )
+    run(felt(tmp_path / "x", "tum_vi", rig=RIG), tmp_path / "out", overwrite=True)
+    assert not names_in(folder) & {"dso/imu.txt", "dso/camchain.yaml", "dso/imu_config.yaml", "imu_states.csv"}
+
+
+@cases(
+    ("distortion", "line"),
+    [
+        ({"model": "radial-tangential", "k1": 0.1, "p1": 1e-3}, "RadTan 4.0 4.0 3.5 2.5 0.1 0.0 0.001 0.0"),
+        ({"model": "equidistant", "k1": 0.1}, "EquiDistant 4.0 4.0 3.5 2.5 0.1 0.0 0.0 0.0"),
+        ({"model": "radial-tangential", "k1": 0.1, "k3": 0.01}, None),
+        (None, "Pinhole 4.0 4.0 3.5 2.5 0.0"),
+    ],
+)
+def test_a_lens_as_dso_has_it(distortion, line):
+    from noisy_world.core.datasets.layouts.tum_vi import _dso_lens
+    from noisy_world.core.optics import Distortion
+
+    values = None if distortion is None else [distortion.get(name, 0.0) for name in ("k1", "k2", "p1", "p2")]
+    if distortion is not None and distortion["model"] == "equidistant":
+        values = [distortion.get(f"k{k}", 0.0) for k in (1, 2, 3, 4)]
+    if distortion is not None and "k3" in distortion and distortion["model"] != "equidistant":
+        values = [*values, distortion["k3"]]
+    lens = None if distortion is None else Distortion(distortion["model"], tuple(values))
+    model, found = _dso_lens(lens)
+    said = None if model is None else " ".join([model, "4.0 4.0 3.5 2.5", *map(repr, found)])
+    assert said == line
+
+
+def test_vslamlab_has_it_in_its_calibration(tmp_path):
+    run(felt(tmp_path / "e", "euroc"), tmp_path / "euroc")
+    run(felt(tmp_path / "w", "vslamlab"), tmp_path / "out")
+    folder, mav = tmp_path / "out/clean/box", tmp_path / "euroc/clean/box/mav0"
+    header, *rows = (folder / "imu_0.csv").read_text().splitlines()
+    assert header == "ts (ns),wx (rad s^-1),wy (rad s^-1),wz (rad s^-1),ax (m s^-2),ay (m s^-2),az (m s^-2)"
+    numbers = np.array([[float(cell) for cell in row.split(",")] for row in rows])
+    np.testing.assert_array_equal(numbers, as_orb_slam3_reads(mav / "imu0/data.csv"))
+    told = yaml.safe_load((folder / "calibration.yaml").read_text().partition("---\n")[2])
+    (camera,), (imu,) = told["cameras"], told["imus"]
+    # VSLAM-LAB's sequences have the IMU as the body, and T_BS is a sensor's pose in the body's frame.
+    assert imu["T_BS"] == np.eye(4).ravel().tolist()
+    np.testing.assert_allclose(np.reshape(camera["T_BS"], (4, 4)), extrinsics(mav / "cam0/sensor.yaml"), atol=1e-12)
+    keys = "a_max g_max sigma_g_c sigma_gw_c sigma_a_c sigma_aw_c sigma_bg sigma_ba g fps"
+    assert all(isinstance(imu[name], float) for name in keys.split())
+    assert (imu["sigma_g_c"], imu["sigma_aw_c"], imu["fps"]) == (1.6968e-4, 3e-3, 200.0)
+    assert imu["g_max"] == pytest.approx(np.radians(1000))
+    stored = find_sequence(folder)
+    np.testing.assert_allclose(
+        stored.trajectory.c2w, find_sequence(tmp_path / "euroc/clean/box").trajectory.c2w, atol=1e-9
+    )
+
+
 def test_settings_on_one_path_share_samples_and_faster_ones_feel_more(tmp_path):
     settings = [
         {"name": "clean"},

@@ -13,7 +13,7 @@ CAMERA = {"width": 8, "height": 6, "fx": 4.123456789012345, "fy": 3.9, "cx": 1e-
 # Irregular, on a real clock, in whole microseconds.
 STAMPS = ["1400000000.000100", "1400000000.033433", "1400000000.101", "1400000000.133333", "1400000000.2"]
 # How much finer than the other layouts' stamps may be told: microseconds, float64 on such a clock, nanoseconds.
-STEP_NS = {"tum": 500, "replica": 120, "euroc": 0, "vslamlab": 0}
+STEP_NS = {"tum": 500, "replica": 120, "euroc": 0, "tum_vi": 0, "vslamlab": 0}
 
 
 pytestmark = pytest.mark.usefixtures("no_blender")

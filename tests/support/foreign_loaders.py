@@ -174,6 +174,41 @@ def evo_euroc(folder):
     )
 
 
+# --- TUM-VI ---
+
+
+def orb_slam3_mono_tum_vi(folder):
+    """ORB-SLAM3's loaders for TUM-VI: as for EuRoC, each line of the file of times, with .png, is an image."""
+    return orb_slam3_mono_euroc(folder)
+
+
+def dm_vio(folder):
+    """DM-VIO: the images sorted, as many lines of times, which are a number, seconds and an exposure; # skipped."""
+    rgb = sorted((folder / "mav0/cam0/data").iterdir())
+    rows = [line.split() for line in (folder / "dso/cam0/times.txt").read_text().splitlines() if line[0] != "#"]
+    assert {len(row) for row in rows} == {3}
+    assert len(rows) == len(rgb)
+    assert [int(row[0]) for row in rows] == [int(path.stem) for path in rgb]
+    truth = [line.split(",") for line in (folder / "dso/gt_imu.csv").read_text().splitlines() if line[0] != "#"]
+    poses = [pose_of([*map(float, row[1:4]), *map(float, row[5:8]), float(row[4])]) for row in truth]
+    return Loaded(rgb, None, [float(row[1]) for row in rows], np.array(poses))
+
+
+def pandas_tum_vi(folder):
+    """Readers by the names of mocap0's columns, and rerun's example: a header, then rows."""
+    with (folder / "mav0/mocap0/data.csv").open(newline="") as table:
+        rows = list(csv.DictReader(table))
+    columns = [*(f" p_RS_R_{axis} [m]" for axis in "xyz"), *(f" q_RS_{axis} []" for axis in "xyzw")]
+    with (folder / "dso/cam0/times.txt").open() as table:
+        names = [line.split(" ")[0] for line in list(table)[1:]]
+    return Loaded(
+        [folder / "mav0/cam0/data" / f"{name}.png" for name in names],
+        None,
+        [int(row["#timestamp [ns]"]) / 1e9 for row in rows],
+        np.array([pose_of([float(row[name]) for name in columns]) for row in rows]),
+    )
+
+
 # --- VSLAM-LAB ---
 
 

@@ -74,17 +74,17 @@ def read_tum(folder):
     )
 
 
-def read_euroc(folder):
+def read_euroc(folder, truth="state_groundtruth_estimate0"):
     mav = folder / "mav0"
     sensors = {name: yaml.safe_load((mav / name / "sensor.yaml").read_text()) for name in ("cam0", "depth0")}
     camera = (*sensors["cam0"]["resolution"], *sensors["cam0"]["intrinsics"])
     assert camera == (*sensors["depth0"]["resolution"], *sensors["depth0"]["intrinsics"])
     scale = sensors["depth0"]["depth_scale_per_m"]
-    rows = {name: rows_of(mav / name / "data.csv") for name in ("cam0", "depth0", "state_groundtruth_estimate0")}
+    rows = {name: rows_of(mav / name / "data.csv") for name in ("cam0", "depth0", truth)}
     for name in ("cam0", "depth0"):
         assert [row[1] for row in rows[name]] == sorted(path.name for path in (mav / name / "data").iterdir())
         assert all(row[1] == f"{int(row[0]):019d}.png" for row in rows[name])
-    poses = rows["state_groundtruth_estimate0"]
+    poses = rows[truth]
     return Said(
         camera,
         *([int(row[0]) for row in rows[name]] for name in rows),
@@ -116,4 +116,14 @@ def read_vslamlab(folder):
     )
 
 
-READERS = {"replica": read_replica, "tum": read_tum, "euroc": read_euroc, "vslamlab": read_vslamlab}
+def read_tum_vi(folder):
+    return read_euroc(folder, "mocap0")
+
+
+READERS = {
+    "replica": read_replica,
+    "tum": read_tum,
+    "euroc": read_euroc,
+    "tum_vi": read_tum_vi,
+    "vslamlab": read_vslamlab,
+}

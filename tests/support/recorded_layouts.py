@@ -269,6 +269,13 @@ def euroc(folder):
     return Written(c2w, steps, 2000.0, k, k)
 
 
+def tum_vi(folder):
+    """EuRoC's files with the truth where TUM-VI's export has it."""
+    written = euroc(folder)
+    (folder / "mav0/state_groundtruth_estimate0").rename(folder / "mav0/mocap0")
+    return written
+
+
 def vslamlab(folder):
     k = (64, 48, 58.0, 57.0, 31.25, 23.75)
     c2w = poses(seed=10)
@@ -291,7 +298,7 @@ def vslamlab(folder):
     return Written(c2w, steps, 2000.0, k, k)
 
 
-WRITTEN = {writer.__name__: writer for writer in (replica, tum, euroc, vslamlab)}
+WRITTEN = {writer.__name__: writer for writer in (replica, tum, euroc, tum_vi, vslamlab)}
 WRITERS = {
     writer.__name__: writer for writer in (seven_scenes, bundlefusion, scannet, icl_nuim, open3d, redwood, nerfstudio)
 }

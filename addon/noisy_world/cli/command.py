@@ -38,6 +38,8 @@ GROUPS = {
     "look at what there is": {
         "list": Subcommand("list_command", "list what a preset may say and what is shipped, or what a preset holds"),
         "status": Subcommand("status", "say how far a dataset has come, and what of it is missing or damaged"),
+        "view": Subcommand("view_command", "open a dataset's images, paths, IMU and perturbations in Rerun's viewer"),
+        "video": Subcommand("video_command", "write a dataset's sequences as videos to look at, or as one sheet"),
     },
     "share a dataset, and make it again": {
         "publish": Subcommand("publish_command", "pack a finished dataset as tars, in an object store or a folder"),
@@ -63,6 +65,7 @@ GROUPS = {
     },
     "prepare and convert": {
         "simulate": Subcommand("simulate_command", "let a robot's body follow a scene's path, by physics: a path file"),
+        "scan": Subcommand("scan_command", "spin a lidar along the paths of meshes: point clouds with times"),
         "bag": Subcommand("bag_command", "write a sequence of the layout euroc as a bag of ROS 2"),
         "export": Subcommand("export_mesh", "write a mesh as PLY in Replica's layout"),
     },

@@ -23,6 +23,7 @@ EXTRAS = {
     "strict": ("simplejpeg>=1.8",),
     "simulate": ("mujoco>=3.3,<4",),
     "ros": ("rosbags>=0.11",),
+    "view": ("rerun-sdk>=0.30",),
     "evaluate": (
         "embreex>=4.4",
         "gtsam>=4.3",

@@ -21,7 +21,7 @@ from ..core.datasets.storage import sha256_of_bytes
 from ..core.datasets.stored import StoredFrame, StoredSequence
 from ..core.errors import InputError
 from ..core.geometry import Intrinsics
-from ..core.optics import Distortion
+from ..core.optics import DepthCamera, Distortion
 from ..core.regular_files import open_regular, read_bytes
 from .digests import series_of
 from .frame_numbers import FrameNumbers
@@ -40,6 +40,7 @@ class OpenedFolder(Opened):
         super().__init__(str(folder))
         self._folder = folder
         state = read_dataset_state(folder)
+        self._identity: dict[str, Any] = {} if state is None else (state.manifest or {}).get("identity", {})
         if state is None:
             self._places, self._whole = _plain_sequences(folder), dict[str, int]()
         else:
@@ -48,6 +49,11 @@ class OpenedFolder(Opened):
 
     def __reduce__(self) -> tuple[Any, ...]:
         return OpenedFolder, (self._folder,)
+
+    @property
+    def identity(self) -> dict[str, Any]:
+        """As its manifest has it."""
+        return self._identity
 
     @property
     def _names(self) -> Collection[str]:
@@ -119,6 +125,16 @@ class SequenceOfFiles(OpenedSequence):
     def distortion(self) -> Distortion | None:
         """What its files say."""
         return self.stored.optics.distortion
+
+    @property
+    def depth_camera(self) -> DepthCamera | None:
+        """What its files say."""
+        return self.stored.optics.depth
+
+    def text(self, name: str) -> bytes | None:
+        """Return a text file beside its images."""
+        path = self.stored.folder / name
+        return _content(path) if path.exists() else None
 
     def _frame(self, index: int) -> "FrameOfFiles":
         place = self._records.place(index)

@@ -3,9 +3,10 @@
 
 import json
 import os
+import tarfile
 import threading
 from collections.abc import Collection
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -19,9 +20,10 @@ from ..core.datasets.layouts import Modality
 from ..core.datasets.storage import sha256_of_bytes
 from ..core.errors import InputError
 from ..core.geometry import Intrinsics
-from ..core.optics import Distortion
+from ..core.optics import DepthCamera, Distortion
 from ..storage.finished import Packed, open_packed
 from ..storage.packed_table import AGAIN
+from ..storage.packed_tar import texts_of
 from .frame_numbers import FrameNumbers
 from .opened import Frame, Opened, OpenedSequence, decoded
 
@@ -55,6 +57,11 @@ class OpenedPacked(Opened):
             with self._lock:
                 self._open()
         return self._packed
+
+    @property
+    def identity(self) -> dict[str, Any]:
+        """As its manifest has it."""
+        return self._packed.manifest["identity"]
 
     @property
     def _names(self) -> Collection[str]:
@@ -111,7 +118,31 @@ class PackedSequence(OpenedSequence):
     @property
     def distortion(self) -> Distortion | None:
         """The lens of its frames."""
-        return self._opened.packed.distortion(self.name)
+        return self._opened.packed.optics(self.name).distortion
+
+    @property
+    def depth_camera(self) -> DepthCamera | None:
+        """The camera of its depth."""
+        return self._opened.packed.optics(self.name).depth
+
+    def text(self, name: str) -> bytes | None:
+        """Return a text file beside its images: they stand behind these in the tar."""
+        if name not in self._opened.packed.manifest["files"].get(self.name, {}):
+            return None
+        texts = self._texts
+        if name not in texts:
+            raise InputError(self._opened.place, f"{self.name}: its tar holds no {name}", remedy=AGAIN)
+        return texts[name]
+
+    @cached_property
+    def _texts(self) -> dict[str, bytes]:
+        """The text files of its folder, by name; they are read with what lies behind the last image."""
+        packed = self._opened.packed
+        last = self._rows.slice(len(self._order) - 1, 1).to_pylist()[0]
+        ends = [last[f"{modality}_offset"] + last[f"{modality}_size"] for modality in packed.modalities]
+        start = -(-max(ends) // tarfile.BLOCKSIZE) * tarfile.BLOCKSIZE
+        data = packed.store.read_range(last["tar"], start, packed.store.size(last["tar"]) or start)
+        return texts_of(data, self.name)
 
     def _frame(self, index: int) -> "PackedFrame":
         (row,) = self._rows.slice(int(np.searchsorted(self._order, index)), 1).to_pylist()

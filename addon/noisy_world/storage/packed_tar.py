@@ -83,6 +83,20 @@ def read_tar(store: Store, sequence: str, size: int, stopped: Callable[[], bool]
     return TarContent(found.digests, records, stream.sha256)
 
 
+def texts_of(data: bytes, sequence: str) -> dict[str, bytes]:
+    """Return the text files of a sequence by name, of a tar's end that begins with a header.
+
+    Of an end that is damaged, what lies behind the damage may be missing.
+    """
+    found = _TarMembers()
+    with contextlib.suppress(tarfile.TarError, EOFError, ValueError), tarfile.open(fileobj=io.BytesIO(data)) as tar:
+        for member in tar:
+            found.add(tar, member)
+    start = f"{sequence}/"
+    named = {name.removeprefix(start): stored for name, stored in found.stored.items() if name.startswith(start)}
+    return {name: found.texts[stored] for name, stored in named.items() if stored in found.texts}
+
+
 @dataclass
 class _TarMembers:
     """The members of a tar so far. stored: what links lead to. texts: the content of text files, as they are stored."""

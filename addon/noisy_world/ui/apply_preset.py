@@ -109,6 +109,23 @@ def _apply(panel: Any, preset: Preset, wanted: str) -> None:
         panel.preset_settings = "\n".join(item.name for item in found)
 
 
+def setting_of(preset: Preset, wanted: str) -> Setting:
+    """Return the setting of a preset that is wanted: "" is the first that is not clean.
+
+    Raises InputError where there is none of this name, or the panel cannot show it.
+    """
+    return _settings_of(preset, wanted)[1]
+
+
+def show_setting(panel: Any, setting: Setting) -> None:
+    """Let the panel's perturbations be those of a setting, in place of what it holds."""
+    with notify_once():
+        panel.backend = setting.backend
+        if setting.name != CLEAN:
+            panel.setting_name = setting.name
+        _apply_steps(panel, setting)
+
+
 def _settings_of(preset: Preset, wanted: str) -> tuple[tuple[Setting, ...], Setting]:
     """Return a preset's settings, and that which is wanted: "" is the first that is not clean."""
     place = preset.place("settings")

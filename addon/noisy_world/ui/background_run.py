@@ -37,7 +37,7 @@ class BackgroundRun:
         Raises OSError where it cannot be started.
         """
         self.phase: Phase = "starting"
-        self.label = ""
+        self.label = self.where = ""
         self.done = self.total = 0
         self.notes: deque[str] = deque(maxlen=NOTES_KEPT)
         self.result = ""

@@ -57,6 +57,7 @@ SAID = {
     "glass_blur": "Shifts each pixel by chance, as ribbed glass does",
     "motion_blur": "Smears the whole image along one line, whatever the camera does",
     "chromatic_aberration": "Moves red outwards and blue inwards, so edges near the border have colored fringes",
+    "bloom": "Lets bright things glow, as a lens scatters a part of their light",
     "vignetting": "Darkens the image towards its corners, as lenses do",
     "lens_drops": "Puts drops of water on the front glass, which show the scene upside down, run and dry",
     "lens_dirt": "Puts dust, grease and scratches on the front glass, which light up near lamps",
@@ -115,3 +116,9 @@ def line_on(perturbation: Perturbation) -> str:
     line = f"{list_of(perturbation).label}: {sentence_of(perturbation)}"
     twin = TWINS.get(perturbation.name)
     return line if twin is None else f"{line}. Its physical twin is {title(registry()[twin].label)}"
+
+
+def short_label(perturbation: Perturbation) -> str:
+    """Return a perturbation's name for a list that shows its stage beside it."""
+    label = perturbation.label.removeprefix("Depth: ").removeprefix("RGB-D ")
+    return title(label[0].upper() + label[1:])

@@ -12,15 +12,20 @@ from ..core.home import with_home
 
 def output_folder(panel: Any) -> Path:
     """Return the dataset's folder. Raises InputError where the panel names none."""
-    text = panel.output_folder.strip()
+    return folder_of(panel.output_folder, "Output")
+
+
+def folder_of(named: str, field: str) -> Path:
+    """Return a folder that a field names. Raises InputError where it names none."""
+    text = named.strip()
     if not text:
-        raise InputError("Output", "no folder is named", remedy="choose one")
+        raise InputError(field, "no folder is named", remedy="choose one")
     if text.startswith("//") and not bpy.data.filepath:
-        raise InputError("Output", f"{text} is beside this file, which has no place yet", remedy="save it")
+        raise InputError(field, f"{text} is beside this file, which has no place yet", remedy="save it")
     try:
         return Path(bpy.path.abspath(str(with_home(text)) if text.startswith("~") else text)).resolve()
     except LookupError as error:
-        raise InputError("Output", str(error)) from error
+        raise InputError(field, str(error)) from error
 
 
 def absolute(path: str) -> str:

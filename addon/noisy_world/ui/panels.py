@@ -8,17 +8,29 @@ import bpy
 from ..blender.typed import layout_of
 from ..core.channels import CHANNELS
 from ..core.datasets.layouts import LAYOUTS
-from ..core.labels import title
-from ..core.perturbing.kinds import Perturbation, Stage
+from ..core.perturbing.kinds import Stage
 from ..perturbations import registry
-from . import asset_library, camera_link, footage, generate, header_presets, operators, paths, preview, tracking, world
+from . import (
+    asset_library,
+    camera_link,
+    footage,
+    generate,
+    header_presets,
+    operators,
+    paths,
+    pictures,
+    preview,
+    real_cameras,
+    tracking,
+    world,
+)
 from .described import CAMERA, DEVIATION, OUTPUT, PERTURBATIONS, SCENE, TRAJECTORY
 from .document import NO_BODY
 from .imu_fields import draw_imu
 from .keyed import without_effect
 from .lens_fields import draw_distortion
 from .long_text import write
-from .offered import BENCHMARK, PACKAGES, PHYSICAL, Offered, line_on, offered
+from .offered import BENCHMARK, PACKAGES, PHYSICAL, Offered, line_on, offered, short_label
 from .own_objects import own_object
 from .properties import active_step, panel_of, perturbation_of
 from .shown_sources import shown
@@ -161,6 +173,7 @@ class NOISYWORLD_PT_camera(PanelSection, bpy.types.Panel):
             layout.prop(panel, source.lens_field)
             if not source.gives_lens(panel):
                 return
+        real_cameras.draw_choice(layout)
         layout.operator("noisy_world.camera_from_file", text="From File", icon="FILE_FOLDER")
         for names in (("width_px", "height_px"), ("fx_px", "fy_px"), ("cx_px", "cy_px"), ("near_m", "far_m")):
             column = layout.column(align=True)
@@ -173,12 +186,6 @@ class NOISYWORLD_PT_camera(PanelSection, bpy.types.Panel):
 
 
 # --- perturbations ---
-
-
-def short_label(perturbation: Perturbation) -> str:
-    """Return a perturbation's name for a list that shows its stage beside it."""
-    label = perturbation.label.removeprefix("Depth: ").removeprefix("RGB-D ")
-    return title(label[0].upper() + label[1:])
 
 
 class NOISYWORLD_UL_steps(bpy.types.UIList):
@@ -260,6 +267,7 @@ class NOISYWORLD_PT_perturbations(PanelSection, bpy.types.Panel):
         buttons.separator()
         buttons.operator("noisy_world.move_step_up", text="", icon="TRIA_UP")
         buttons.operator("noisy_world.move_step_down", text="", icon="TRIA_DOWN")
+        pictures.draw_buttons(layout)
         if (step := active_step(panel)) is not None and step.perturbation in registry():
             write(layout, context, line_on(perturbation_of(step)), "INFO")
             draw_step(layout, step)

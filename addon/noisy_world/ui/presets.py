@@ -12,6 +12,7 @@ from ..core.errors import InputError
 from ..core.home import with_home
 from ..core.labels import title
 from ..core.perturbing.steps import Step
+from . import pictures
 from .apply_preset import add_perturbations, apply_part, open_preset
 from .document import save_preset
 from .operators import CANCELLED, DONE, UNDOABLE, OnScene, guarded
@@ -303,6 +304,7 @@ class NOISYWORLD_PT_preset(PanelSection, bpy.types.Panel):
         row = layout.row(align=True)
         label = preset_label(Path(panel.preset_path)) if panel.preset_path else "Presets"
         row.menu("NOISYWORLD_MT_presets", text=label)
+        row.popover(panel=pictures.PRESETS, text="", icon="IMGDISPLAY")
         row.operator("noisy_world.add_preset", text="", icon="ADD")
         row.operator("noisy_world.remove_preset", text="", icon="REMOVE")
         if panel.preset_path and panel.preset_settings.count("\n") > 0:

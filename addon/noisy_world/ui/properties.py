@@ -27,6 +27,7 @@ from ..perturbations.motion_deviation import MotionDeviation
 from .described import LARGEST_INT, LISTENERS, channel_flag, choice, described, notify_once, tell
 from .imu_fields import imu_members
 from .lens_fields import lens_members
+from .shot_fields import NoisyWorldShot, shot_list_members
 from .source_fields import GROUPS, ITEMS, source_members
 from .tooltips import seen
 from .typed_numbers import property_name, set_value
@@ -291,6 +292,7 @@ def _panel_members() -> dict[str, Any]:
         "active_step": _whole(
             name="Active Perturbation", description="The perturbation whose parameters are shown", min=0
         ),
+        **shot_list_members(),
         "seed": described(PresetSpec, "seed", update="seed", max=LARGEST_INT),
         **{
             name: described(RenderSpec, name, update=name) for name in ("engine", "backend", "samples")
@@ -355,7 +357,7 @@ def _panel_members() -> dict[str, Any]:
 NoisyWorldPanelState: type = type(
     "NoisyWorldPanelState", (bpy.types.PropertyGroup,), {"__annotations__": _panel_members(), "__module__": __name__}
 )
-CLASSES = (*PARAMETERS.values(), *GROUPS.values(), NoisyWorldStep, NoisyWorldPanelState)
+CLASSES = (*PARAMETERS.values(), *GROUPS.values(), NoisyWorldStep, NoisyWorldShot, NoisyWorldPanelState)
 _register_classes, _unregister_classes = bpy.utils.register_classes_factory(CLASSES)
 
 

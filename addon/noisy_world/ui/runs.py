@@ -25,6 +25,7 @@ from ..sources import read_scenes
 from ..sources.blend_inspection import background_command
 from . import scene_copy, this_scene
 from .background_run import BackgroundRun
+from .background_series import BackgroundSeries
 from .document import PANEL, preset_of, to_document
 from .output_place import output_folder
 from .properties import panel_of
@@ -47,7 +48,7 @@ class SceneRun:
 
     scene_uid: int
     out: Path
-    background: BackgroundRun
+    background: BackgroundRun | BackgroundSeries
     folder: Path
     stopped: str = STOPPED
     sequences: tuple[str, ...] = ()
@@ -61,6 +62,7 @@ class SceneRun:
 
 _RUNS: dict[int, SceneRun] = {}  # the last run of the generator of each scene, by the scene's uid in this session
 _TRACKED: dict[int, SceneRun] = {}  # and of the tracker
+_SHOTS: dict[int, SceneRun] = {}  # and of the generator that takes the scene's shots
 _STILLS: dict[int, SceneRun] = {}  # and of the renderer of previewed frames
 
 
@@ -110,7 +112,7 @@ def start(scene: bpy.types.Scene, *, overwrite: bool = False) -> SceneRun:
     preset_of(panel)  # raises at once what would otherwise be reported only by the started Blender
     folder = Path(tempfile.mkdtemp(prefix="noisy-world-preset-"))
     try:
-        preset = saved_preset(panel) or temporary_preset(panel, folder)
+        preset = saved_preset(panel) or temporary_preset(to_document(panel), folder)
         options = ("--progress", "json", *(["--overwrite"] if overwrite else []))
         background = BackgroundRun(generator_command(preset, out, *options))
     except OSError as error:
@@ -121,6 +123,11 @@ def start(scene: bpy.types.Scene, *, overwrite: bool = False) -> SceneRun:
         raise
     run = _RUNS[scene.session_uid] = SceneRun(scene.session_uid, out, background, folder, preset=str(preset), said=said)
     return run
+
+
+def keep_shots(run: SceneRun) -> None:
+    """Let this be the last run of its scene's shots."""
+    _SHOTS[run.scene_uid] = run
 
 
 def start_tracking(scene: bpy.types.Scene, out: Path, sequences: tuple[str, ...]) -> SceneRun:
@@ -191,17 +198,22 @@ def _placed(preset: Preset) -> tuple[PresetSpec, list[SceneKeys]]:
     return replace(preset.spec, scenes=(), camera=camera, data=None), found
 
 
-def temporary_preset(panel: Any, folder: Path) -> Path:
-    """Write what the panel describes into a folder; return the file."""
-    path = folder / "noisy_world.yaml"
+def temporary_preset(document: dict[str, Any], folder: Path, name: str = "noisy_world") -> Path:
+    """Write a preset's document into a folder; return the file."""
+    path = folder / f"{name}.yaml"
     # JSON is YAML, and keeps numbers exactly.
-    path.write_text(json.dumps(to_document(panel), indent=1, ensure_ascii=False), encoding="utf-8")
+    path.write_text(json.dumps(document, indent=1, ensure_ascii=False), encoding="utf-8")
     return path
 
 
 def run_of(scene: bpy.types.Scene) -> SceneRun | None:
     """Return a scene's last run of the generator."""
     return _RUNS.get(scene.session_uid)
+
+
+def shots_of(scene: bpy.types.Scene) -> SceneRun | None:
+    """Return the last run of a scene's shots."""
+    return _SHOTS.get(scene.session_uid)
 
 
 def tracking_of(scene: bpy.types.Scene) -> SceneRun | None:
@@ -211,7 +223,7 @@ def tracking_of(scene: bpy.types.Scene) -> SceneRun | None:
 
 def active_run() -> SceneRun | None:
     """Return the active run; there is at most one."""
-    return next((run for run in (*_RUNS.values(), *_TRACKED.values()) if run.background.active), None)
+    return next((run for run in (*_RUNS.values(), *_TRACKED.values(), *_SHOTS.values()) if run.background.active), None)
 
 
 def active_still() -> SceneRun | None:
@@ -221,7 +233,7 @@ def active_still() -> SceneRun | None:
 
 def stop_all(*_: object) -> None:
     """End all that runs, as the file or Blender is about to close."""
-    for runs in (_RUNS, _TRACKED, _STILLS):
+    for runs in (_RUNS, _TRACKED, _SHOTS, _STILLS):
         for run in runs.values():
             run.background.close()
             run.tidy()
@@ -247,11 +259,9 @@ def summary(run: SceneRun) -> str:
     state = run.background
     rate = f", {state.frames_per_s:.2f} frames/s" if state.frames_per_s else ""
     match state.phase:
-        case "starting":
-            return "Starting"
-        case "running" | "stopping":
-            counted = f"{state.done} of {state.total} frames{rate}" if state.total else "Starting"
-            return f"Stopping, {counted}" if state.phase == "stopping" else counted
+        case "starting" | "running" | "stopping":
+            counted = state.where + (f"{state.done} of {state.total} frames{rate}" if state.total else "starting")
+            return f"Stopping, {counted}" if state.phase == "stopping" else counted[:1].upper() + counted[1:]
         case "finished":
             return state.result[:1].upper() + state.result[1:]
         case "stopped":

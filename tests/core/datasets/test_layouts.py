@@ -50,15 +50,16 @@ def write_tum(folder, stamps=("0.0", "0.05")):
 
 
 def test_what_each_layout_is():
-    assert list(LAYOUTS) == ["replica", "tum", "euroc", "vslamlab"]
+    assert list(LAYOUTS) == ["replica", "tum", "euroc", "tum_vi", "vslamlab"]
     assert {name: layout.images for name, layout in LAYOUTS.items()} == {
         "replica": ("jpg", "png", "exr"),
         "tum": ("png",),
         "euroc": ("png",),
+        "tum_vi": ("png",),
         "vslamlab": ("png", "jpg"),
     }
-    assert [layout.colours[0] for layout in LAYOUTS.values()] == ["rgb", "rgb", "grey", "rgb"]
-    assert [layout.depth_scale_per_m for layout in LAYOUTS.values()] == [6553.5, 5000.0, 5000.0, 5000.0]
+    assert [layout.colours[0] for layout in LAYOUTS.values()] == ["rgb", "rgb", "grey", "grey", "rgb"]
+    assert [layout.depth_scale_per_m for layout in LAYOUTS.values()] == [6553.5, 5000.0, 5000.0, 5000.0, 5000.0]
     assert OutputSpec("replica").format.depth_limit_m == 10.0
 
 
@@ -70,6 +71,7 @@ def test_names_are_those_that_readers_expect():
     )
     assert (names["tum"].rgb(1), names["tum"].depth(1)) == ("rgb/000001.png", "depth/000001.png")
     assert names["euroc"].rgb(1) == "mav0/cam0/data/1305031102175304000.png"
+    assert names["tum_vi"].of(1) == names["euroc"].of(1)
     assert names["euroc"].depth(0) == "mav0/depth0/data/0000000000000000000.png"
     assert names["vslamlab"].of(1) == {"rgb_0/000001.png", "depth_0/000001.png"}
     assert names["tum"].of(0) == {"rgb/000000.png", "depth/000000.png"}
@@ -127,7 +129,7 @@ def test_the_docs_name_every_file():
         camera, sensor = Intrinsics(8, 6, 4.0, 4.0, 3.5, 2.5), Sensor(np.eye(4))
         texts = layout.sequence_texts(SequenceFacts(output, camera, Rig(sensor, sensor), (0, 1), paths))
         images = [output.names([0.0]).rgb(0), output.names([0.0]).depth(0)]
-        if name == "euroc":
+        if name in ("euroc", "tum_vi"):
             images = [image.replace("0" * 19, f"{50_000_000:019d}") for image in images]
         for file in (*texts, *layout.setting_texts(camera, 1.0), *images):
             assert f"`{file}`" in text or f"/{file}`" in text, (name, file)
@@ -145,7 +147,7 @@ def document(**output):
     ("output", "words"),
     [
         ({"layout": "eurok"}, r"output\.layout: unknown value 'eurok'; did you mean 'euroc'\?"),
-        ({"layout": 3}, r"output\.layout: is the number 3, but has to be one of replica, tum, euroc, vslamlab"),
+        ({"layout": 3}, r"output\.layout: is the number 3, but has to be one of replica, tum, euroc, tum_vi, vslamlab"),
         ({"layout": "euroc", "image": "jpg"}, r"output\.image: is jpg, but the EuRoC ASL layout's readers .* use png"),
         ({"layout": "tum", "image": "jpg"}, r"output\.image: is jpg, but the TUM layout's readers expect png; use png"),
         ({"colour": "gray"}, r"output\.colour: unknown value 'gray'; did you mean 'grey'"),
@@ -164,9 +166,9 @@ def test_what_is_not_given_is_as_the_layout_has_it():
     assert OutputSpec("replica").format.image == "jpg"
     assert OutputSpec("replica", depth_scale_per_m=1000.0).format.depth_limit_m == 65.535
     rows = dict(list_keys(OutputSpec))
-    assert "one of replica, tum, euroc, vslamlab" in rows["layout"]
-    assert "default jpg for replica, png for tum and euroc and vslamlab" in rows["image"]
-    assert "default 6553.5 for replica, 5000 for tum and euroc and vslamlab" in rows["depth_scale_per_m"]
+    assert "one of replica, tum, euroc, tum_vi, vslamlab" in rows["layout"]
+    assert "default jpg for replica, png for tum and euroc and tum_vi and vslamlab" in rows["image"]
+    assert "default 6553.5 for replica, 5000 for tum and euroc and tum_vi and vslamlab" in rows["depth_scale_per_m"]
 
 
 @dataclass(frozen=True)
@@ -188,7 +190,14 @@ def test_choices_of_a_key():
 
 
 def test_layouts_are_told_apart(tmp_path):
-    writers = (("replica", write_replica), ("tum", write_tum), ("euroc", write_euroc), ("vslamlab", write_vslamlab))
+    def write_tum_vi(folder):
+        write_euroc(folder)
+        (folder / "mav0/state_groundtruth_estimate0").rename(folder / "mav0/mocap0")
+
+    writers = (
+        *(("replica", write_replica), ("tum", write_tum), ("euroc", write_euroc)),
+        *(("tum_vi", write_tum_vi), ("vslamlab", write_vslamlab)),
+    )
     for name, write in writers:
         write(tmp_path / name)
         assert [layout.name for layout in LAYOUTS.values() if layout.recognises(tmp_path / name)] == [name]
@@ -198,7 +207,7 @@ def test_layouts_are_told_apart(tmp_path):
 def test_none_or_several_layouts_are_one_line(tmp_path):
     with pytest.raises(
         InputError,
-        match=r"is no sequence; .* Replica or TUM or EuRoC ASL or VSLAM-LAB or 7-Scenes or .* or nerfstudio$",
+        match=r"is no sequence; .* Replica or TUM or EuRoC ASL or TUM-VI or VSLAM-LAB or 7-Scenes or .* or nerfstudio$",
     ):
         find_sequence(tmp_path)
     write_replica(tmp_path)

@@ -17,6 +17,7 @@ from ..trajectories.stamps import NS_PER_S
 from .layouts import LAYOUTS
 from .layouts.asl import read_poses_csv, read_sensor_yaml
 from .layouts.euroc import COLOUR, DEPTH, IMU, MAV, TRUE_STATE
+from .layouts.imu_files import read_samples
 from .stored import StoredSequence, read_text
 
 TOPICS = {
@@ -51,15 +52,7 @@ class BagMessages:
         path = self.folder / IMU / "data.csv"
         if not path.is_file():
             return np.zeros(0, np.int64), np.zeros((0, 6))
-        rows = [line.split(",") for line in read_text(path).splitlines() if line and not line.startswith("#")]
-        try:
-            stamps_ns = np.array([int(row[0]) for row in rows], dtype=np.int64)
-            values = np.array([[float(cell) for cell in row[1:]] for row in rows], dtype=np.float64)
-        except ValueError as error:
-            raise InputError(path, f"is no list of samples: {error}") from error
-        if values.shape != (len(rows), 6):
-            raise InputError(path, "has to have seven numbers in each row")
-        return stamps_ns, values
+        return read_samples(read_text(path), path)
 
     def in_order(self) -> Iterator[tuple[int, str, Any]]:
         """Yield stamp in nanoseconds, topic and message, in the order of time."""

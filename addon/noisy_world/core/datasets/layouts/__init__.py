@@ -19,6 +19,7 @@ from .replica import ReplicaLayout
 from .scannet import ScanNetLayout
 from .seven_scenes import BundleFusionLayout, SevenScenesLayout
 from .tum import TumLayout
+from .tum_vi import TumViLayout
 from .vslamlab import VslamLabLayout
 
 __all__ = [
@@ -61,6 +62,7 @@ EVERY = Registry[Layout | RecordedLayout](
         ReplicaLayout(),
         TumLayout(),
         EurocLayout(),
+        TumViLayout(),
         VslamLabLayout(),
         SevenScenesLayout(),
         BundleFusionLayout(),

@@ -41,6 +41,8 @@ COLOUR = f"{MAV}/cam0"
 DEPTH = f"{MAV}/depth0"
 IMU = f"{MAV}/imu0"
 TRUE_STATE = f"{MAV}/state_groundtruth_estimate0"
+MOCAP = f"{MAV}/mocap0"
+"""The truth of TUM-VI."""
 NOMINAL_STATE = f"{MAV}/state_nominal0"
 # Two texts of the same pose differ by less than this, sensors at different poses by more. Chosen.
 _SAME_POSE = 1e-9
@@ -58,8 +60,10 @@ class EurocLayout(Layout):
     meaning = "of the EuRoC MAV datasets, which visual-inertial systems read"
     images = ("png",)
     colours = ("grey", "rgb")  # grey by default: Basalt aborts at images of more than one channel
+    lists_depth = True
     optics = True  # in sensor.yaml
     holds_imu = True
+    truth: ClassVar[str] = TRUE_STATE
     depth_scale_per_m = 5000.0  # TUM's, so that depth images can be linked from one layout to the other
     conventions: ClassVar[dict[str, str]] = {
         "pose": "body-to-world; T_BS of a sensor.yaml is sensor-to-body; camera axes x right, y down, z forward "
@@ -143,7 +147,7 @@ class EurocLayout(Layout):
         followed = chosen.rgb
         if chosen.robot is not None:
             followed = sensor_trajectory(chosen.robot, Sensor(invert_pose(body_from_robot)))
-        states = {TRUE_STATE: (followed, "where the body was")}
+        states = {self.truth: (followed, "where the body was")}
         if chosen.nominal is not None:
             # The nominal path is the colour camera's; this layout holds poses of the body.
             rgb_from_body = Sensor(invert_pose(body_from_rgb))
@@ -155,7 +159,7 @@ class EurocLayout(Layout):
             texts[f"{folder}/data.csv"] = poses_csv(path, stamps.ns)
             texts[f"{folder}/sensor.yaml"] = sensor_yaml("pose", comment, np.eye(4))
         if facts.imu is not None:
-            texts[f"{TRUE_STATE}/data.csv"] = states_csv(facts.imu.true_states(facts.frames_ns))
+            texts[f"{self.truth}/data.csv"] = states_csv(facts.imu.true_states(facts.frames_ns))
             texts[f"{IMU}/data.csv"] = samples_csv(facts.imu)
             texts[f"{IMU}/sensor.yaml"] = imu_yaml(facts.imu.imu, np.eye(4))
             texts |= settings_texts(
@@ -166,14 +170,14 @@ class EurocLayout(Layout):
         return texts
 
     def recognises(self, folder: Path) -> bool:
-        """Tell whether there is a folder mav0."""
-        return (folder / MAV).is_dir()
+        """Tell whether there is a folder mav0, whose truth is not TUM-VI's."""
+        return (folder / MAV).is_dir() and not (folder / MOCAP).is_dir()
 
     def written_poses(self, folder: Path, time_s: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the body's poses as the colour camera's; as the depth camera's, where there is no colour."""
         sensors = (folder / sensor / "sensor.yaml" for sensor in (COLOUR, DEPTH))
         sensor = read_sensor_yaml(next((path for path in sensors if path.is_file()), folder / COLOUR / "sensor.yaml"))
-        poses = folder / TRUE_STATE / "data.csv"
+        poses = folder / self.truth / "data.csv"
         path = sensor_trajectory(read_poses_csv(poses), Sensor(sensor.body_from_sensor))
         return poses_at(path, time_s, poses)
 
@@ -189,7 +193,7 @@ class EurocLayout(Layout):
         colour_sensor, depth_sensor = read_sensor_yaml(colour_file), read_sensor_yaml(depth_file)
         optics = _optics(depth_file, colour_sensor, depth_sensor)
         assert depth_sensor.depth_scale_per_m is not None, "just checked"
-        file = truth_file(folder / TRUE_STATE / "data.csv", poses)
+        file = truth_file(folder / self.truth / "data.csv", poses)
         path = exact = None
         if file is not None:
             path = sensor_trajectory(read_poses_csv(file), Sensor(colour_sensor.body_from_sensor))

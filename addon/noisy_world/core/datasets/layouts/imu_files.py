@@ -2,10 +2,12 @@
 """The text files of an IMU, as EuRoC has them: its samples, its true states, and what it is."""
 
 from collections.abc import Iterable, Sequence
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ...errors import InputError
 from ...geometry import continuous_quats, invert_pose, quat_wxyz_from_rotation
 from ...inertial.imu import Imu, ImuSamples, ImuStates
 from .asl import POSES_HEADER, sensor_yaml, stamp_text, yaml_number
@@ -34,6 +36,22 @@ def states_csv(states: ImuStates) -> str:
     moved = [states.motion.position_m, quats, states.motion.velocity_m_s]
     values = np.concatenate([*moved, states.gyro_bias_rad_s, states.accel_bias_m_s2], axis=1)
     return lines([STATES_HEADER, *_rows(states.stamps_ns, values)])
+
+
+def read_samples(text: str, file: Path | str) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Return stamps (N,) in nanoseconds, and angular velocity and specific force (N, 6), of a text with samples.
+
+    file: for messages. Raises InputError where it is none.
+    """
+    rows = [line.split(",") for line in text.splitlines() if line and not line.startswith("#")]
+    try:
+        stamps_ns = np.array([int(row[0]) for row in rows], dtype=np.int64)
+        values = np.array([[float(cell) for cell in row[1:]] for row in rows], dtype=np.float64)
+    except ValueError as error:
+        raise InputError(file, f"is no list of samples: {error}") from error
+    if values.shape != (len(rows), 6):
+        raise InputError(file, "has to have seven numbers in each row")
+    return stamps_ns, values
 
 
 def imu_yaml(imu: Imu, body_from_imu: NDArray[np.float64], more: Sequence[str] = ()) -> str:

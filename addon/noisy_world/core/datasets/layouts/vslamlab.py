@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import InputError
-from ...geometry import Intrinsics, continuous_quats, quat_wxyz_from_rotation
+from ...geometry import Intrinsics, continuous_quats, invert_pose, quat_wxyz_from_rotation
 from ...optics import Distortion, DistortionModel, Optics
 from ...schema import shown
 from ...trajectories.files import read_trajectory
@@ -28,6 +28,7 @@ from ..known_poses import PosePolicy, truth_file
 from ..stored import StoredSequence, check_files, checked_depth_scale, checked_intrinsics, read_text
 from .asl import LARGEST_NS, exact_stamps
 from .layout import PATH_SUFFIXES, Image, Layout, SequenceFacts, StampsLike, lines, numbered, path_suffix, poses_at
+from .vslamlab_imu import SAMPLES, braced, number, vslamlab_imu, vslamlab_samples
 
 LISTED = "rgb.csv"
 CALIBRATION = "calibration.yaml"
@@ -38,6 +39,7 @@ LENSES: dict[str, tuple[DistortionModel, int]] = {
 }
 """What VSLAM-LAB calls a lens's model, by `distortion_type`: its model, and how many coefficients it has."""
 TRUTH = "groundtruth.csv"
+TRUTH_OF = "groundtruth_of"  # ours, beside VSLAM-LAB's keys of a camera: whose poses the truth holds
 CAMERA = "rgb_0"
 DEPTH = "depth_0"
 RGB_COLUMNS = ("ts_rgb_0 (ns)", "path_rgb_0")
@@ -67,6 +69,7 @@ class VslamLabLayout(Layout):
         *numbered(f"{DEPTH}/{{}}.png"),
         LISTED,
         CALIBRATION,
+        SAMPLES,
         *(f"groundtruth{suffix}.csv" for suffix in PATH_SUFFIXES),
     )
 
@@ -92,6 +95,8 @@ class VslamLabLayout(Layout):
     def sequence_texts(self, facts: SequenceFacts) -> dict[str, str]:
         """Return the list of images, the calibration, and a file of poses for each path."""
         texts = {LISTED: _listed_text(facts), CALIBRATION: _calibration_text(facts)}
+        if facts.imu is not None:
+            texts[SAMPLES] = vslamlab_samples(facts.imu)
         if facts.timed is None:
             return texts
         paths, stamps = facts.timed
@@ -182,28 +187,29 @@ def _calibration_text(facts: SequenceFacts) -> str:
         entries += ["cam_type: rgb"]
     entries += [
         "cam_model: pinhole",
-        f"focal_length: [{_number(camera.fx_px)}, {_number(camera.fy_px)}]",
-        f"principal_point: [{_number(camera.cx_px)}, {_number(camera.cy_px)}]",
+        f"focal_length: [{number(camera.fx_px)}, {number(camera.fy_px)}]",
+        f"principal_point: [{number(camera.cx_px)}, {number(camera.cy_px)}]",
         f"image_dimension: [{camera.width_px}, {camera.height_px}]",
     ]
     if (lens := facts.optics.distortion) is not None:
-        values = ", ".join(map(_number, lens.coefficients))
+        values = ", ".join(map(number, lens.coefficients))
         entries += [f"distortion_type: {_type_of(lens)}", f"distortion_coefficients: [{values}]"]
     if "depth" in facts.format.modalities:
-        entries += [f"depth_factor: {_number(facts.format.depth_scale_per_m)}"]
-    entries += [f"fps: {_number(round(rate_hz, 6))}", f"T_BS: [{', '.join(map(_number, np.eye(4).ravel().tolist()))}]"]
-    return lines(["%YAML 1.2", "---", "cameras:", "  - {" + ",\n     ".join(entries), "    }"])
+        entries += [f"depth_factor: {number(facts.format.depth_scale_per_m)}"]
+    entries += [f"fps: {number(round(rate_hz, 6))}"]
+    body_from_rgb, imus = np.eye(4), []
+    if facts.imu is not None and facts.rig is not None:
+        # The body is the IMU, as in VSLAM-LAB's own sequences; the truth stays the colour camera's.
+        body_from_rgb = invert_pose(facts.imu.imu.robot_from_sensor) @ facts.rig.rgb.robot_from_sensor
+        entries += [f"{TRUTH_OF}: {CAMERA}"]
+        imus = ["", "imus:", *vslamlab_imu(facts.imu.imu)]
+    entries += [f"T_BS: [{', '.join(map(number, (body_from_rgb + 0.0).ravel().tolist()))}]"]
+    return lines(["%YAML 1.2", "---", "cameras:", *braced(entries), *imus])
 
 
 def _type_of(lens: Distortion) -> str | None:
     """Return VSLAM-LAB's name of a lens's model; None where it has none."""
     return next((name for name, known in LENSES.items() if known == (lens.model, len(lens.coefficients))), None)
-
-
-def _number(value: float) -> str:
-    """Return a number with a point: YAML 1.1 takes 1e-05 for a text."""
-    digits, e, exponent = repr(float(value)).partition("e")
-    return f"{digits}{'' if '.' in digits or not e else '.0'}{e}{exponent}"
 
 
 # --- read ---
@@ -273,8 +279,9 @@ def _read_calibration(path: Path) -> tuple[Intrinsics, float, Distortion | None]
     if (model := camera.get("cam_model", "pinhole")) != "pinhole":
         raise InputError(path, f"is {shown(str(model))}, but only pinhole can be read", where=_at("cam_model"))
     lens = _lens(path, camera)
-    if np.abs(_numbers(path, camera, "T_BS", 16) - np.eye(4).ravel()).max() > _IDENTITY:
-        remedy = f"{TRUTH} has to hold the poses of {CAMERA}; set T_BS to the identity where it does"
+    apart = np.abs(_numbers(path, camera, "T_BS", 16) - np.eye(4).ravel()).max() > _IDENTITY
+    if apart and camera.get(TRUTH_OF) != CAMERA:
+        remedy = f"{TRUTH} has to hold the poses of {CAMERA}; add {TRUTH_OF}: {CAMERA} where it does"
         raise InputError(path, "is not the identity", where=_at("T_BS"), remedy=remedy)
     scale_per_m = checked_depth_scale(path, _at("depth_factor"), camera.get("depth_factor"))
     keys = {"image_dimension": 2, "focal_length": 2, "principal_point": 2}

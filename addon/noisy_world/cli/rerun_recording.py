@@ -1,0 +1,227 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A sequence as a recording of Rerun: images, paths, the rig, the IMU, and what was done when.
+
+Every scene has a space of its own, SCENE, in which its sequences lie beside each other as SCENE/SETTING, so that their
+paths can be compared. Times are the timeline `time`, seconds since the first frame, and the frames' numbers, `frame`.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import rerun
+import rerun.blueprint as layout
+from numpy.typing import NDArray
+
+from ..core.datasets.layouts.euroc import IMU
+from ..core.datasets.layouts.imu_files import read_samples
+from ..core.datasets.layouts.layout import IMU_FILES
+from ..core.geometry import Intrinsics, invert_pose
+from ..core.trajectories.stamps import NS_PER_S
+from ..recipes.from_files import SequenceOfFiles
+from ..recipes.opened import Frame, Opened
+from .shown_frames import colour_and_depth_of, planned_pose, shown_colour, words_of
+
+TRUE_COLOUR, PLANNED_COLOUR = (90, 170, 255), (255, 160, 60)
+AXIS_M = 0.1  # the length of a frame's axes; chosen
+PLANE_M = 0.3  # how far before the camera its image is drawn; chosen
+_SIGNATURES = {b"\x89PNG": "image/png", b"\xff\xd8\xff": "image/jpeg"}
+
+
+def root_of(name: str) -> str:
+    """Return where a sequence lies in the recording: SCENE/SETTING."""
+    setting, _, scene = name.rpartition("/")
+    return f"{scene}/{setting or 'sequence'}"
+
+
+def blueprint(opened: Opened, names: list[str]) -> layout.Blueprint:
+    """Return what the viewer shows: a tab for each sequence, with its scene, its images, its IMU and its words."""
+    held = colour_and_depth_of(opened)
+    tabs = []
+    for name in names:
+        root, scene = root_of(name), root_of(name).split("/")[0]
+        images = [layout.Spatial2DView(origin=f"{root}/camera/{part}", name=part) for part in held]
+        plots = [layout.TimeSeriesView(origin=f"{root}/imu/{part}", name=part) for part in ("gyro", "accel")]
+        plots = plots if imu_text(opened, name) is not None else []
+        words = [
+            layout.TimeSeriesView(origin=f"{root}/severity", name="severities"),
+            layout.TextLogView(origin=f"{root}/done", name="what was done"),
+        ]
+        beside = layout.Vertical(*images, *plots, *words)
+        tabs.append(layout.Horizontal(layout.Spatial3DView(origin=scene, name=scene), beside, name=name))
+    return layout.Blueprint(layout.Tabs(*tabs), collapse_panels=True)
+
+
+def imu_text(opened: Opened, name: str) -> tuple[str, str] | None:
+    """Return the text of an IMU's samples and its file's name; None where a sequence has none."""
+    for file in (f"{IMU}/data.csv", IMU_FILES[0]):
+        data = opened[name].text(file)
+        if data is not None:
+            return data.decode(), file
+    return None
+
+
+@dataclass(frozen=True, eq=False)
+class Recorder:
+    """Sends a sequence to a recording."""
+
+    stream: rerun.RecordingStream
+    opened: Opened
+    name: str
+
+    @property
+    def root(self) -> str:
+        """Where it lies in the recording."""
+        return root_of(self.name)
+
+    @cached_property
+    def _first_s(self) -> float:
+        sequence = self.opened[self.name]
+        return sequence[sequence.frames[0]].stamp_s
+
+    def record(self, numbers: list[int], every: int) -> list[str]:
+        """Send frames, images of every n-th one alone; return what is not there, in sentences."""
+        self._log(self.root.split("/")[0], rerun.ViewCoordinates.RIGHT_HAND_Z_UP)
+        for number in numbers:
+            self._frame(self.opened[self.name][number], images=(number - numbers[0]) % every == 0)
+        self._paths(numbers)
+        self._rig()
+        return [*self._imu(), *self._lens()]
+
+    # --- what does not change ---
+
+    def _log(self, path: str, *parts: Any) -> None:
+        for part in parts:
+            self.stream.log(path, part, static=True)
+
+    def _paths(self, numbers: list[int]) -> None:
+        """The written path of the colour camera, and the planned one where motion deviates from it."""
+        frames = [self.opened[self.name][number] for number in numbers]
+        true = np.array([frame.c2w for frame in frames])
+        planned = np.array([planned_pose(frame) for frame in frames])
+        self._path("path", true, TRUE_COLOUR)
+        if not np.array_equal(true, planned):
+            self._path("path_planned", planned, PLANNED_COLOUR)
+
+    def _path(self, part: str, c2w: NDArray[np.float64], colour: tuple[int, int, int]) -> None:
+        known = c2w[np.isfinite(c2w).all(axis=(1, 2)), :3, 3]
+        strip = rerun.LineStrips3D([known], colors=[colour], radii=rerun.Radius.ui_points(1.5), labels=[part])
+        self._log(f"{self.root}/{part}", strip)
+
+    def _rig(self) -> None:
+        """The sensors' frames, in that of the colour camera."""
+        for part, rgb_from_sensor in self._sensors().items():
+            axes = rerun.TransformAxes3D(AXIS_M)
+            self._log(f"{self.root}/camera/{part}", _transform(rgb_from_sensor), axes)
+        for part, camera in self._cameras.items():
+            pinhole = rerun.Pinhole(
+                image_from_camera=[[camera.fx_px, 0, camera.cx_px], [0, camera.fy_px, camera.cy_px], [0, 0, 1]],
+                width=camera.width_px,
+                height=camera.height_px,
+                camera_xyz=rerun.ViewCoordinates.RDF,
+                image_plane_distance=PLANE_M,
+            )
+            self._log(f"{self.root}/camera/{part}", pinhole)
+
+    def _sensors(self) -> dict[str, NDArray[np.float64]]:
+        """Return the pose (4, 4) of each frame of the rig in the colour camera's."""
+        rig = self.opened.identity.get("rig")
+        if rig is None:
+            return {"depth": self._depth_pose}
+        rgb_from_robot = invert_pose(np.array(rig["rgb"], np.float64))
+        found = {"depth": self._depth_pose, "robot": rgb_from_robot}
+        if rig.get("imu") is not None:
+            found["imu"] = rgb_from_robot @ np.array(rig["imu"]["robot_from_sensor"], np.float64)
+        return found
+
+    @cached_property
+    def _depth_pose(self) -> NDArray[np.float64]:
+        """(4, 4): the depth camera in the colour camera's frame."""
+        rig, sequence = self.opened.identity.get("rig"), self.opened[self.name]
+        if rig is not None and rig.get("depth") is not None:
+            return invert_pose(np.array(rig["rgb"], np.float64)) @ np.array(rig["depth"], np.float64)
+        if isinstance(sequence, SequenceOfFiles) and sequence.stored.optics.depth is not None:
+            return sequence.stored.optics.depth.matrix
+        return np.eye(4)
+
+    @cached_property
+    def _cameras(self) -> dict[str, Intrinsics]:
+        """The intrinsics of colour and depth, where a file says them."""
+        sequence = self.opened[self.name]
+        if sequence.camera is None:
+            return {}
+        own = sequence.stored.optics.depth if isinstance(sequence, SequenceOfFiles) else None
+        known = {"rgb": sequence.camera, "depth": sequence.camera if own is None else own.intrinsics}
+        return {part: known[part] for part in colour_and_depth_of(self.opened)}
+
+    def _lens(self) -> Iterator[str]:
+        if self.opened[self.name].distortion is not None:
+            yield "its lens distorts, and Rerun draws its rays as a pinhole's"
+
+    # --- what changes ---
+
+    def _at(self, number: int, stamp_s: float) -> None:
+        self.stream.set_time("frame", sequence=number)
+        self.stream.set_time("time", duration=stamp_s - self._first_s)
+
+    def _frame(self, frame: Frame, *, images: bool) -> None:
+        """Send a frame: where the camera is, what it saw, and what was done."""
+        self._at(frame.index, frame.stamp_s)
+        if np.isfinite(frame.c2w).all():
+            self.stream.log(f"{self.root}/camera", _transform(frame.c2w))
+        held = colour_and_depth_of(self.opened) if images else ()
+        if "rgb" in held:
+            self.stream.log(f"{self.root}/camera/rgb", _colour(frame))
+        if "depth" in held:
+            self._at(frame.index, frame.depth_stamp_s)
+            self.stream.log(f"{self.root}/camera/depth", _depth(frame))
+            self._at(frame.index, frame.stamp_s)
+        if words := words_of(frame.done):
+            self.stream.log(f"{self.root}/done", rerun.TextLog("; ".join(words)))
+        for steps in (frame.done.get(channel, []) for channel in ("rgb", "depth")):
+            for step in steps:
+                if step.get("severity") is not None:
+                    self.stream.log(f"{self.root}/severity/{step['name']}", rerun.Scalars(step["severity"]))
+
+    def _imu(self) -> Iterator[str]:
+        """Send the samples, at the stamps of the IMU's own clock."""
+        found = imu_text(self.opened, self.name)
+        if found is None:
+            if (self.opened.identity.get("rig") or {}).get("imu") is not None:
+                yield "the samples of its IMU are no part of a recipe"
+            return
+        stamps_ns, values = read_samples(*found)
+        times = rerun.TimeColumn("time", duration=stamps_ns / NS_PER_S - self._first_s)
+        for part, columns in (("gyro", values[:, :3]), ("accel", values[:, 3:])):
+            unit = "rad/s" if part == "gyro" else "m/s^2"
+            for axis, column in zip("xyz", columns.T, strict=True):
+                path = f"{self.root}/imu/{part}/{axis}"
+                self._log(path, rerun.SeriesLines(names=[f"{axis} [{unit}]"]))
+                self.stream.send_columns(path, indexes=[times], columns=rerun.Scalars.columns(scalars=column))
+
+
+def _transform(matrix: NDArray[np.float64]) -> rerun.Transform3D:
+    return rerun.Transform3D(translation=matrix[:3, 3], mat3x3=matrix[:3, :3])
+
+
+def _colour(frame: Frame) -> rerun.EncodedImage | rerun.Image:
+    """Return the colour image: the file itself where it is a PNG or a JPEG."""
+    data = frame.rgb_bytes()
+    kind = next((kind for signature, kind in _SIGNATURES.items() if data.startswith(signature)), None)
+    return rerun.Image(shown_colour(frame)) if kind is None else rerun.EncodedImage(contents=data, media_type=kind)
+
+
+def _depth(frame: Frame) -> rerun.EncodedDepthImage | rerun.DepthImage:
+    """Return the depth image in metres: the file itself, with its steps per metre, where it is a PNG."""
+    import cv2
+
+    data, depth_m = frame.depth_bytes(), frame.depth_m
+    steps = None
+    if data.startswith(b"\x89PNG"):
+        steps = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+    if steps is None or steps.shape != depth_m.shape or not depth_m.any() or (steps[depth_m == 0] > 0).any():
+        return rerun.DepthImage(depth_m, meter=1.0)
+    place = np.unravel_index(int(np.argmax(depth_m)), depth_m.shape)
+    return rerun.EncodedDepthImage(data, media_type="image/png", meter=round(float(steps[place] / depth_m[place]), 3))

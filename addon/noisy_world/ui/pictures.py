@@ -1,0 +1,128 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Small pictures of presets and perturbations, and the lists that show them: what has none is listed by its name."""
+
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import bpy
+import bpy.utils.previews
+
+from ..blender.typed import layout_of
+from ..core.perturbing.kinds import Perturbation
+from .offered import BENCHMARK, PHYSICAL, Offered, offered, short_label
+from .preset_files import listed, own_folder, preset_label, shipped_folder
+
+FOLDER = Path(__file__).resolve().parent / "thumbnails"
+"""NAME.jpg for shipped presets, perturbations/NAME.jpg for perturbations; drawn by headless/tools/thumbnails.py."""
+
+OWN_SUFFIXES = (".jpg", ".png")
+COLUMNS, SCALE = 6, 4.0  # of a list; chosen: all of a list in a window of 900 pixels, at a picture's own size
+_loaded: dict[str, Any] = {}  # the pictures that were shown, by file
+
+
+def picture_of_preset(path: Path) -> int:
+    """Return the icon of a preset's picture, 0 where it has none. One's own stands beside the file, by its name."""
+    if path.is_relative_to(shipped_folder()):
+        return _icon(FOLDER / path.relative_to(shipped_folder()).with_suffix(".jpg"))
+    beside = (path.with_suffix(suffix) for suffix in OWN_SUFFIXES)
+    return next((icon for file in beside if (icon := _icon(file))), 0)
+
+
+def picture_of(perturbation: Perturbation) -> int:
+    """Return the icon of a perturbation's picture, 0 where it has none."""
+    return _icon(FOLDER / "perturbations" / f"{perturbation.name}.jpg")
+
+
+def _icon(file: Path) -> int:
+    if not file.is_file():
+        return 0
+    if "pictures" not in _loaded:
+        _loaded["pictures"] = bpy.utils.previews.new()
+    pictures = _loaded["pictures"]
+    key = f"{file}:{file.stat().st_mtime_ns}"
+    picture = pictures[key] if key in pictures else pictures.load(key, str(file), "IMAGE")
+    return picture.icon_id
+
+
+def _grid(layout: bpy.types.UILayout) -> bpy.types.UILayout:
+    return layout.grid_flow(row_major=True, columns=COLUMNS, even_columns=True, even_rows=False)
+
+
+def _shown(grid: bpy.types.UILayout, icon: int) -> bpy.types.UILayout:
+    """Return a place in a grid, with a picture or as much space."""
+    column = grid.column(align=True)
+    if icon:
+        column.template_icon(icon_value=icon, scale=SCALE)
+    else:
+        column.separator(factor=SCALE * 3.3)  # chosen: as high as a picture
+    return column
+
+
+def _draw_list(chosen: Offered, layout: bpy.types.UILayout) -> None:
+    """Draw a list of perturbations, each with a button that adds it."""
+    layout.label(text=chosen.said)
+    grid = _grid(layout)
+    for perturbation in offered(chosen):
+        place = _shown(grid, picture_of(perturbation))
+        label = short_label(perturbation).removeprefix("Depth Sensor: ")
+        place.operator("noisy_world.add_step", text=label).perturbation = perturbation.name
+
+
+def _draw_presets(layout: bpy.types.UILayout) -> None:
+    """Draw the presets that replace everything, each with a button that opens it; one's own first."""
+    layout.label(text="Replace Everything", icon="FILE_REFRESH")
+    layout.operator_context = "EXEC_DEFAULT"
+    grid = _grid(layout)
+    for path in [*listed(own_folder()), *listed(shipped_folder())]:
+        place = _shown(grid, picture_of_preset(path))
+        entry = place.operator("noisy_world.use_preset", text=preset_label(path))
+        entry.filepath, entry.part = str(path), "ALL"
+
+
+def _popover(name: str, label: str, said: str, content: Callable[[bpy.types.UILayout], None]) -> type:
+    def draw(self: bpy.types.Panel, _: bpy.types.Context) -> None:
+        content(layout_of(self))
+
+    members = {
+        "bl_label": label, "bl_space_type": "VIEW_3D", "bl_region_type": "HEADER", "bl_ui_units_x": 36, "draw": draw,
+        "__module__": __name__, "__doc__": said,
+    }  # fmt: skip
+    return type(name, (bpy.types.Panel,), members)
+
+
+POPOVERS = {chosen.name: f"NOISYWORLD_PT_pictures_{chosen.name}" for chosen in (PHYSICAL, BENCHMARK)}
+PRESETS = "NOISYWORLD_PT_pictures_presets"
+
+
+def draw_buttons(layout: bpy.types.UILayout) -> None:
+    """Draw what opens the two lists of perturbations."""
+    row = layout.row(align=True)
+    for chosen in (PHYSICAL, BENCHMARK):
+        row.popover(panel=POPOVERS[chosen.name], text=chosen.label, icon="IMGDISPLAY")
+
+
+LISTS = tuple(
+    _popover(
+        POPOVERS[chosen.name], chosen.label, f"{chosen.said}: pictures to choose from", partial(_draw_list, chosen)
+    )
+    for chosen in (PHYSICAL, BENCHMARK)
+)
+CLASSES: tuple[Any, ...] = (
+    *LISTS,
+    _popover(PRESETS, "Presets", "Presets that replace everything: pictures to choose from", _draw_presets),
+)
+_register_classes, _unregister_classes = bpy.utils.register_classes_factory(CLASSES)
+
+
+def register() -> None:
+    """Register the lists; pictures are read when they are shown."""
+    _register_classes()
+
+
+def unregister() -> None:
+    """Unregister the lists, and let the pictures go."""
+    _unregister_classes()
+    if "pictures" in _loaded:
+        bpy.utils.previews.remove(_loaded.pop("pictures"))

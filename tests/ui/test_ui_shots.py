@@ -1,0 +1,246 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Shots of the open scene: each is what Generate makes where the scene and the panel say what it says."""
+
+import json
+import math
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from panel_tools import settings
+from worlds import ROOT, content
+
+bpy = pytest.importorskip("bpy", reason="bpy is not installed")
+
+from noisy_world.core.errors import InputError
+from noisy_world.core.perturbing.reading import parse_settings
+from noisy_world.core.presets.preset import read_preset
+from noisy_world.core.progress import MARK
+from noisy_world.perturbations import registry
+from noisy_world.ui import runs, shots
+from noisy_world.ui.background_run import BackgroundRun
+from noisy_world.ui.background_series import BackgroundSeries, SeriesTask
+from noisy_world.ui.document import to_document
+from noisy_world.ui.shot_documents import preset_of_shot
+
+pytestmark = pytest.mark.usefixtures("add_on")
+
+TALK = f"import json, sys, time\ndef tell(**message): print({MARK!r} + json.dumps(message), flush=True)\n"
+START = "tell(start={'label': 'rendering', 'total': 2, 'done': 0})\ntell(advance=1)\n"
+
+
+@pytest.fixture
+def stage(tmp_path):
+    """A lit plane seen by two cameras, one that moves and one that stands."""
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    scene = bpy.context.scene
+    bpy.ops.mesh.primitive_plane_add(size=8)
+    sun = bpy.data.objects.new("Sun", bpy.data.lights.new("Sun", "SUN"))
+    scene.collection.objects.link(sun)
+    for name, x in (("Wide", -1.0), ("Close", 1.0)):
+        camera = bpy.data.objects.new(name, bpy.data.cameras.new(name))
+        scene.collection.objects.link(camera)
+        camera.location, camera.rotation_euler = (x, -4, 2), (math.radians(65), 0, 0)
+    wide = bpy.data.objects["Wide"]
+    wide.keyframe_insert("location", frame=1)
+    wide.location.x = 0.0
+    wide.keyframe_insert("location", frame=9)
+    scene.camera = wide
+    scene.render.engine = "CYCLES"
+    scene.cycles.samples = 1
+    scene.render.resolution_x, scene.render.resolution_y = 32, 24
+    scene.frame_start, scene.frame_end = 1, 2
+    item = settings()
+    item.mesh_source, item.scene_name, item.output_folder = "SCENE", "stage", str(tmp_path / "out")
+    item.image = "png"
+    bpy.ops.noisy_world.add_step(perturbation="gaussian_noise")
+    return scene
+
+
+def add(scene, **values):
+    assert bpy.ops.noisy_world.add_shot() == {"FINISHED"}
+    shot = settings().shots[-1]
+    for name, value in values.items():
+        setattr(shot, name, value)
+    return shot
+
+
+def stand_in(monkeypatch, tmp_path, text):
+    """Let this text take the generator's place; `out` is the folder that it is given."""
+    script = tmp_path / "stand_in.py"
+    script.write_text(TALK + "out = sys.argv[sys.argv.index('--out') + 1]\n" + text)
+    monkeypatch.setattr(runs, "generator_script", lambda: script)
+
+
+def test_a_shot_is_what_generate_makes_where_the_scene_and_the_panel_say_the_same(stage, tmp_path):
+    add(stage)
+    close = bpy.data.objects["Close"]
+    add(stage, name="close", camera=close, frame_start=4, frame_end=5, seed=9, output_folder=str(tmp_path / "close"))
+    settings().steps[0].severity = 5.0  # after the lists were kept
+    assert bpy.ops.noisy_world.generate_shots() == {"FINISHED"}
+    assert (stage.camera.name, stage.frame_start, stage.frame_end) == ("Wide", 1, 2)
+    assert [end.phase for end in shots.series_of(stage).ended] == ["finished", "finished"]
+    assert len(list((tmp_path / "out_shot_1").glob("perturbed/stage/results/frame*.png"))) == 2
+    assert bpy.ops.noisy_world.show_shot() == {"FINISHED"}
+    assert (stage.camera.name, stage.frame_start, stage.frame_end, stage.frame_current) == ("Close", 4, 5, 4)
+    assert (settings().seed, settings().steps[0].severity) == (9, 3.0)
+    settings().output_folder = str(tmp_path / "again")
+    assert bpy.ops.noisy_world.generate() == {"FINISHED"}
+    made, again = (content(tmp_path / name) for name in ("close", "again"))
+    frames = [name for name in made if "/results/" in name]
+    assert len(frames) == 4
+    assert {name: made[name] for name in frames} == {name: again[name] for name in frames}
+    assert made != content(tmp_path / "out_shot_1")
+
+
+def test_what_failed_is_a_line_and_the_others_are_kept_and_it_can_be_replaced(stage, tmp_path):
+    for name, seed in (("one", 1), ("two", 2), ("three", 3)):
+        add(stage, name=name, seed=seed, frame_end=1, output_folder=str(tmp_path / name))
+    settings().shots[0].enabled = settings().shots[2].enabled = False
+    bpy.ops.noisy_world.generate_shots()
+    settings().shots[0].enabled = settings().shots[2].enabled = True
+    settings().shots[1].seed = 8
+    with pytest.raises(RuntimeError, match=r"two: .*another") as caught:
+        bpy.ops.noisy_world.generate_shots()
+    assert len([line for line in str(caught.value).splitlines() if line.strip()]) == 1
+    series = shots.series_of(stage)
+    assert [end.phase for end in series.ended] == ["finished", "failed", "finished"]
+    assert series.phase == "failed"
+    assert shots.ended_line(runs.shots_of(stage), series) == "2 of 3 shots are made"
+    assert shots.replaceable(stage) == ["two"]
+    assert (tmp_path / "three/perturbed/stage/results/frame000000.png").is_file()
+    assert bpy.ops.noisy_world.replace_shots() == {"FINISHED"}
+    assert [end.task.name for end in shots.series_of(stage).ended] == ["two"]
+    assert not bpy.ops.noisy_world.replace_shots.poll()
+
+
+def test_esc_stops_the_shot_that_runs_and_starts_no_other(stage, tmp_path, monkeypatch):
+    stand_in(
+        monkeypatch, tmp_path, START + "open(out + '.begun', 'w').close()\ntime.sleep(60 if 'two' in out else 0)\n"
+    )
+    for name in ("one", "two", "three"):
+        add(stage, name=name, output_folder=str(tmp_path / name))
+    run = shots.start_shots(stage)
+    assert not bpy.ops.noisy_world.generate_shots.poll()
+    end_s = time.monotonic() + 20
+    while len(run.background.ended) < 1 or run.background.done < 1:
+        assert time.monotonic() < end_s
+        run.background.poll()
+        time.sleep(0.01)
+    assert runs.summary(run).startswith("2 of 3, two: 1 of 2 frames")
+    assert run.background.fraction == pytest.approx((1 + 0.5) / 3)
+    assert bpy.ops.noisy_world.generate_cancel() == {"FINISHED"}
+    run.background.wait()
+    run.tidy()
+    assert (run.background.phase, runs.summary(run)) == ("stopped", shots.STOPPED)
+    assert sorted(path.name for path in tmp_path.glob("*.begun")) == ["one.begun", "two.begun"]
+    assert runs.active_run() is None
+
+
+def test_what_cannot_be_made_is_told_before_anything_starts(stage, tmp_path):
+    with pytest.raises(RuntimeError, match="Shots: none is there"):
+        bpy.ops.noisy_world.generate_shots()
+    first, second = add(stage), add(stage)
+    wrong = [
+        ("camera", None, "shot_2 has no camera of this scene; choose one"),
+        ("frame_end", 0, "shot_2 ends at frame 0, before it begins"),
+        ("name", "shot_1", "shot_1 is the name of two shots"),
+        ("name", " ", "a shot has no name|  has no name"),
+        ("output_folder", first.output_folder, "shot_2 has the folder of shot_1; choose another"),
+        ("output_folder", "", "Shots > shot_2 > Output: no folder is named"),
+        ("own_list", "", "shot_2 has no list of its own yet; press Keep List"),
+        ("perturbations", "PRESET", "shot_2 names no preset; choose one"),
+    ]
+    for name, value, said in wrong:
+        before = getattr(second, name)
+        setattr(second, name, value)
+        with pytest.raises(RuntimeError, match=said):
+            bpy.ops.noisy_world.generate_shots()
+        setattr(second, name, before)
+    second.perturbations, second.preset = "PRESET", str(tmp_path / "none.yaml")
+    with pytest.raises(RuntimeError, match=r"none\.yaml"):
+        bpy.ops.noisy_world.generate_shots()
+    second.preset, second.setting = str(ROOT / "presets/mixed.yaml"), "nowhere"
+    with pytest.raises(RuntimeError, match="nowhere"):
+        bpy.ops.noisy_world.generate_shots()
+    assert runs.shots_of(stage) is None
+    settings().mesh_source = "ROOM"
+    with pytest.raises(RuntimeError, match="of This Scene"):
+        bpy.ops.noisy_world.generate_shots()
+
+
+def test_a_presets_setting_of_a_sweep_and_one_that_is_clean(stage):
+    shot = add(stage, perturbations="PRESET", preset=str(ROOT / "presets/noisy_replica.yaml"), setting="fog_s3_static")
+    preset = preset_of_shot(stage, shot)
+    (setting,) = parse_settings(preset.spec.settings, preset.setting_places, registry())
+    theirs = read_preset(Path(shot.preset))
+    found = parse_settings(theirs.spec.settings, theirs.setting_places, registry())
+    (wanted,) = [item for item in found if item.name == "fog_s3_static"]
+    drawn = [
+        [(step.perturbation.name, step.severity, step.given, step.stream) for step in item.steps]
+        for item in (setting, wanted)
+    ]
+    assert drawn[0] == drawn[1] != []
+    assert (setting.name, setting.stream) == ("fog_s3_static", wanted.stream)
+    shot.setting = "clean"
+    assert preset_of_shot(stage, shot).document["settings"] == [{"name": "clean"}]
+
+
+def test_a_keyed_severity_follows_the_frames_of_the_shot(stage):
+    step = settings().steps[0]
+    for frame, severity in ((1, 1.0), (9, 5.0)):
+        step.severity = severity
+        step.keyframe_insert("severity", frame=frame)
+    shot = add(stage, frame_start=5, frame_end=9)
+    assert shot.perturbations == "PANEL"  # a list that is kept has no timeline
+    with pytest.raises(RuntimeError, match="keyed on the timeline; choose Perturb By: Panel"):
+        bpy.ops.noisy_world.keep_list()
+    (setting,) = preset_of_shot(stage, shot).document["settings"]
+    stage.frame_start, stage.frame_end = 5, 9
+    assert [setting] == to_document(settings())["settings"]
+    levels = setting["perturb"][0]["gaussian_noise"]["levels"]
+    assert (levels[0], levels[-1], len(levels)) == (pytest.approx(3.0, abs=0.2), 5.0, 5)
+
+
+def test_the_list_is_saved_in_the_file_and_goes_with_its_scene(stage, tmp_path):
+    add(stage, name="close", camera=bpy.data.objects["Close"], frame_start=4, frame_end=8, seed=3)
+    add(stage, enabled=False)
+    kept = settings().shots[0].own_list
+    assert json.loads(kept)["perturb"] == [{"gaussian_noise": {"severity": 3.0}}]
+    assert bpy.ops.noisy_world.move_shot(by=-1) == {"FINISHED"}
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "stage.blend"))
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    assert len(settings().shots) == 0
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "stage.blend"))
+    other, close = settings().shots
+    assert (other.enabled, close.camera.name, close.frame_start, close.frame_end) == (False, "Close", 4, 8)
+    assert (close.seed, close.own_list) == (3, kept)
+    preset = preset_of_shot(bpy.context.scene, close)
+    assert preset.document["scenes"][0]["blend"] == str(tmp_path / "stage.blend")
+    assert (preset.document["scenes"][0]["camera"], preset.document["scenes"][0]["frames"]) == ("Close", "4:8")
+    assert bpy.ops.noisy_world.remove_shot() == {"FINISHED"}
+    assert [shot.name for shot in settings().shots] == ["close"]
+
+
+def test_a_series_goes_on_after_a_task_that_cannot_be_started():
+    def task(name, words):
+        return SeriesTask(name, lambda: BackgroundRun(words), lambda error: f"told {error}")
+
+    good = [sys.executable, "-c", TALK + START + "tell(result='2 frames')"]
+    bad = [sys.executable, "-c", TALK + "tell(error='no')\nsys.exit(1)"]
+    series = BackgroundSeries([task("a", bad), task("b", ["/nothing-there"]), task("c", good)])
+    series.wait()
+    assert (series.phase, series.fraction, series.active) == ("failed", 1.0, False)
+    assert series.error.splitlines()[0] == "a: told no"
+    assert "b: told cannot be started" in series.error
+    assert series.result == "c: 2 frames"
+    with pytest.raises(OSError, match="nothing-there"):
+        BackgroundSeries([task("a", ["/nothing-there"])])
+
+
+def test_an_error_names_the_shot(stage, tmp_path):
+    shot = add(stage)
+    shot.camera.data.type = "ORTHO"
+    with pytest.raises(InputError, match="shot_1"):
+        preset_of_shot(stage, shot)
