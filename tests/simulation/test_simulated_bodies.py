@@ -13,7 +13,7 @@ from noisy_world.core.geometry import invert_pose, opencv_from_robot_c2w, pose
 from noisy_world.core.trajectories.curve import motion_of
 from noisy_world.core.trajectories.files import read_trajectory
 from noisy_world.core.trajectories.trajectory import evenly_stamped
-from noisy_world.simulation import models, run
+from noisy_world.simulation import models, run, trot
 from noisy_world.simulation.models import CELL_M, rough_floor
 from noisy_world.simulation.run import simulate
 
@@ -40,6 +40,46 @@ def test_a_body_arrives_and_does_so_again(kind, roughness_m):
     assert place_m[:, 2].mean() - 2.0 == pytest.approx(height_m, abs=0.03)
     standing = ways[0].force_m_s2[75:120]  # before it goes it feels gravity alone
     assert np.linalg.norm(standing.mean(axis=0)) == pytest.approx(9.81, abs=0.2)  # contacts chatter
+
+
+def straight_route(speed_m_s, metres):
+    at_s = np.arange(0.0, metres / speed_m_s, 0.1)
+    places = np.column_stack([speed_m_s * at_s, np.zeros(len(at_s)), np.ones(len(at_s))])
+    return evenly_stamped(opencv_from_robot_c2w(pose(np.broadcast_to(np.eye(3), (len(at_s), 3, 3)), places)), 10)
+
+
+@pytest.mark.parametrize("roughness_m", [0.0, 0.005, 0.01])
+def test_the_quadruped_walks_at_eight_tenths_of_a_metre_a_second(roughness_m):
+    way = simulate(straight_route(0.8, 8.0), "quadruped", floor_m=0.0, roughness_m=roughness_m, seed=1)
+    assert not way.held_back
+    place_m = way.path.c2w[int(2 * run.RATE_HZ) :, :3, 3]  # it has begun
+    assert np.abs(place_m[:, 1]).max() < 0.15
+    speed_m_s = (place_m[-1, 0] - place_m[0, 0]) / ((len(place_m) - 1) / run.RATE_HZ)
+    assert speed_m_s == pytest.approx(0.8, rel=0.1 if roughness_m < 0.01 else 0.2)
+    up = -way.path.c2w[:, 2, 1]  # of the camera's own up along the world's
+    assert np.degrees(np.arccos(up.min())) < {0.0: 3.0, 0.005: 8.0, 0.01: 25.0}[roughness_m]  # it stumbles, and goes on
+
+
+def test_feet_find_the_capture_point():
+    """A foot that swings is put further ahead the faster the trunk goes, and further aside the faster it drifts."""
+    level, place_m = np.eye(3), np.array([0.0, 0.0, models.STANCE_M + models.FOOT_M])
+    time_s = (1.0 - 1e-6) / trot.STRIDE_HZ  # the end of the swing of the legs that stood first
+
+    def landing_m(speed_m_s):
+        still = trot.Trunk(place_m, np.zeros(3), np.zeros(3), level)
+        legs = trot.Trot.standing(still, 0.0)
+        angles = legs.asked(trot.Trunk(place_m, speed_m_s, np.zeros(3), level), legs.feet_m, time_s, 0.0, 0.0)
+        roll, hip, knee = angles.reshape(4, 3)[0]
+        # Forward kinematics by hand: thigh and shank in the leg's plane, which roll turns about x.
+        ahead = -models.THIGH_M * np.sin(hip) - models.SHANK_M * np.sin(hip + knee)
+        down = models.THIGH_M * np.cos(hip) + models.SHANK_M * np.cos(hip + knee)
+        return np.array([ahead, down * np.sin(roll), -down * np.cos(roll)])
+
+    stood_s = trot.STANDS / trot.STRIDE_HZ
+    for speed_m_s in ([0.3, 0.0, 0.0], [0.0, 0.2, 0.0], [-0.2, 0.1, 0.0]):
+        wanted_m = np.array(speed_m_s) * (stood_s / 2 + trot.CAPTURE_S)
+        np.testing.assert_allclose(landing_m(np.array(speed_m_s))[:2], wanted_m[:2], atol=2e-3)
+        assert landing_m(np.array(speed_m_s))[2] == pytest.approx(-models.STANCE_M, abs=1e-3)
 
 
 def test_a_rough_floor_is_as_rough_as_asked():
@@ -112,6 +152,10 @@ def test_the_command_writes_a_path_that_a_preset_takes(tmp_path, capfd):
     assert command.main(["simulate", str(preset), str(tmp_path / "none.txt"), *walker]) == 1
     assert "trajectory.body: has to be a quadruped or a rover of a mesh" in capfd.readouterr().err
     assert not (tmp_path / "none.txt").exists()
+    moved = ["--set", "scenes.0.trajectory.body={kind: rover, motion: 2}"]
+    assert command.main(["simulate", str(preset), str(tmp_path / "none.txt"), *moved]) == 1
+    said = capfd.readouterr().err
+    assert "trajectory.body.motion: multiplies the formulas' motion, and a body by physics moves by its own" in said
     rough = ["--set", "scenes.0.trajectory.body=quadruped", "--roughness", "0.1"]
     assert command.main(["simulate", str(preset), str(tmp_path / "none.txt"), *rough]) == 1
     assert f"{preset}: scenes.0.trajectory.body: the quadruped " in capfd.readouterr().err

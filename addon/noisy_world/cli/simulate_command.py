@@ -58,6 +58,9 @@ def _simulate(options: argparse.Namespace) -> int:
     body = source.spec.body if isinstance(source, MeshSource) else None
     if not isinstance(source, MeshSource) or body is None or body.kind not in ("quadruped", "rover"):
         raise where.error("has to be a quadruped or a rover of a mesh to be simulated", "say body: rover")
+    if body.motion != 1.0:
+        problem = "multiplies the formulas' motion, and a body by physics moves by its own"
+        raise where.at("motion").error(problem, "leave it out; --roughness shakes it more")
     route = source.trajectory()
     floor_m = float(route.c2w[:, 2, 3].mean()) - BODIES[body.kind].height_m
     try:

@@ -20,12 +20,13 @@ CELL_M = 0.05  # of a rough floor
 
 _LEG = """
       <body name="{name}" pos="{x} {y} 0">
+        <joint name="{name}_roll" axis="1 0 0" damping="1" armature="0.01"/>
         <joint name="{name}_hip" axis="0 1 0" damping="1" armature="0.01"/>
         <geom type="capsule" fromto="0 0 0 0 0 -{thigh}" size="0.02" mass="0.4" contype="0" conaffinity="0"/>
         <body pos="0 0 -{thigh}">
           <joint name="{name}_knee" axis="0 1 0" damping="1" armature="0.01"/>
           <geom type="capsule" fromto="0 0 0 0 0 -{shank}" size="0.015" mass="0.2" contype="0" conaffinity="0"/>
-          <geom type="sphere" pos="0 0 -{shank}" size="{foot}" mass="0.05" friction="1.2"/>
+          <geom name="{name}_foot" type="sphere" pos="0 0 -{shank}" size="{foot}" mass="0.05" friction="1.2"/>
         </body>
       </body>"""
 _WHEEL = """
@@ -35,7 +36,7 @@ _WHEEL = """
       </body>"""
 _WORLD = """<mujoco>
   <compiler angle="radian" autolimits="true"/>
-  <option timestep="{step}" integrator="implicitfast"/>
+  <option timestep="{step}" integrator="implicitfast"{contacts}/>
   <asset>
     <hfield name="floor" nrow="{rows}" ncol="{columns}" size="{half_x} {half_y} {high} 0.1"/>
   </asset>
@@ -102,11 +103,12 @@ def _quadruped(top_m: float) -> dict[str, object]:
     drives = [
         f'\n    <position joint="{name}_{joint}" kp="300" kv="6" forcerange="-60 60"/>'
         for name in LEGS
-        for joint in ("hip", "knee")
+        for joint in ("roll", "hip", "knee")
     ]
     return {
         "start_z": top_m + STANCE_M + FOOT_M, "trunk": "0.2 0.12 0.05", "mass": 5.0, "camera": "0.2 0 0.17",
         "parts": "".join(parts), "actuators": "".join(drives),
+        "contacts": ' cone="elliptic" impratio="10"',  # feet that slide less
     }  # fmt: skip
 
 
@@ -116,5 +118,5 @@ def _rover(top_m: float) -> dict[str, object]:
     drives = [f'\n    <velocity joint="{name}_axle" kv="4" forcerange="-8 8"/>' for name in LEGS]
     return {
         "start_z": top_m + WHEEL_M + 0.01, "trunk": "0.22 0.15 0.05", "mass": 9.0, "camera": "0.2 0 0.3",
-        "parts": "".join(parts), "actuators": "".join(drives),
+        "parts": "".join(parts), "actuators": "".join(drives), "contacts": "",
     }  # fmt: skip

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A body's simulated way along a route: the path of its camera, and what MuJoCo's own IMU felt there."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, TypeAlias
 
@@ -12,8 +13,9 @@ from ..core.extras import need
 from ..core.geometry import opencv_from_robot_c2w, pose
 from ..core.streams import stream
 from ..core.trajectories.trajectory import Trajectory
-from .controllers import ARRIVED_M, MOST_M_S, Route, drives, steering
-from .models import STEP_S, SimulatedKind, model_xml, rough_floor
+from .controllers import ARRIVED_M, MOST_M_S, Route, steering, wheels
+from .models import FOOT_M, LEGS, STANCE_M, STEP_S, SimulatedKind, model_xml, rough_floor
+from .trot import Trot, Trunk
 
 Float64: TypeAlias = NDArray[np.float64]
 
@@ -83,27 +85,39 @@ class _Body:
     data: Any
     kind: SimulatedKind
 
+    @property
+    def trunk(self) -> Trunk:
+        """The trunk as it is."""
+        found = self.data.body("trunk")
+        axes = found.xmat.reshape(3, 3).copy()
+        return Trunk(found.xpos.copy(), self.data.qvel[:3].copy(), axes @ self.data.qvel[3:6], axes)
+
+    @property
+    def feet_m(self) -> Float64:
+        """(4, 3): where the quadruped's feet are, in the world."""
+        return np.array([self.data.geom(f"{name}_foot").xpos for name in LEGS])
+
 
 def _followed(mujoco: Any, body: _Body, plan: Route, longest_s: float) -> tuple[Trajectory, Float64]:
     """Return the camera's path, and what its accelerometer and gyroscope felt (N, 6)."""
     model, data, kind = body.model, body.data, body.kind
     camera = data.site("camera")
-    trunk = data.body("trunk")
     rows: list[tuple[Float64, Float64]] = []
     passed_m, steps = 0.0, round(1.0 / (RATE_HZ * STEP_S))
+    mujoco.mj_forward(model, data)
+    asked = _driven(body)
     for _ in range(int(longest_s * RATE_HZ)):
         mujoco.mj_forward(model, data)
-        turned = trunk.xmat.reshape(3, 3)
-        if turned[2, 2] < FALLEN:
+        trunk = body.trunk
+        if trunk.axes[2, 2] < FALLEN:
             raise NoisyWorldError(f"the {kind} fell after {data.time:.1f} s", remedy="lower the roughness or the speed")
-        goal_m, passed_m, speed_m_s = plan.ahead(trunk.xpos[:2], passed_m)
+        goal_m, passed_m, speed_m_s = plan.ahead(trunk.place_m[:2], passed_m)
         if plan.way_m[-1] - passed_m < ARRIVED_M:
             break
-        c2w = pose(camera.xmat.reshape(3, 3), camera.xpos)
-        rows.append((c2w, data.sensordata.copy()))
+        rows.append((pose(camera.xmat.reshape(3, 3), camera.xpos), data.sensordata.copy()))
+        ahead, turn = steering(kind, trunk.place_m[:2], trunk.heading_rad, goal_m, speed_m_s)
         going = data.time >= SETTLED_S
-        ahead, turn = steering(trunk.xpos[:2], float(np.arctan2(turned[1, 0], turned[0, 0])), goal_m, speed_m_s)
-        data.ctrl[:] = drives(kind, max(data.time - SETTLED_S, 0.0), ahead * going, turn * going)
+        data.ctrl[:] = asked(trunk, max(data.time - SETTLED_S, 0.0), ahead * going, turn * going)
         mujoco.mj_step(model, data, nstep=steps)
     else:
         raise NoisyWorldError(
@@ -111,3 +125,12 @@ def _followed(mujoco: Any, body: _Body, plan: Route, longest_s: float) -> tuple[
         )
     poses, felt = (np.array(values) for values in zip(*rows, strict=True))
     return Trajectory(opencv_from_robot_c2w(poses), np.arange(len(poses)) / RATE_HZ), felt
+
+
+def _driven(body: _Body) -> Callable[[Trunk, float, float, float], Float64]:
+    """Return what gives the actuators' controls for the trunk, a time, a speed ahead and a turn; bend the legs."""
+    if body.kind == "rover":
+        return lambda _, __, ahead_m_s, turn_rad_s: wheels(ahead_m_s, turn_rad_s)
+    trot = Trot.standing(body.trunk, body.trunk.place_m[2] - STANCE_M - FOOT_M)
+    body.data.qpos[7:] = trot.asked(body.trunk, trot.feet_m, 0.0, 0.0, 0.0)
+    return lambda trunk, time_s, ahead_m_s, turn_rad_s: trot.asked(trunk, body.feet_m, time_s, ahead_m_s, turn_rad_s)

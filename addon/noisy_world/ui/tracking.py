@@ -80,7 +80,7 @@ def sequences_of(panel: Any, out: Path) -> tuple[str, ...]:
     names = dict.fromkeys(f"{setting}/{panel.scene_name}" for setting in (panel.setting_name, CLEAN))
     found = tuple(name for name in names if (out / name).is_dir())
     if not found:
-        raise InputError(out, "holds no frames of this scene yet", remedy="press Generate")
+        raise InputError(panel.output_folder, "holds no frames of this scene yet", remedy="press Generate")
     return found
 
 
