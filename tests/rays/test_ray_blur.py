@@ -36,7 +36,7 @@ def blurred(session, sensors, *more, camera=CAMERA, **parameters):
     blur = {"camera_motion_blur": {"shutter_ms": 1000 * SHUTTER_S, **parameters}}
     steps = parse_steps([*more, blur], ConfigPath("test"), registry())
     scene = SimpleNamespace(source=SimpleNamespace(capabilities=SimpleNamespace(moving=False)))
-    render = SimpleNamespace(exposure=steps, camera=camera, depth_camera=camera, scene=scene, optics=PINHOLE)
+    render = SimpleNamespace(exposure=steps, camera=camera, measured_camera=camera, scene=scene, optics=PINHOLE)
     return ExposedSource(session, render).frame(sensors.request(len(sensors) // 2))
 
 

@@ -49,6 +49,7 @@ class LitMeshSource(MeshSource):
             surface=SEEN,
             objects=lambda: self._objects,
             lit=True,
+            depth_cameras=False,
         )
 
     @cached_property

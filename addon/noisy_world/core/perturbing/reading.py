@@ -9,11 +9,10 @@ from ..presets.names import format_same_folder
 from ..schema import ConfigPath, deciding_values, describe, parse, shown, unknown_name
 from .device_steps import written_out
 from .kinds import SEQUENCE_KINDS, SEVERITIES, ColourPerturbation, DepthPerturbation, Perturbation, propagation_key
-from .steps import DEFAULT_SEVERITY, Backend, Setting, Step
+from .steps import DEFAULT_SEVERITY, SENSOR_STREAM, Backend, Setting, Step
 from .sweeps import Registry, known_perturbation, sweep_size, swept
 
 LARGEST_SETTINGS = 10_000  # chosen: a hundred times the paper's
-SENSOR_STREAM = "rig.depth"  # what a rig's depth sensor draws by, whatever the setting
 
 
 def parse_settings(

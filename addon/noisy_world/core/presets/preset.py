@@ -16,6 +16,7 @@ from ..messages import CommandLineOnly, Message, PresetKey
 from ..regular_files import open_regular
 from ..schema import Choice, ConfigPath, key, parse
 from ..yaml_reading import LARGEST_BYTES, read_yaml
+from .depth_camera import DepthCameraKeys, check_depth_camera
 from .device_camera import with_device
 from .distortion import DistortionSpec, check_distortion
 from .imu import ImuKeys
@@ -89,8 +90,8 @@ class SensorSpec:
 
 
 @dataclass(frozen=True)
-class DepthSensorSpec(SensorSpec):
-    """A depth sensor: where it sits, and what it measures."""
+class DepthSensorSpec(SensorSpec, DepthCameraKeys):
+    """A depth sensor: where it sits, its camera and clock, and what it measures."""
 
     sensor: Any = key(
         "what measures every setting's depth, before its own perturbations: a device such as realsense_d435, or one "
@@ -310,6 +311,8 @@ def _check(spec: PresetSpec, place: ConfigPath) -> None:
         for name, sensor in (("rgb", spec.rig.rgb), ("depth", spec.rig.depth), ("imu", spec.rig.imu)):
             if sensor:
                 _check_sensor(sensor, place.at("rig").at(name))
+        if spec.rig.depth:
+            check_depth_camera(spec.rig.depth, place.at("rig").at("depth"))
 
 
 def _check_render(spec: RenderSpec, place: ConfigPath) -> None:
