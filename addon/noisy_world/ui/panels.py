@@ -16,6 +16,7 @@ from . import (
     footage,
     generate,
     header_presets,
+    motion_plot,
     operators,
     paths,
     pictures,
@@ -269,6 +270,7 @@ class NOISYWORLD_PT_perturbations(PanelSection, bpy.types.Panel):
         if (step := active_step(panel)) is not None and step.perturbation in registry():
             write(layout, context, line_on(perturbation_of(step)), "INFO")
             draw_step(layout, step)
+            motion_plot.draw(layout, panel, step)
         layout.separator(factor=0.5)
         layout.prop(panel, "seed")
         if paths := without_effect(context.scene):
