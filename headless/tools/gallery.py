@@ -55,7 +55,7 @@ OFFSETS = (5, 10, 20)
 # The demo's walk in ten seconds at 20 Hz, the rate of the paper's sequences; its frame that is the demo's FRAME.
 WALK = "scenes.0.trajectory.handheld={frames: 200, rate_hz: 20}"
 WALK_FRAME = 5 * FRAME
-ON_THE_LENS = ("lens_frost", "vignetting", "lens_drops", "lens_dirt")
+ON_THE_LENS = ("bloom", "lens_frost", "vignetting", "lens_drops", "lens_dirt")
 TILE_PX = (280, 158)  # like the rest below, chosen for a picture 852 pixels wide
 DETAIL_PX = (200, 330)  # column and row of the part's upper left corner
 SAMPLE_PX = (560, 317)  # the clean frame, to try things on

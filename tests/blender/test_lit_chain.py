@@ -81,7 +81,7 @@ def test_both_executions_give_the_same_light_of_any_brightness():
     light, depth_m = street_light()
     height, width = depth_m.shape
     camera = Intrinsics(width, height, 50.0, 50.0, (width - 1) / 2, (height - 1) / 2)
-    air, lens = ("fog_depth", "haze", "frost"), ("lens_dirt", "lens_drops", "defocus_blur", "defocus_depth")
+    air, lens = ("fog_depth", "haze", "frost"), ("lens_dirt", "lens_drops", "bloom", "defocus_blur", "defocus_depth")
     names = (*air, *lens, "gaussian_blur", "glass_blur", "motion_blur")
     chains = {name: [step_of(name, severity=3)] for name in names}
     with Compositor((width, height), chains, width, camera, lit=True) as compositor:

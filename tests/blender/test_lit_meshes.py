@@ -14,9 +14,15 @@ import srgb
 from noisy_world.blender.own_scene import OwnSceneFile, OwnSceneSession
 from noisy_world.core.errors import InputError
 from noisy_world.core.geometry import Intrinsics
+from noisy_world.core.lens import lens_rays
+from noisy_world.core.optics import Distortion
 from noisy_world.core.planning.source import RenderOptions
+from noisy_world.core.planning.source_paths import source_paths
+from noisy_world.core.presets.preset import check_document
 from noisy_world.core.trajectories.sensor_paths import SensorPaths
 from noisy_world.core.trajectories.trajectory import evenly_stamped
+from noisy_world.pipeline.frame_maker import render_options
+from noisy_world.planning import make_plan
 from noisy_world.sources.imported_meshes import write_lit_file
 from noisy_world.sources.lit_mesh import file_of
 
@@ -95,3 +101,45 @@ def test_a_file_without_lights_is_refused(tmp_path):
     with pytest.raises(InputError, match=r"dark\.glb: holds no lights and nothing that shines") as caught:
         write_lit_file(file, tmp_path / "lit.blend")
     assert "\n" not in str(caught.value)
+
+
+LENS = {"model": "radial-tangential", "k1": -0.3, "k2": 0.05, "p1": 0.002, "p2": -0.001}
+SEEN_BY = {"width": SIDE, "height": SIDE, "fx": SIDE * 0.7, "fy": SIDE * 0.7, "cx": SIDE / 2, "cy": SIDE / 2 - 1}
+
+
+def lit_preset(tmp_path, distortion):
+    write_floor(tmp_path / "floor.glb", 2000.0)
+    poses = np.repeat(EYE[None], 2, axis=0)
+    (tmp_path / "path.txt").write_text("\n".join(" ".join(map(str, pose.ravel())) for pose in poses))
+    scene = {"name": "floor", "mesh": "floor.glb", "light": "scene", "trajectory": "path.txt"}
+    document = {
+        "scenes": [scene],
+        "camera": {**SEEN_BY, "distortion": distortion},
+        "render": {"samples": 64},
+        "output": {"layout": "tum", "modalities": ["rgb", "depth", "normal", "instance"]},
+    }
+    return check_document(document, tmp_path / "preset.yaml")
+
+
+def test_through_a_lens_it_follows_lamberts_law_and_no_border_is_missing(tmp_path):
+    plan = make_plan(lit_preset(tmp_path, LENS))
+    (render,) = plan.renders
+    sensors = source_paths(plan, render)
+    with render.scene.source.prepare(render.camera, print) as prepared:
+        frame = prepared.open(sensors, render_options(plan, render), print).frame(sensors.request(0))
+        shown = frame.light.show(frame.light.rgb)
+    assert np.abs(frame.depth_m - 3.0).max() < 1e-5
+    assert (frame.image("instance") == 1).all()
+    assert np.abs(frame.image("normal") - [0, 0, -1]).max() < 1e-4
+    np.testing.assert_array_equal(shown, frame.rgb)
+    rays = lens_rays(render.camera, Distortion("radial-tangential", (-0.3, 0.05, 0.002, -0.001)))
+    points = 3.0 * (EYE[:3, 0] * rays.right[..., None] + EYE[:3, 1] * rays.down[..., None])
+    away_m = np.linalg.norm(points * (1, 1, 0) - np.array([0.5, -0.25, HEIGHT_M]), axis=-1)
+    ratio = frame.light.rgb[..., 1] / (0.8 / np.pi * 2000.0 / 683.0 * HEIGHT_M / away_m**3)
+    assert abs(ratio.mean() - 1) < 0.01
+    assert np.abs(ratio - 1).max() < 0.03
+
+
+def test_a_lit_mesh_is_not_undistorted(tmp_path):
+    with pytest.raises(InputError, match=r"camera\.distortion\.undistort: is true, but light"):
+        make_plan(lit_preset(tmp_path, {**LENS, "undistort": True}))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The node groups of vignetting and chromatic aberration beside their references."""
+"""The node groups of vignetting, chromatic aberration and bloom beside their references."""
 
 from cases import cases
 from group_tools import by_reference, levels_apart, many_by_nodes, picture, step_of
@@ -9,6 +9,9 @@ GIVEN = [
     ("vignetting", {"severity": 5}),
     ("vignetting", {"corner_loss": 0.3, "radius_power": 1.0, "cosine_power": 4.0, "view_deg": 70}),
     ("vignetting", {"corner_loss": 0.9, "axis_across": 0.3, "axis_down": 0.8}),
+    ("bloom", {"severity": 1}),
+    ("bloom", {"severity": 5}),
+    ("bloom", {"amount": 1.0, "reach_px": 9.0}),
     ("chromatic_aberration", {"severity": 1}),
     ("chromatic_aberration", {"severity": 5}),
     ("chromatic_aberration", {"red_px": -2.5, "blue_px": 1.25, "axis_across": 0.3, "axis_down": 0.8}),

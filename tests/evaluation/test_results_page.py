@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The tables of docs/results.md say what the analyses of the record in docs/data/six_rooms say, and all of it."""
+"""The tables of docs/results.md say what the analyses of the records in docs/data say, and all of them."""
 
 import re
 
@@ -13,6 +13,7 @@ pytest.importorskip("scipy", reason="the extra evaluate is not installed")
 from noisy_world.evaluation.analysis import analyse
 
 RECORD = ROOT / "docs/data/six_rooms"
+RETURNING = ROOT / "docs/data/returning"
 PAGE = (ROOT / "docs/results.md").read_text(encoding="utf-8")
 FEWEST = 5
 DASH = "\u2013"
@@ -22,24 +23,30 @@ ROW = re.compile(
 )
 
 
-@pytest.fixture(scope="module")
-def runs():
-    return pd.read_csv(RECORD / "tables/runs.csv")
+def read(record):
+    """The runs of a record, and its analyses."""
+    runs = pd.read_csv(record / "tables/runs.csv")
+    return runs, analyse(runs, pd.read_csv(record / "tables/sequences.csv"))
 
 
 @pytest.fixture(scope="module")
-def tables(runs):
-    return analyse(runs, pd.read_csv(RECORD / "tables/sequences.csv"))
+def perfect():
+    return read(RECORD)
 
 
 def said():
-    """The page's rows by system and setting."""
+    """The page's rows of the six rooms by system and setting."""
     parts = re.split(r"^### `(\w+)`$", PAGE, flags=re.MULTILINE)[1:]
     return {
         (system, row[1]): row.groups()[1:]
         for system, part in zip(parts[::2], parts[1::2], strict=True)
         for row in ROW.finditer(part)
     }
+
+
+def section(title):
+    """The text of one of the page's sections."""
+    return PAGE.partition(f"\n## {title}\n")[2].partition("\n## ")[0]
 
 
 def agrees(text, *values):
@@ -60,14 +67,12 @@ def shows(text, rooms, n_scenes, values):
     return agree and int(of_rooms or rooms) == n_scenes
 
 
-def test_every_setting_that_was_run_is_on_the_page(runs):
-    assert set(said()) == set(zip(runs["system"], runs["setting"], strict=True))
-
-
-def test_rows_are_those_of_the_tables(runs, tables):
+def check_rows(rows, runs, tables):
+    """Each row is that of the analyses, and each system and setting of the runs has one."""
+    assert set(rows) == set(zip(runs["system"], runs["setting"], strict=True))
     spread = tables["spread"].set_index(["system", "setting", "measure"])
     differences = tables["differences"].set_index(["system", "setting", "measure"])
-    for (system, setting), (rooms, failed, incomplete, count, ate, ratio, p, tracked) in said().items():
+    for (system, setting), (rooms, failed, incomplete, count, ate, ratio, p, tracked) in rows.items():
         of_cell = runs[(runs["system"] == system) & (runs["setting"] == setting)]
         row = spread.loc[system, setting, "ate_rmse_m"]
         assert int(rooms) == of_cell["scene"].nunique()
@@ -79,12 +84,24 @@ def test_rows_are_those_of_the_tables(runs, tables):
             assert ratio == p == DASH
             continue
         over = differences.loc[system, setting, "ate_rmse_m"]
-        assert shows(ratio, rooms, over["n_scenes"], over[["ratio", "ratio_low", "ratio_high"]]), (
-            system,
-            setting,
-            ratio,
-        )
+        ends = over[["ratio", "ratio_low", "ratio_high"]]
+        assert shows(ratio, rooms, over["n_scenes"], ends), (system, setting, ratio)
         assert agrees(p, over["p_holm"] if over["n_scenes"] >= FEWEST else np.nan), (system, setting, p)
+
+
+def test_rows_of_perfect_depth_are_those_of_the_tables(perfect):
+    check_rows(said(), *perfect)
+
+
+def test_the_path_that_returns():
+    runs = pd.read_csv(RETURNING / "tables/runs.csv").set_index(["setting", "system"])
+    rows = re.findall(r"^\| `(\w+)` \| `(\w+)` \| (.+) \|$", section("A path that returns"), re.MULTILINE)
+    assert {row[:2] for row in rows} == set(runs.index)
+    for setting, system, cells in rows:
+        run = runs.loc[setting, system]
+        values = 1e3 * run["ate_rmse_m"], 1e3 * run["ate_max_m"], run["ate_rotation_rmse_deg"], run["scale"]
+        for cell, value in zip(cells.split(" | "), values, strict=True):
+            assert agrees(cell, value), (setting, system, cell)
 
 
 def test_numbers_are_compared_as_far_as_they_are_said():

@@ -21,6 +21,7 @@ from noisy_world.sources import preset_keys, preset_leaves
 
 NOISY = {"name": "noisy", "perturb": [{"gaussian_noise": {"severity": 2}}]}
 RIG = {"rgb": {"translation_m": [0, 0, 0.1]}, "depth": {"translation_m": [0, 0.1, 0.1]}}
+SEEN = {"translation_m": [0, 0.1, 0.1], "width": 40, "height": 30}
 IDENTITY = "[[1, 0, 0, 0.2], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]"
 LONG = {"frames": 2000, "speed_m_s": 1.0}
 SWEPT = {"perturb": ["faster_motion"], "parameters": {"factor": [2, 3]}, "name": "x{factor}"}
@@ -79,6 +80,7 @@ CHANGES = {
     "camera.fy": ("mesh", "camera.fy=33"),
     "camera.cx": ("mesh", "camera.cx=30"),
     "camera.cy": ("mesh", "camera.cy=20"),
+    "camera.device": ("mesh", "camera.device=phone"),
     "camera.near_m": ("mesh", "camera.near_m=0.1"),
     "camera.far_m": ("mesh", "camera.far_m=100"),
     "camera.distortion.model": ("bent", "camera.distortion.model=equidistant"),
@@ -126,6 +128,22 @@ CHANGES = {
     },
     "rig.imu.matrix[]": ("felt", f"rig.imu={{matrix: {IDENTITY}}}"),
     "rig.depth.sensor": ("rig", "rig.depth.sensor=choi_2015"),
+    **{
+        f"rig.depth.{name}": ("seeing", f"rig.depth.{name}={value}")
+        for name, value in {
+            "width": 50,
+            "height": 40,
+            "fx": 31,
+            "fy": 31,
+            "cx": 20,
+            "cy": 15,
+            "registered": "true",
+            "rate_hz": 100,
+            "delay_ms": 2,
+            "clock_drift_ppm": 40,
+        }.items()
+    },
+    "rig.depth.horizontal_fov_deg": ("wide", "rig.depth.horizontal_fov_deg=65"),
     "render.engine": ("mesh", "render.engine=embree"),
     "render.backend": ("noisy", "render.backend=compositor"),
     "render.device": ("mesh", "render.device=gpu"),
@@ -227,6 +245,8 @@ def presets(tmp_path_factory):
         "noises": {**document, "settings": [{"sweep": NOISES}]},
         "swept": {**document, "settings": [{"sweep": SWEPT}]},
         "rig": {**document, "rig": RIG},
+        "seeing": {**document, "rig": {"depth": {**SEEN, "fx": 30, "fy": 30, "cx": 19.5, "cy": 14.5}}},
+        "wide": {**document, "rig": {"depth": {**SEEN, "horizontal_fov_deg": 60}}},
         "felt": {**document, "rig": {"imu": {}}},
         "bent": {
             **document,

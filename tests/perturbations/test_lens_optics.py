@@ -1,13 +1,18 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Vignetting and lateral chromatic aberration against their laws."""
+"""Vignetting, lateral chromatic aberration and bloom against their laws."""
+
+import math
 
 import numpy as np
 import pytest
 from cases import cases
 
 from noisy_world.core.geometry import Intrinsics
+from noisy_world.core.linear_light import decoded, encoded
 from noisy_world.core.perturbing.kinds import FrameContext
 from noisy_world.perturbations import registry
+from noisy_world.perturbations.bloom import PARTS, Bloom
+from noisy_world.perturbations.bloom import apply as apply_bloom
 from noisy_world.perturbations.chromatic_aberration import ChromaticAberration
 from noisy_world.perturbations.vignetting import Vignetting, gain
 
@@ -52,7 +57,7 @@ def test_without_intrinsics_the_axis_and_the_view_are_as_given():
 @cases("size", [(1, 1), (1, 7), (5, 1), (2, 3)])
 def test_small_images_keep_their_size(size):
     rgb = np.random.default_rng(1).random((*size, 3), dtype=np.float32)
-    for name in ("vignetting", "chromatic_aberration"):
+    for name in ("vignetting", "chromatic_aberration", "bloom"):
         perturbation = registry()[name]
         made = perturbation.apply(rgb, perturbation.at_severity(5), context(None))
         assert made.shape == rgb.shape
@@ -81,3 +86,32 @@ def test_green_and_the_axis_stay():
     assert np.array_equal(made[..., 1], rgb[..., 1])
     assert np.array_equal(made[30, 40], rgb[30, 40])
     assert not np.array_equal(made[..., 0], rgb[..., 0])
+
+
+def test_bloom_loses_no_light_and_gives_no_negative():
+    light = np.full((240, 320, 3), 0.02, np.float32)
+    light[119:122, 159:162] = 100.0
+    apart = [(119, 4.0), (200, 20.0)]
+    for row, strength in apart:
+        light[row, 60] = strength
+    made = decoded(apply_bloom(encoded(light), Bloom(0.4, 20.0), context(None)))
+    assert made.min() >= 0.02 * 0.99
+    assert made.sum() == pytest.approx(light.sum(), rel=1e-4)
+
+
+def test_bloom_of_a_lamp_is_three_gaussians():
+    """Across a long lamp's edge, each part's share of what is spread is the integral of its Gaussian."""
+    light = np.zeros((200, 600, 3), np.float32)
+    light[:, 300:] = 20.0
+    made = decoded(apply_bloom(encoded(light), Bloom(0.5, 40.0), context(None)))[100, :, 1]
+    across = np.arange(600) - 299.5
+    normal = [0.5 * (1 + np.vectorize(math.erf)(across / (40.0 * times) / math.sqrt(2))) for _, times, _ in PARTS]
+    law = 20.0 * (0.5 * (across > 0) + 0.5 * sum(part[0] * each for part, each in zip(PARTS, normal, strict=True)))
+    assert np.abs(made - law).max() < 20.0 * 0.5 * 0.01
+    assert np.abs(made - law).mean() < 20.0 * 0.5 * 0.003
+
+
+def test_bloom_of_no_amount_and_of_no_reach_is_the_image():
+    rgb = np.random.default_rng(4).random((30, 40, 3), dtype=np.float32)
+    assert np.abs(apply_bloom(rgb, Bloom(0.0, 60.0), context(None)) - rgb).max() < 1e-6
+    assert np.isfinite(apply_bloom(rgb, Bloom(1.0, 0.0), context(None))).all()

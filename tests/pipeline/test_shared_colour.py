@@ -15,7 +15,7 @@ from noisy_world.perturbations import registry
 pytestmark = pytest.mark.usefixtures("no_blender")
 COUNT = 24
 REPEATABLE = ["brightness", "contrast", "jpeg_compression", "pixelate", "gaussian_blur", "defocus_blur"]
-ALSO_REPEATABLE = {"haze", "fog_depth", "defocus_depth", "vignetting", "chromatic_aberration"}
+ALSO_REPEATABLE = {"haze", "fog_depth", "defocus_depth", "vignetting", "chromatic_aberration", "bloom"}
 SETTINGS = [
     {"name": "clean"},
     {"sweep": {"perturb": ["contrast", "gaussian_noise"], "severities": [1, 3], "modes": ["static", "dynamic"]}},

@@ -36,7 +36,7 @@ def blurred(session, sensors, *more, camera=CAMERA, **parameters):
     blur = {"camera_motion_blur": {"shutter_ms": 1000 * SHUTTER_S, **parameters}}
     steps = parse_steps([*more, blur], ConfigPath("test"), registry())
     scene = SimpleNamespace(source=SimpleNamespace(capabilities=SimpleNamespace(moving=False)))
-    render = SimpleNamespace(exposure=steps, camera=camera, depth_camera=camera, scene=scene, optics=PINHOLE)
+    render = SimpleNamespace(exposure=steps, camera=camera, measured_camera=camera, scene=scene, optics=PINHOLE)
     return ExposedSource(session, render).frame(sensors.request(len(sensors) // 2))
 
 
@@ -83,7 +83,7 @@ def test_an_edge_spreads_as_the_shutter_is_open(ramp):
     true = np.interp(pixels / length_px + 0.5, fine, opened).mean(axis=1)
     assert np.abs(seen - true).max() < 0.01  # the bar
     spread, wanted = (np.diff(values) @ np.diff(values) for values in (seen, true))
-    assert spread == pytest.approx(wanted, rel=0.06)
+    assert spread == pytest.approx(wanted, rel=0.01)
 
 
 def test_moments_are_odd_bounded_and_of_the_blur():

@@ -2,6 +2,7 @@
 """A session on a scene of a .blend: frames rendered as its artist set it up, from any pose."""
 
 from bisect import bisect_right
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -68,6 +69,14 @@ class OwnSceneFile:
         return self.frames[row], self.cameras[row]
 
 
+@dataclass(frozen=True)
+class LightLens:
+    """A lens that light passes before it is shown. size_px: width, height of what it makes. bend: takes (H, W, 4)."""
+
+    size_px: tuple[int, int]
+    bend: Callable[[NDArray[np.float32]], NDArray[np.float32]]
+
+
 class OwnSceneSession:
     """One scene of a .blend in Blender, from its first frame to its last. It replaces Blender's file."""
 
@@ -79,8 +88,12 @@ class OwnSceneSession:
         options: RenderOptions,
         *,
         scene: bpy.types.Scene | None = None,
+        lens: LightLens | None = None,
     ) -> None:
-        """Open the file and prepare the scene. scene: of the open file, which is then kept; it is changed."""
+        """Open the file and prepare the scene. scene: of the open file, which is then kept; it is changed.
+
+        lens: that colour passes, of whose pinhole the intrinsics are; all else that is given is the pinhole's.
+        """
         self._served = _served(paths, options)
         self._file = file
         if scene is None:
@@ -112,7 +125,7 @@ class OwnSceneSession:
         self._seen = None
         if options.through_glass and panes.any:
             self._seen = DepthScene(scene, intrinsics, options, alpha=file.depth_alpha, masked=masked, panes=panes)
-        self._colour = _Colour(scene, file, intrinsics, options, depth=together) if options.rgb else None
+        self._colour = _Colour(scene, file, intrinsics, options, depth=together, lens=lens) if options.rgb else None
 
     def serves(self, paths: SensorPaths, options: RenderOptions) -> bool:
         """Tell whether frames along other paths, with other options, would be those of a session of their own."""
@@ -161,9 +174,17 @@ class _Colour:
     """The artist's scene, which gives colour and, where its own render has the centre's, depth."""
 
     def __init__(
-        self, scene: bpy.types.Scene, file: OwnSceneFile, intrinsics: Intrinsics, options: RenderOptions, *, depth: bool
+        self,
+        scene: bpy.types.Scene,
+        file: OwnSceneFile,
+        intrinsics: Intrinsics,
+        options: RenderOptions,
+        *,
+        depth: bool,
+        lens: LightLens | None,
     ) -> None:
-        """Prepare it. depth: whether it gives depth too."""
+        """Prepare it. depth: whether it gives depth too. lens: that colour passes."""
+        self._lens = lens
         self._scene = scene
         self._file = file
         self._depth = depth
@@ -188,7 +209,7 @@ class _Colour:
         self._layer = COMPOSITE if file.keep_compositor else layer.name
         size_px = (intrinsics.width_px, intrinsics.height_px)
         self._render = RenderFile(scene, size_px)
-        self._shown = ShownColour(scene, size_px, self._render.folder)
+        self._shown = ShownColour(scene, size_px if lens is None else lens.size_px, self._render.folder)
 
     def render(self, request: FrameRequest) -> tuple[NDArray[np.float32], NDArray[np.float32] | None, SceneLight]:
         """Return colour (H, W, 3), display-encoded; depth (H, W) in metres or None; and colour before the display."""
@@ -203,6 +224,8 @@ class _Colour:
             render_camera.place(request.rgb_c2w)
         passes = self._render.render(self._layer)
         rgba = np.stack([passes[f"Combined.{name}"] for name in "RGBA"], axis=-1)
+        if self._lens is not None:
+            rgba = self._lens.bend(rgba)
         depth_m = without_void(passes["Depth.Z"], self._far_m) if self._depth else None
         return self._shown.encode(rgba), depth_m, SceneLight(light_in(rgba), rgba[..., 3:], self._shown.encode)
 

@@ -55,9 +55,10 @@ class RenderFile:
         render.use_placeholder = False
         write_plain_floats(render.image_settings)
 
-    def render(self, layer: str) -> dict[str, NDArray[np.float32]]:
+    def render(self, layer: str, size_px: tuple[int, int] | None = None) -> dict[str, NDArray[np.float32]]:
         """Render the scene as it is, and return a layer's channels (H, W) by pass and channel, such as "Depth.Z".
 
+        size_px: width, height of this frame, where they are not those that were given.
         Raises StorageError where the scratch file could not be written, for instance on a full disk.
         """
         import OpenEXR  # needed only for rendering
@@ -74,7 +75,8 @@ class RenderFile:
                 f"Blender could not write its scratch file: {problem or 'no file came'}", file=self._path
             )
         with OpenEXR.File(str(self._path), separate_channels=True) as file:
-            named = {tuple(name.rsplit(".", 2)): item.pixels[self._crop] for name, item in file.channels().items()}
+            crop = self._crop if size_px is None else (slice(size_px[1]), slice(size_px[0]))
+            named = {tuple(name.rsplit(".", 2)): item.pixels[crop] for name, item in file.channels().items()}
         return {".".join(name[1:]): pixels for name, pixels in named.items() if name[0] == layer}
 
     def close(self) -> None:
@@ -124,12 +126,12 @@ class FrameRenderer:
         """Remove the scratch file."""
         self._file.close()
 
-    def render(self) -> Passes:
-        """Render the scene in its current state.
+    def render(self, size_px: tuple[int, int] | None = None) -> Passes:
+        """Render the scene in its current state. size_px: width, height, where they are not those that were given.
 
         Raises StorageError where the scratch file could not be written, for instance on a full disk.
         """
-        channels = self._file.render(self._layer)
+        channels = self._file.render(self._layer, size_px)
         colours = None
         if self._rgb:
             colours = np.stack([channels[f"Combined.{name}"] for name in "RGB"], axis=-1)

@@ -41,13 +41,17 @@ def renderer_versions(engine: EngineName, device: Device = "cpu") -> dict[str, s
 
 @dataclass(frozen=True)
 class Shot:
-    """One render of a frame: from which sensor's pose, with how many samples, and for which images."""
+    """One render of a frame: from which sensor's pose, with how many samples, and for which images.
+
+    through: depth of what colour shows, beside that of a depth sensor with a camera of its own.
+    """
 
     from_depth_sensor: bool
     samples: int
     rgb: bool
     depth: bool
     surface: bool = False
+    through: bool = False
 
 
 class Session:
@@ -86,14 +90,8 @@ class Session:
         self._shots = self._plan_shots(two_places=paths.depth is not None)
         # Both sensors use one camera in turn: changing the scene's camera takes as long as a frame, moving it nothing.
         self._camera = add_camera(scene, "Noisy World camera")
-        set_intrinsics(
-            scene,
-            self._camera,
-            intrinsics,
-            near_m=options.near_m,
-            far_m=options.far_m,
-            sample_offset_px=self._engine.sample_offset_px(options.samples),
-        )
+        self._intrinsics = self._seen_through = intrinsics
+        self._look_through(intrinsics)
         self._renderer = FrameRenderer(
             scene,
             (intrinsics.width_px, intrinsics.height_px),
@@ -101,6 +99,17 @@ class Session:
             depth=options.depth or not options.rgb,
             encoded_colours=not linear_light,
             facts=self._images.needs,
+        )
+
+    def _look_through(self, intrinsics: Intrinsics) -> None:
+        options, self._seen_through = self._options, intrinsics
+        set_intrinsics(
+            self._scene,
+            self._camera,
+            intrinsics,
+            near_m=options.near_m,
+            far_m=options.far_m,
+            sample_offset_px=self._engine.sample_offset_px(options.samples),
         )
 
     def serves(self, paths: SensorPaths, options: RenderOptions) -> bool:
@@ -112,6 +121,7 @@ class Session:
         options = self._options
         surface = bool(self._images.needs)
         along = surface and options.samples == 1  # a single sample shows the pixel's centre, as the surface has to be
+        two_places = two_places or options.depth_camera is not None
         together = not two_places and (options.samples == 1 or self._engine.centre_depth)
         shots = []
         if options.rgb:
@@ -119,25 +129,31 @@ class Session:
             shots.append(Shot(False, options.samples, rgb=True, depth=both, surface=along))
         if options.depth and not (options.rgb and together):
             shots.append(Shot(True, 1, rgb=False, depth=True, surface=surface and not options.rgb and not two_places))
+        if options.depth_camera is not None and options.through_glass:
+            shots.append(Shot(False, 1, rgb=False, depth=False, through=True))
         if surface and not any(shot.surface for shot in shots):
             shots.append(Shot(False, 1, rgb=False, depth=not (options.rgb or options.depth), surface=True))
         return shots
 
     def frame(self, request: FrameRequest) -> RenderedFrame:
         """Render a frame."""
-        rgb = depth_m = None
+        rgb = depth_m = behind_m = None
         others: dict[str, NDArray[Any]] = {}
         for shot in self._shots:
+            seen = (self._options.depth_camera if shot.from_depth_sensor else None) or self._intrinsics
+            if seen != self._seen_through:
+                self._look_through(seen)
             place_camera(self._scene, self._camera, request.depth_c2w if shot.from_depth_sensor else request.rgb_c2w)
             self._engine.set_samples(self._scene, shot.samples)
             if self._images.needs:
                 self._scene.update_tag()  # or Cycles would not hear of fewer samples while its camera stays
-            rendered = self._renderer.render()
+            rendered = self._renderer.render((seen.width_px, seen.height_px))
             rgb = rendered.rgb if shot.rgb else rgb
             depth_m = rendered.depth_m if shot.depth else depth_m
+            behind_m = rendered.depth_m if shot.through else behind_m
             if shot.surface and rendered.world is not None:
                 others = self._images.of(_in_camera(rendered.world, request.rgb_c2w))
-        return RenderedFrame(rgb, depth_m, others)
+        return RenderedFrame(rgb, depth_m, others, behind_glass_m=behind_m)
 
     def close(self) -> None:
         """Remove the scratch files."""

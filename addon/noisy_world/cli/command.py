@@ -65,6 +65,7 @@ GROUPS = {
     },
     "prepare and convert": {
         "simulate": Subcommand("simulate_command", "let a robot's body follow a scene's path, by physics: a path file"),
+        "scan": Subcommand("scan_command", "spin a lidar along the paths of meshes: point clouds with times"),
         "bag": Subcommand("bag_command", "write a sequence of the layout euroc as a bag of ROS 2"),
         "export": Subcommand("export_mesh", "write a mesh as PLY in Replica's layout"),
     },

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Listing keys, sources, layouts, channels, metrics, perturbations and presets, and what a preset holds."""
+"""Listing keys, sources, layouts, channels, cameras, metrics, perturbations and presets, and what a preset holds."""
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -51,6 +51,20 @@ def list_channels() -> None:
     width = max(map(len, CHANNELS))
     for name, item in CHANNELS.items():
         print(f"{name:<{width}}  {item.meaning}: {item.convention}{CHANNELS.origin(name)}")
+
+
+def list_cameras() -> None:
+    """List the real cameras that a preset may name as `device`: what they stand for, and where the figures are from."""
+    from ..core.camera_devices import CAMERA_DEVICES
+    from ..core.schema import yaml_text
+
+    for name, device in CAMERA_DEVICES.items():
+        print(f"{name}  {device.label}: {device.meaning}")
+        print(f"    camera: {yaml_text(device.camera)}")
+        print(f"        {device.sources['lens']}")
+        for step, values in device.steps.items():
+            print(f"    {step}: {yaml_text(dict(values))}")
+            print(f"        {device.sources[step]}")
 
 
 def list_layouts() -> None:
@@ -108,6 +122,7 @@ _LISTED = {
     "sources": list_sources,
     "layouts": list_layouts,
     "channels": list_channels,
+    "cameras": list_cameras,
     "metrics": list_metrics,
     "perturbations": list_perturbations,
     "presets": list_presets,

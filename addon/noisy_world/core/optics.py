@@ -19,7 +19,8 @@ MODELS: tuple[str, ...] = get_args(DistortionModel)
 # How many coefficients OpenCV takes: https://docs.opencv.org/4.x/d9/d0c/group__calib3d.html, and of the fisheye module.
 SHORTEST = 4  # coefficients: without the radial ones of a higher power
 DISTORTION = "distortion"
-OPTICS_KEYS = ("depth_camera", DISTORTION)  # in files
+DEPTH_CAMERA = "depth_camera"
+OPTICS_KEYS = (DEPTH_CAMERA, DISTORTION)  # in files
 COUNTS: dict[str, tuple[int, ...]] = {"radial-tangential": (4, 5, 8), "equidistant": (4,)}
 
 

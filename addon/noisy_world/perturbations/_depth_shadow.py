@@ -25,35 +25,50 @@ def shadowed(disparity_px: NDArray[np.float32]) -> NDArray[np.bool_]:
 def _shadow(disparity_px: NDArray[np.float32], hidden: NDArray[np.bool_]) -> None:
     """Write the mask of some rows into `hidden`."""
     seen = np.arange(disparity_px.shape[1], dtype=np.float32) - disparity_px
+    # What hides a pixel has more disparity by as much as it lies farther right, but for the half pixel below.
+    reach = int(min(disparity_px.max(), disparity_px.shape[1])) + 2
     # Of what lies to the right, the leftmost edge in the second view; half a pixel is the way from centre to edge.
     # Void lies at its own column there and so hides nothing.
-    edges = np.minimum.accumulate(seen[:, :0:-1], axis=1)[:, ::-1]
-    np.greater(seen[:, :-1], edges - np.float32(0.5), out=hidden[:, :-1])
+    np.greater(seen[:, :-1], _least_right(seen[:, 1:], reach) - np.float32(0.5), out=hidden[:, :-1])
     hidden &= disparity_px > 0
     rows = np.flatnonzero(hidden.any(axis=1))
     if rows.size:
-        hidden[rows] &= _covered(seen[rows], disparity_px[rows] > 0, hidden[rows])
+        hidden[rows] &= _covered(seen[rows], disparity_px[rows] > 0, hidden[rows], reach)
 
 
-def _covered(seen: NDArray[np.float32], known: NDArray[np.bool_], asked: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _least_right(values: NDArray[np.float32], reach: int) -> NDArray[np.float32]:
+    """Return the least of each value (H, W) and at least `reach` to its right, as far as there are so many."""
+    least, width = values.copy(), 1
+    while width <= min(reach, values.shape[1] - 1):
+        np.minimum(least[:, :-width], least[:, width:], out=least[:, :-width])
+        width *= 2
+    return least
+
+
+def _covered(
+    seen: NDArray[np.float32], known: NDArray[np.bool_], asked: NDArray[np.bool_], reach: int
+) -> NDArray[np.bool_]:
     """Return, for the pixels that are asked about, whether another is in front of them in the second view.
 
     Of pixels that meet there the one farther right is the nearer one, so in a row drawn from left to right the last one
-    stays (McMillan, An image-based approach to three-dimensional computer graphics, 1997).
+    stays (McMillan, An image-based approach to three-dimensional computer graphics, 1997). Only those that are at most
+    `reach` and some pixels to the right can be.
     """
     import cv2
 
     height, width = seen.shape
-    cells = np.rint(seen).astype(np.int32)
-    inside = known & (cells >= 0)
-    cells += (np.arange(height, dtype=np.int32) * width)[:, None]
+    right = np.ones((1, reach + 6), np.uint8)
+    near = np.asarray(cv2.dilate(asked.view(np.uint8), right, anchor=(reach + 5, 0)), np.uint8).reshape(seen.shape)
+    places = np.flatnonzero(near.view(np.bool_) & known)
+    row, column = np.divmod(places, width)
+    cells = np.rint(seen.reshape(-1)[places]).astype(np.intp)
+    inside = cells >= 0
+    cells += row * width
     front = np.full((height, width), -1.0, np.float32)
-    columns = np.broadcast_to(np.arange(width, dtype=np.float32), seen.shape)
-    front.reshape(-1)[cells[inside]] = columns[inside]
+    front.reshape(-1)[cells[inside]] = column[inside]
     front = np.asarray(cv2.dilate(front, np.ones((1, 3), np.uint8)), np.float32).reshape(seen.shape)
+    # Outside its own neighbours: the next pixel of the same surface is in the next cell. Left of all is hidden.
+    behind = front.reshape(-1)[np.where(inside, cells, 0)] >= column + 2
     covered = np.zeros(seen.shape, np.bool_)
-    place = asked & inside
-    # Outside its own neighbours: the next pixel of the same surface is in the next cell.
-    covered[place] = front.reshape(-1)[cells[place]] >= columns[place] + 2
-    covered |= asked & ~inside
-    return covered
+    covered.reshape(-1)[places] = behind | ~inside
+    return covered & asked

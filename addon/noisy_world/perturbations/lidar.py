@@ -75,18 +75,31 @@ def apply(depth_m: NDArray[np.float32], parameters: Lidar, context: FrameContext
     row, column = _once(row, column, depth.shape[1])
     ray = np.stack([(column - camera.cx_px) / camera.fx_px, (row - camera.cy_px) / camera.fy_px, np.ones(row.size)])
     length = np.sqrt(np.sum(ray * ray, axis=0))
-    range_m = depth[row, column] * length
-    kept = valid[row, column] & (range_m >= own.min_m)
+    cosine = np.ones(row.size)
     if own.max_m > 0:
-        cosine = cosine_of_incidence(depth, camera)[row, column]
-        kept &= range_m <= own.max_m * np.sqrt(cosine)
-    measured_m = range_m + own.sigma_m * own.noise * generator.standard_normal(row.size)
-    if own.step_m > 0:
-        measured_m = np.rint(measured_m / own.step_m) * own.step_m
-    kept &= measured_m > 0
+        cosine = cosine_of_incidence(depth, camera)[row, column].astype(np.float64)
+    range_m = np.where(valid[row, column], depth[row, column] * length, 0)
+    measured_m = returned(range_m, cosine, own, generator)
+    kept = measured_m > 0
     found = np.zeros_like(depth)
     found[row[kept], column[kept]] = (measured_m / length)[kept]
     return found
+
+
+def returned(
+    range_m: NDArray[np.float64], cosine: NDArray[np.float64], own: Lidar, generator: np.random.Generator
+) -> NDArray[np.float64]:
+    """Return the ranges that are measured, of any shape, 0 where too little light comes back.
+
+    range_m: exact, 0 for nothing. cosine: of incidence. own: with the device's values.
+    """
+    kept = (range_m > 0) & (range_m >= own.min_m)
+    if own.max_m > 0:
+        kept &= range_m <= own.max_m * np.sqrt(cosine)
+    measured_m = range_m + own.sigma_m * own.noise * generator.standard_normal(range_m.shape)
+    if own.step_m > 0:
+        measured_m = np.rint(measured_m / own.step_m) * own.step_m
+    return np.where(kept & (measured_m > 0), measured_m, 0.0)
 
 
 def met_pixels(camera: Intrinsics, own: Lidar, turn: float) -> tuple[NDArray[np.intp], NDArray[np.intp]]:

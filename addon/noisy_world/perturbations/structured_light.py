@@ -17,6 +17,7 @@ from ._shifted import shifted_places, taken
 from ._void import quotient, without_void
 
 LEAST_JUMP_PX = 1.0  # of disparity: less is one surface; chosen
+WHOLE = 0.9999  # of a window: all of it but for rounding
 
 
 @dataclass(frozen=True)
@@ -97,23 +98,29 @@ def _matched(disparity_px: NDArray[np.float32], own: StructuredLight, scale: flo
     mean = _blurred(disparity_px, window)
     squares = np.asarray(cv2.sqrBoxFilter(disparity_px, cv2.CV_32F, window), np.float32).reshape(disparity_px.shape)
     least = np.float32(own.least_share)
+    # v < s (v + o^2) and v + o^2 > o j hold for no o up to (1 - s) j; less, as the window's share is rounded.
+    sure_px = np.float32((1 - own.least_share - 1e-3) * LEAST_JUMP_PX)
 
     def kept(
         own_px: NDArray[np.float32], mean: NDArray[np.float32], squares: NDArray[np.float32], count: NDArray[np.float32]
     ) -> NDArray[np.float32]:
         weight = 1 / np.maximum(count, np.float32(1e-6))  # means are over what is known
         mean = np.multiply(mean, weight, dtype=np.float32)
-        variance = squares * weight
+        off = np.abs(own_px - mean)
+        # The others have enough: with all of the window known, one that is less far off has a share of at least that.
+        asked = np.flatnonzero((off > sure_px) | (count < WHOLE))
+        off, weight, mean, known = (part.reshape(-1)[asked] for part in (off, weight, mean, count))
+        variance = squares.reshape(-1)[asked] * weight
         variance -= mean * mean
         np.maximum(variance, 0, out=variance)
-        off = np.abs(own_px - mean)
         spread = off * off
         spread += variance
         # share = count * variance / spread where the two are apart, else count
-        variance *= count
+        variance *= known
         two = spread > off * np.float32(LEAST_JUMP_PX)
-        enough = np.where(two, variance >= least * spread, count >= least)
-        return own_px * enough
+        result = own_px.copy()
+        result.reshape(-1)[asked] *= np.where(two, variance >= least * spread, known >= least)
+        return result
 
     return by_bands(disparity_px, disparity_px.dtype, kept, mean, squares, count)
 

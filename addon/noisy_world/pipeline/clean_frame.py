@@ -15,10 +15,11 @@ from ..core.datasets.layouts import Modality, OutputFormat
 from ..core.datasets.registration import Registration
 from ..core.geometry import Intrinsics
 from ..core.perturbing.earlier_frames import EarlierFrame
-from ..core.perturbing.execution import ColourWork, Notes
+from ..core.perturbing.execution import ColourWork, DepthWork, Notes
 from ..core.perturbing.kinds import FrameContext
 from ..core.perturbing.lit import acts_on_light, after_light, on_light
 from ..core.planning.exposed import exposure_of
+from ..core.planning.plan import Render
 from ..core.planning.sequence import Sequence, ShownSources
 from ..core.planning.source import SceneLight, SourceFrame, depth_behind_glass, light_of
 from ..core.trajectories.motion import CameraMotion, motion_between
@@ -38,8 +39,10 @@ class CleanFrame:
         timer: StageTimer | None = None,
         *,
         of_light: bool = False,
+        registers: bool = False,
     ) -> None:
         """Hold a frame. source: its number on the path. between: colour and depth, where these have two cameras.
+        registers: whether depth is laid into colour's pixels once it is measured.
 
         timer: hears how long images take that are read from files; None where they are not. of_light: what is stored
         of its colour is light, before the view transform.
@@ -50,6 +53,20 @@ class CleanFrame:
         self._between = between
         self._timer = timer
         self._of_light = of_light
+        self._registers = registers and between is not None
+
+    @classmethod
+    def of(
+        cls,
+        render: Render,
+        source: int,
+        image: SourceFrame,
+        timer: StageTimer | None = None,
+        *,
+        of_light: bool = False,
+    ) -> "CleanFrame":
+        """Return a source frame of a render."""
+        return cls(source, image, render.registration, timer, of_light=of_light, registers=render.registers)
 
     @property
     def exposure(self) -> Notes:
@@ -66,7 +83,12 @@ class CleanFrame:
 
     @cached_property
     def depth_m(self) -> NDArray[np.float32]:
-        """Planar depth (H, W) in metres; 0 = void."""
+        """Planar depth (H, W) in metres, 0 = void, in the pixels in which it is written."""
+        return self._depth_in_colour_m if self._registers else self.measured_depth_m
+
+    @cached_property
+    def measured_depth_m(self) -> NDArray[np.float32]:
+        """Planar depth (H, W) in metres, 0 = void, as its own camera sees it."""
         with self._decoding():
             depth_m = self._image.depth_m
         assert depth_m is not None, "depth was not asked for"
@@ -125,9 +147,24 @@ class CleanFrame:
             return after_light(work, self.light.show(on_light(work, self.light.rgb)))
         return work.on(self.byte_rgb if work.takes_bytes else self.rgb)
 
+    def perturbed_depth(self, work: DepthWork) -> NDArray[np.float32] | None:
+        """Return depth (H, W) after steps of depth; None where they are the identity.
+
+        What a rig's sensor measures is registered after it, and before the setting's own steps.
+        """
+        between = self._between
+        if not self._registers or between is None:
+            return work.on(self.depth_m)
+        sensing, others = work.parted(between.depth.intrinsics, self.read_measured_rgb)
+        measured_m = sensing.on(self.measured_depth_m)
+        seen_m = self.depth_m if measured_m is None else between.depth_in_colour(measured_m)
+        made_m = others.on(seen_m)
+        return made_m if made_m is not None or measured_m is None else seen_m
+
     @cached_property
     def _depth_in_colour_m(self) -> NDArray[np.float32]:
-        return self.depth_m if self._between is None else self._between.depth_in_colour(self.depth_m)
+        measured_m = self.measured_depth_m
+        return measured_m if self._between is None else self._between.depth_in_colour(measured_m)
 
     def read_depth_m(self) -> NDArray[np.float32]:
         """Return the depth as the colour camera sees it; a function that contexts can hand on."""
@@ -139,9 +176,13 @@ class CleanFrame:
         return self.read_depth_m() if behind_m is None else behind_m
 
     def read_rgb(self) -> NDArray[np.float32]:
+        """Return colour (H, W, 3), float32 in [0, 1], in depth's pixels as these are written, for contexts likewise."""
+        return self.float_rgb() if self._registers else self.read_measured_rgb()
+
+    def read_measured_rgb(self) -> NDArray[np.float32]:
         """Return colour (H, W, 3), float32 in [0, 1], as the depth camera sees it, for contexts likewise."""
         rgb = self.float_rgb()
-        return rgb if self._between is None else self._between.colour_in_depth(rgb, self.depth_m)
+        return rgb if self._between is None else self._between.colour_in_depth(rgb, self.measured_depth_m)
 
     def file_as(self, modality: Modality, format_: OutputFormat) -> WholeFile | None:
         """Return an existing file that holds an image exactly as a dataset would write it, or None."""

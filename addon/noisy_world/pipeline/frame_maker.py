@@ -19,6 +19,7 @@ from ..core.datasets.dataset import Dataset
 from ..core.datasets.layouts import Modality
 from ..core.datasets.provenance import render_seed
 from ..core.errors import InterruptedRunError
+from ..core.geometry import Intrinsics
 from ..core.messages import Message
 from ..core.planning.exposed import open_render
 from ..core.planning.plan import Plan, Render
@@ -125,8 +126,9 @@ class FrameMaker:
 
         format_ = self._plan.format
         wanted, again = in_order(options.channels), render.acts_on_light or format_.of_light
+        again = again or (options.depth_camera is not None and options.through_glass)
         opened = opening() if self._clean is None else self._clean.through(wanted, opening, again=again)
-        if render.registration is not None and (render.needs_depth or render.needs_rgb):
+        if render.registration is not None and not render.registers and (render.needs_depth or render.needs_rgb):
             message = "depth has a camera of its own: it is registered into colour where a perturbation needs both"
             self._note(render.name, message)
         return self._render.keep((render.name,), contextlib.nullcontext(opened))
@@ -176,7 +178,7 @@ class FrameMaker:
             with contextlib.nullcontext() if heard is None else heard.on(DECODING):
                 image = source.frame(paths.request(frame))
             self._count_rays(image)
-            clean = CleanFrame(frame, image, render.registration, heard, of_light=self._plan.format.of_light)
+            clean = CleanFrame.of(render, frame, image, heard, of_light=self._plan.format.of_light)
             if self.report.first_frame_s is None:
                 self.report.first_frame_s = time.perf_counter() - start_s
             if frame in wanted:
@@ -287,4 +289,11 @@ def render_options(plan: Plan, render: Render, *, judging: bool = False, threads
         threads=threads,
         first_frames=needed_frames,
         through_glass=any(sequence.setting.needs_depth for sequence in render.sequences),
+        depth_camera=_own_depth_camera(render),
     )
+
+
+def _own_depth_camera(render: Render) -> Intrinsics | None:
+    """Return the camera of a rig's depth sensor, where it is not colour's."""
+    own = render.unit is not None and render.unit.camera is not None
+    return render.measured_camera if own and render.scene.source.capabilities.depth_cameras else None

@@ -178,7 +178,7 @@ class FrameWriter:
         """Return the depth of a frame that a setting perturbs."""
         taken = sequence.shown(frame).depth_frame
         work = DepthWork.of(sequence.setting.depth, self._camera.context(sequence, taken, clean))
-        return PerturbedImage(work.key, work.notes, partial(work.on, clean.depth_m))
+        return PerturbedImage(work.key, work.notes, partial(clean.perturbed_depth, work))
 
     def _record(
         self, frame: int, files: dict[str, str], done: dict[str, Any], lost: OutOfRange | None = None

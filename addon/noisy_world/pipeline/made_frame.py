@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ..core.channels import CHANNELS, in_order
 from ..core.datasets.layouts import Modality, OutputFormat
 from ..core.errors import InputError
-from ..core.perturbing.execution import ColourWork, Notes, perturb_depth
+from ..core.perturbing.execution import ColourWork, DepthWork, Notes
 from ..core.planning.sequence import Sequence, ShownSources
 from ..core.regular_files import read_bytes
 from .clean_frame import Camera, CleanFrame
@@ -67,8 +67,9 @@ class MadeFrame:
     @cached_property
     def _depth_m(self) -> tuple[NDArray[np.float32] | None, Notes]:
         maker, clean = self._maker, self._clean_depth
-        steps = maker.sequence.setting.depth
-        return perturb_depth(steps, clean.depth_m, maker.depth.context(maker.sequence, self._depth_frame, clean))
+        where = maker.depth.context(maker.sequence, self._depth_frame, clean)
+        work = DepthWork.of(maker.sequence.setting.depth, where)
+        return clean.perturbed_depth(work), work.notes
 
     @property
     def rgb(self) -> NDArray[np.uint8]:

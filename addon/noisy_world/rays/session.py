@@ -4,7 +4,7 @@
 import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ..core.channels.surface import Surface
 from ..core.channels.surface_images import SurfaceImages
 from ..core.geometry import Intrinsics
-from ..core.lens import lens_rays
+from ..core.lens import LensRays, lens_rays
 from ..core.machine import available_threads, keep_freed_memory
 from ..core.optics import Distortion
 from ..core.planning.source import RenderedFrame, RenderOptions
@@ -24,6 +24,30 @@ from .antialiasing import PIXELS_AT_ONCE, grid_of, mean_colours, uneven_pixels
 from .casters import caster_of
 from .casting import TILE_PX, CastImages, LineView, RayView, View
 from .triangles import triangle_corners, triangle_faces, triangle_normals
+
+
+@dataclass(frozen=True, eq=False)
+class _Eye:
+    """The rays of a camera's pixels: right (W,) and down (H,) at one metre; lens: of one that distorts, instead."""
+
+    right: NDArray[np.float64]
+    down: NDArray[np.float64]
+    lens: LensRays | None = None
+
+    @classmethod
+    def of(cls, camera: Intrinsics, lens: LensRays | None = None) -> "_Eye":
+        """Return the rays of a pinhole, and of its lens where that distorts."""
+        columns, rows = (np.arange(size, dtype=np.float64) for size in (camera.width_px, camera.height_px))
+        return cls((columns - camera.cx_px) / camera.fx_px, (rows - camera.cy_px) / camera.fy_px, lens)
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Height and width, pixels."""
+        return len(self.down), len(self.right)
+
+    def lines(self, *, rows: bool) -> int:
+        """Return how many rows it has, or columns."""
+        return self.size[0 if rows else 1]
 
 
 class RaySession:
@@ -58,9 +82,10 @@ class RaySession:
         needs = self._images.needs
         self._normals = triangle_normals(mesh, corners) if "normals" in needs else None
         self._faces = triangle_faces(mesh) if "faces" in needs else None
-        self._right = (np.arange(self._width) - intrinsics.cx_px) / intrinsics.fx_px
-        self._down = (np.arange(self._height) - intrinsics.cy_px) / intrinsics.fy_px
         self._lens = None if lens is None else lens_rays(intrinsics, lens)
+        self._eye = _Eye.of(intrinsics, self._lens)
+        own = options.depth_camera
+        self._deep_eye = None if own is None else _Eye.of(own)
         self._grid = grid_of(options.samples) if options.samples > 1 else None
         self._focal_px = intrinsics.fx_px, intrinsics.fy_px
         self._threads = ThreadPoolExecutor(options.threads or available_threads(), thread_name_prefix="rays")
@@ -77,33 +102,40 @@ class RaySession:
         depth = (self._options.depth and request.looks_at("depth")) or not rgb  # which tells whether anything is seen
         view, deep = self._views(request)
         apart = depth and deep is not None
-        seen = self._seen(view, rgb=rgb, depth=depth and not apart, triangles=bool(self._images.needs))
+        through = self._options.through_glass and rgb and self._deep_eye is not None  # what colour itself shows
+        together = (depth and not apart) or through
+        seen = self._seen(view, rgb=rgb, depth=together, triangles=bool(self._images.needs))
         others = {} if seen.triangles is None else self._images.of(self._surface(view, request.rgb_c2w, seen.triangles))
-        depth_m = seen.depth_m if deep is None or not apart else self._seen(deep, depth=True).depth_m
+        eye = self._deep_eye or self._eye
+        depth_m = seen.depth_m if deep is None or not apart else self._seen(deep, eye, depth=True).depth_m
         rays = None if seen.rgb is None else self._smooth(view, request.rgb_c2w, seen.rgb)
-        return RenderedFrame(seen.rgb, depth_m, others, rays)
+        behind_m = seen.depth_m if through else None
+        return RenderedFrame(seen.rgb, depth_m if depth else None, others, rays, behind_glass_m=behind_m)
 
     def _views(self, request: FrameRequest) -> tuple[View, View | None]:
         """Return what the colour sensor sees, and the depth sensor where that sees something else."""
+        eye, own = self._eye, self._deep_eye
         if (readout := request.rays.readout) is None:
-            same = np.array_equal(request.rgb_c2w, request.depth_c2w)
-            return self._view(request.rgb_c2w), None if same else self._view(request.depth_c2w)
+            same = own is None and np.array_equal(request.rgb_c2w, request.depth_c2w)
+            return self._view(request.rgb_c2w, eye), None if same else self._view(request.depth_c2w, own or eye)
         rows = readout.direction in ("down", "up")
-        times_s = readout.line_times_s(self._height if rows else self._width)
-        rgb_c2w, depth_c2w = request.poses_after(times_s)
-        view = self._lines(rgb_c2w, rows=rows)
+        rgb_c2w, depth_c2w = request.poses_after(readout.line_times_s(eye.lines(rows=rows)))
+        view = self._lines(rgb_c2w, eye, rows=rows)
         if not request.rays.depth_rolls:
-            return view, self._view(request.depth_c2w)
-        return view, None if np.array_equal(rgb_c2w, depth_c2w) else self._lines(depth_c2w, rows=rows)
+            return view, self._view(request.depth_c2w, own or eye)
+        if own is not None:
+            _, depth_c2w = request.poses_after(readout.line_times_s(own.lines(rows=rows)))
+            return view, self._lines(depth_c2w, own, rows=rows)
+        return view, None if np.array_equal(rgb_c2w, depth_c2w) else self._lines(depth_c2w, eye, rows=rows)
 
-    def _lines(self, c2w: NDArray[np.float64], *, rows: bool) -> LineView:
+    def _lines(self, c2w: NDArray[np.float64], eye: "_Eye", *, rows: bool) -> LineView:
         """Return the rays of an image each row or column of which has its own pose (L, 4, 4)."""
         lines = (len(c2w), 1) if rows else (1, len(c2w))
         starts_m = (c2w[:, :3, 3] - self.origin_m).reshape(*lines, 3)
-        axes, lens = c2w[:, :3, :3].reshape(*lines, 3, 3), self._lens
+        axes, lens = c2w[:, :3, :3].reshape(*lines, 3, 3), eye.lens
         if lens is not None:
             return LineView(starts_m, axes, lens.right, lens.down)
-        right, down = (np.asarray(values, np.float64) for values in (self._right[None], self._down[:, None]))
+        right, down = (np.asarray(values, np.float64) for values in (eye.right[None], eye.down[:, None]))
         return LineView(starts_m, axes, right, down)
 
     def _smooth(self, view: View, c2w: NDArray[np.float64], rgb: NDArray[np.float32]) -> int | None:
@@ -133,23 +165,31 @@ class RaySession:
         self._each(smooth, len(pixels), PIXELS_AT_ONCE)
         return self._width * self._height + beside.shape[1] * len(pixels)
 
-    def _view(self, c2w: NDArray[np.float64]) -> View:
+    def _view(self, c2w: NDArray[np.float64], eye: "_Eye") -> View:
         """Return the rays of a pose (4, 4)."""
-        if self._lens is not None:
-            return self._lines(c2w[None], rows=True)
+        if eye.lens is not None:
+            return self._lines(c2w[None], eye, rows=True)
         right, down, forward = (c2w[:3, axis, None] for axis in range(3))
-        return RayView(c2w[:3, 3] - self.origin_m, self._right * right + forward, self._down * down)
+        return RayView(c2w[:3, 3] - self.origin_m, eye.right * right + forward, eye.down * down)
 
-    def _seen(self, view: View, *, rgb: bool = False, depth: bool = False, triangles: bool = False) -> CastImages:
-        """Return what is asked for of what a view sees."""
-        size = (self._height, self._width)
+    def _seen(
+        self,
+        view: View,
+        eye: "_Eye | None" = None,
+        *,
+        rgb: bool = False,
+        depth: bool = False,
+        triangles: bool = False,
+    ) -> CastImages:
+        """Return what is asked for of what a view sees. eye: whose rays these are; by default colour's."""
+        size = (eye or self._eye).size
         images = CastImages(
             np.empty((*size, 3), dtype=np.float32) if rgb else None,
             np.empty(size, dtype=np.float32) if depth else None,
             np.empty(size, dtype=np.int32) if triangles else None,
         )
         if rgb or depth or triangles:
-            self._each(lambda rows: self._caster.cast(view, rows, images), self._height, TILE_PX)
+            self._each(lambda rows: self._caster.cast(view, rows, images), size[0], TILE_PX)
         return images
 
     def _surface(self, view: View, c2w: NDArray[np.float64], triangles: NDArray[np.int32]) -> Surface:

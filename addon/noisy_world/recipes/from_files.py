@@ -21,7 +21,7 @@ from ..core.datasets.storage import sha256_of_bytes
 from ..core.datasets.stored import StoredFrame, StoredSequence
 from ..core.errors import InputError
 from ..core.geometry import Intrinsics
-from ..core.optics import Distortion
+from ..core.optics import DepthCamera, Distortion
 from ..core.regular_files import open_regular, read_bytes
 from .digests import series_of
 from .frame_numbers import FrameNumbers
@@ -125,6 +125,11 @@ class SequenceOfFiles(OpenedSequence):
     def distortion(self) -> Distortion | None:
         """What its files say."""
         return self.stored.optics.distortion
+
+    @property
+    def depth_camera(self) -> DepthCamera | None:
+        """What its files say."""
+        return self.stored.optics.depth
 
     def text(self, name: str) -> bytes | None:
         """Return a text file beside its images."""

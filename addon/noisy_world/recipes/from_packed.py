@@ -20,7 +20,7 @@ from ..core.datasets.layouts import Modality
 from ..core.datasets.storage import sha256_of_bytes
 from ..core.errors import InputError
 from ..core.geometry import Intrinsics
-from ..core.optics import Distortion
+from ..core.optics import DepthCamera, Distortion
 from ..storage.finished import Packed, open_packed
 from ..storage.packed_table import AGAIN
 from ..storage.packed_tar import texts_of
@@ -118,7 +118,12 @@ class PackedSequence(OpenedSequence):
     @property
     def distortion(self) -> Distortion | None:
         """The lens of its frames."""
-        return self._opened.packed.distortion(self.name)
+        return self._opened.packed.optics(self.name).distortion
+
+    @property
+    def depth_camera(self) -> DepthCamera | None:
+        """The camera of its depth."""
+        return self._opened.packed.optics(self.name).depth
 
     def text(self, name: str) -> bytes | None:
         """Return a text file beside its images: they stand behind these in the tar."""

@@ -19,7 +19,7 @@ from ..core.channels import CHANNELS, COLOUR_AND_DEPTH
 from ..core.channels.pair import View
 from ..core.errors import InputError
 from ..core.geometry import Intrinsics
-from ..core.optics import Distortion
+from ..core.optics import DepthCamera, Distortion
 from ..core.perturbing.steps import Setting
 from ..core.planning.exposed import open_render
 from ..core.planning.motion_record import motion_of_frames
@@ -144,9 +144,7 @@ class OpenedRecipe(Opened):
         key = (sequence.render.name, source)
         with self._lock:
             if key not in self._recent:
-                self._recent[key] = CleanFrame(
-                    source, self._clean_image(sequence, source), sequence.render.registration
-                )
+                self._recent[key] = CleanFrame.of(sequence.render, source, self._clean_image(sequence, source))
                 if len(self._recent) > KEPT_FRAMES:
                     self._recent.popitem(last=False)
             return self._recent[key]
@@ -158,7 +156,10 @@ class OpenedRecipe(Opened):
             return view_of(lambda: self._open_source(sequence), paths, clean, camera)
 
     def _clean_image(self, sequence: "SequenceOfRecipe", source: int) -> SourceFrame:
-        stored = None if self._store is None else self._store.frame(sequence.render.name, source)
+        render = sequence.render
+        between = render.needs_depth and render.unit is not None and render.unit.camera is not None
+        kept = None if between else self._store  # which has no depth that colour itself sees
+        stored = None if kept is None else kept.frame(render.name, source)
         return stored or self._open_source(sequence).frame(sequence.paths.request(source))
 
     def _open_source(self, sequence: "SequenceOfRecipe") -> OpenSource:
@@ -235,7 +236,7 @@ class SequenceOfRecipe(OpenedSequence):
         (self.sequence,) = self.render.sequences
         self.paths = opened.paths(self.plan, self.render)
         self.written = written_paths(self.sequence, self.paths).rgb
-        self.stamps = scene.source.frame_stamps
+        self.stamps = self.render.scene.source.frame_stamps
         earlier = EarlierFrames(scene.source.stamps_s, lambda source: opened.clean(self, source).light_seen)
         colour = Camera(self.render.camera, scene.source.stamps_s, self.paths.rgb, earlier)
         depth = Camera(self.render.depth_camera, self.stamps.depth.seconds)
@@ -258,6 +259,11 @@ class SequenceOfRecipe(OpenedSequence):
     def distortion(self) -> Distortion | None:
         """The lens of its frames."""
         return self.render.optics.distortion
+
+    @property
+    def depth_camera(self) -> DepthCamera | None:
+        """The camera of its depth."""
+        return self.render.optics.depth
 
     @cached_property
     def motion(self) -> list[dict[str, Any]]:

@@ -20,7 +20,7 @@ from ..core.channels.rgb import CHANNEL as RGB
 from ..core.errors import InputError
 from ..core.geometry import Intrinsics
 from ..core.machine import end_opencv_threads_before_forks
-from ..core.optics import Distortion
+from ..core.optics import DepthCamera, Distortion
 from ..core.presets.selection import near_names, selected
 from ..core.schema import ConfigPath, shown
 from .frame_numbers import FrameNumbers
@@ -118,6 +118,11 @@ class OpenedSequence(ABC):
     @abstractmethod
     def distortion(self) -> Distortion | None:
         """The lens that its colour, and depth seen through it, distort by; None for a pinhole's frames."""
+
+    @property
+    def depth_camera(self) -> DepthCamera | None:
+        """The camera of its depth and where it sits beside colour's; None where depth lies in colour's pixels."""
+        return None
 
     def text(self, name: str) -> bytes | None:
         """Return a text file beside its images, by its name in the sequence's folder; None where there is none.

@@ -141,16 +141,28 @@ def lens_of(spec: DistortionSpec, camera: Intrinsics, place: ConfigPath, *, cast
     return lens
 
 
+def surfaces_bent(frame: RenderedFrame, bending: Bending, *, own_depth: bool = False) -> RenderedFrame:
+    """Return a frame whose colour is bent already with all else bent too, but depth of a camera of its own."""
+    behind_m = frame.behind_glass_m
+    return replace(
+        frame,
+        depth_m=frame.depth_m if own_depth or frame.depth_m is None else bending.depth_m(frame.depth_m),
+        others={name: bending.nearest(image) for name, image in frame.others.items()},
+        behind_glass_m=None if behind_m is None else bending.depth_m(behind_m),
+    )
+
+
 @dataclass
 class BentSession:
     """A session of a renderer that knows pinholes alone, whose frames are bent as a lens does.
 
-    session: of the pinhole of `bending`. origin_m: (3,) float64, around which it is rendered. notes: what a user should
-    know about how it is rendered.
+    session: of the pinhole of `bending`. own_depth: whether depth is of a camera of its own. origin_m: (3,) float64,
+    around which it is rendered. notes: what a user should know about how it is rendered.
     """
 
     session: Any
     bending: Bending
+    own_depth: bool = False
     origin_m: NDArray[np.float64] = field(init=False)
     notes: tuple[str, ...] = field(init=False)
 
@@ -166,13 +178,9 @@ class BentSession:
 
     def frame(self, request: FrameRequest) -> RenderedFrame:
         """Render a frame, and bend it."""
-        frame, bending = self.session.frame(request), self.bending
-        return replace(
-            frame,
-            rgb=None if frame.rgb is None else bending.rgb(frame.rgb),
-            depth_m=None if frame.depth_m is None else bending.depth_m(frame.depth_m),
-            others={name: bending.nearest(image) for name, image in frame.others.items()},
-        )
+        frame = self.session.frame(request)
+        coloured = replace(frame, rgb=None if frame.rgb is None else self.bending.rgb(frame.rgb))
+        return surfaces_bent(coloured, self.bending, own_depth=self.own_depth)
 
     def __enter__(self) -> "BentSession":
         self.session.__enter__()

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property, partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +17,15 @@ from ..core.channels.surface import Fact
 from ..core.datasets.storage import sha256_of_file
 from ..core.geometry import Intrinsics, nearest_rotation, opencv_from_blender_c2w, pose, rotation_error
 from ..core.planning.simple_source import SimpleSource
-from ..core.planning.source import PERTURBED, Motion, OwnRendering, RenderOptions, SourceCapabilities, SourceFrame
+from ..core.planning.source import (
+    PERTURBED,
+    Motion,
+    OwnRendering,
+    RenderedFrame,
+    RenderOptions,
+    SourceCapabilities,
+    SourceFrame,
+)
 from ..core.presets.preset import CameraSpec
 from ..core.scenes.own_scene import OwnScene
 from ..core.scenes.scene_object import SceneObject
@@ -190,6 +198,30 @@ class BlendSource(SimpleSource):
         return beginning_of(paths, frames, path, unseen=unseen, place=where, remedy="look at the path")
 
 
+class SceneSession(Protocol):
+    """A scene in Blender along paths: OwnSceneSession, or one behind a lens."""
+
+    def serves(self, paths: SensorPaths, options: RenderOptions) -> bool:
+        """Tell whether frames along other paths, with other options, would be those of a session of their own."""
+        ...
+
+    def frame(self, request: FrameRequest) -> RenderedFrame:
+        """Render a frame."""
+        ...
+
+    def motion(self, here: FrameRequest, there: FrameRequest) -> Motion | None:
+        """Return how what the colour camera sees moves between two frames; None where they show the same moment."""
+        ...
+
+    def __enter__(self) -> Any:
+        """Enter it."""
+        ...
+
+    def __exit__(self, *error: object) -> None:
+        """Close it."""
+        ...
+
+
 @dataclass
 class PreparedBlend:
     """A .blend that Blender opens once, for all paths through it that the same session can serve.
@@ -198,24 +230,27 @@ class PreparedBlend:
     in the end, and what `opened` adds to it.
     """
 
-    opened: "Callable[[SensorPaths, RenderOptions, contextlib.ExitStack], OwnSceneSession]"
+    opened: Callable[[SensorPaths, RenderOptions, contextlib.ExitStack], SceneSession]
     beginning: Callable[[SensorPaths, tuple[int, ...]], Beginning | None]
     closing: contextlib.ExitStack
-    session: "OwnSceneSession | None" = None
+    session: SceneSession | None = None
 
     def open(self, paths: SensorPaths, options: RenderOptions, note: Callable[[str], None]) -> "OpenBlend":
         """Return the scene ready to be rendered along the paths. Raises MissingDependencyError where it cannot be."""
         del note  # all is said already
-        if self.session is None or not self.session.serves(paths, options):
+        session = self.session
+        if session is None or not session.serves(paths, options):
             self.closing.close()
-            self.session = self.closing.enter_context(self.opened(paths, options, self.closing))
-        return OpenBlend(self.session, self.beginning(paths, options.first_frames))
+            session = self.opened(paths, options, self.closing)
+            self.session = session
+            self.closing.enter_context(session)
+        return OpenBlend(session, self.beginning(paths, options.first_frames))
 
 
 class OpenBlend:
     """A scene in Blender with the paths of a render."""
 
-    def __init__(self, session: "OwnSceneSession", beginning: Beginning | None) -> None:
+    def __init__(self, session: SceneSession, beginning: Beginning | None) -> None:
         """Keep what frames are rendered with."""
         self._session = session
         self._beginning = beginning

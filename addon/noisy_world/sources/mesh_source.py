@@ -89,6 +89,7 @@ class MeshSource(SimpleSource):
             surface=TOLD,
             casts_rays=self.casts_rays,
             distorts=True,
+            depth_cameras=True,
         )
 
     def optics(self, camera: Intrinsics) -> Optics:
@@ -243,8 +244,10 @@ class PreparedMesh:
         if session is None or not session.serves(paths, options):
             session = self._build(paths, options)
         beginning = self._source.beginning(paths, options.first_frames)
+        lens, seen = (self._lens, self._camera) if options.depth_camera is None else (None, options.depth_camera)
+        own = options.depth_camera is not None
         return OpenMesh(
-            session, self._unchecked, self._camera, note, beginning, lens=self._lens, rectified=self._rectified
+            *(session, self._unchecked, seen, note, beginning), lens=lens, rectified=self._rectified, own_depth=own
         )
 
     def _build(self, paths: SensorPaths, options: RenderOptions) -> RenderSession:
@@ -289,10 +292,12 @@ class OpenMesh:
         *,
         lens: Distortion | None = None,
         rectified: Rectification | None = None,
+        own_depth: bool = False,
     ) -> None:
         """Keep what frames are rendered with. unchecked: the mesh, until a frame has been checked; then emptied.
 
-        lens: that frames passed. rectified: what makes a pinhole's frames of them; None leaves them as they are.
+        camera, lens: those of depth; own_depth: whether they are its own. rectified: what makes a pinhole's frames of
+        them; None leaves them as they are.
         """
         self._session = session
         self._unchecked = unchecked
@@ -301,6 +306,7 @@ class OpenMesh:
         self._beginning = beginning
         self._lens = lens
         self._rectified = rectified
+        self._own_depth = own_depth
         self._first = True
 
     def frame(self, request: FrameRequest) -> SourceFrame:
@@ -314,7 +320,7 @@ class OpenMesh:
         if self._unchecked:
             self._unchecked.clear()
             forget_meshes()
-        return frame if self._rectified is None else undistorted(frame, self._rectified)
+        return frame if self._rectified is None else undistorted(frame, self._rectified, own_depth=self._own_depth)
 
     def _check(self, request: FrameRequest, depth_m: NDArray[np.float32]) -> None:
         """Note what looks wrong with the first frame, early enough to stop the run."""

@@ -57,11 +57,16 @@ def open_session(
     if lens is None:
         return Session(mesh, name, paths, camera, options)
     bending = Bending(overscanned(camera, lens), camera, lens)
-    return BentSession(Session(mesh, name, paths, bending.pinhole, options), bending)
+    session = Session(mesh, name, paths, bending.pinhole, options)
+    return BentSession(session, bending, own_depth=options.depth_camera is not None)
 
 
-def undistorted(frame: RenderedFrame, rectified: Rectification) -> RenderedFrame:
-    """Return the colour and depth of a frame that passed a lens as a pinhole's."""
+def undistorted(frame: RenderedFrame, rectified: Rectification, *, own_depth: bool = False) -> RenderedFrame:
+    """Return the colour and depth of a frame that passed a lens as a pinhole's.
+
+    own_depth: whether depth is another camera's, which has no lens.
+    """
     rgb = None if frame.rgb is None else rectified.rgb(frame.rgb)
-    depth_m = None if frame.depth_m is None else rectified.depth_m(frame.depth_m)
-    return RenderedFrame(rgb, depth_m, colour_rays=frame.colour_rays)
+    depth_m = frame.depth_m if own_depth or frame.depth_m is None else rectified.depth_m(frame.depth_m)
+    behind_m = None if frame.behind_glass_m is None else rectified.depth_m(frame.behind_glass_m)
+    return RenderedFrame(rgb, depth_m, colour_rays=frame.colour_rays, behind_glass_m=behind_m)

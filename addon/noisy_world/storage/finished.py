@@ -32,7 +32,7 @@ from ..core.datasets.records import FRAMES, FrameRecord, read_records
 from ..core.datasets.storage import sha256_of_bytes
 from ..core.errors import InputError
 from ..core.geometry import Intrinsics
-from ..core.optics import DISTORTION, Distortion
+from ..core.optics import DEPTH_CAMERA, DISTORTION, Optics
 from ..core.trajectories.stamps import FrameStamps
 from .open_store import open_store
 from .packed_names import CROISSANT, TABLE, PackedFile
@@ -108,10 +108,9 @@ class FinishedDataset:
         """Return the intrinsics of a sequence."""
         return self._cameras[sequence.split("/")[1]]
 
-    def distortion(self, sequence: str) -> Distortion | None:
-        """Return the lens of a sequence; None for a pinhole's frames."""
-        content = self._optics[sequence.split("/")[1]]
-        return stated_optics(Path("manifest.json"), content).distortion
+    def optics(self, sequence: str) -> Optics:
+        """Return what the cameras of a sequence have beyond one pinhole."""
+        return stated_optics(Path("manifest.json"), self._optics[sequence.split("/")[1]])
 
     @cached_property
     def _optics(self) -> dict[str, dict[str, Any]]:
@@ -121,6 +120,11 @@ class FinishedDataset:
     def distorts(self) -> bool:
         """Whether the lens of any scene does."""
         return any(DISTORTION in content for content in self._optics.values())
+
+    @cached_property
+    def seen_apart(self) -> bool:
+        """Whether the depth of any scene has a camera of its own."""
+        return any(DEPTH_CAMERA in content for content in self._optics.values())
 
     @cached_property
     def _cameras(self) -> dict[str, Intrinsics]:

@@ -14,6 +14,7 @@ from typing import Any
 
 from ..core.datasets.layouts import Modality
 from ..core.errors import InterruptedRunError
+from ..core.optics import DEPTH_CAMERA, DepthCamera
 from .finished import Content, FrameImages, ImageReaders, ReadImage
 from .packed_names import FRAMES_FOLDER
 from .tar_stream import Sink, TarStream
@@ -78,8 +79,9 @@ def _write_frame(tar: TarStream, content: Content, sequence: str, frame: FrameIm
 def frame_metadata(content: Content, sequence: str, frame: FrameImages) -> dict[str, Any]:
     """Return what the JSON of a frame says: the same keys with values of the same types for every frame of a dataset.
 
-    c2w: 4 x 4. camera: its intrinsics in pixels, and where a lens of the dataset distorts, its own. perturbed: what was
-    done to the frame, as a text of JSON, since it has other keys for other perturbations.
+    c2w: 4 x 4. camera: its intrinsics in pixels, and where a lens of the dataset distorts, its own. depth_camera: that
+    of depth, where any of the dataset's has another than colour. perturbed: what was done to the frame, as a text of
+    JSON, since it has other keys for other perturbations.
     """
     setting, scene = sequence.split("/")
     return {
@@ -90,14 +92,20 @@ def frame_metadata(content: Content, sequence: str, frame: FrameImages) -> dict[
         "depth_time_s": frame.depth_time_s,
         "c2w": frame.c2w.tolist(),
         "camera": asdict(content.camera(sequence)) | (_lens(content, sequence) if content.distorts else {}),
+        **(_depth_camera(content, sequence) if content.seen_apart else {}),
         "depth_scale_per_m": content.depth_scale_per_m,
         "perturbed": perturbed_text(frame),
     }
 
 
 def _lens(content: Content, sequence: str) -> dict[str, Any]:
-    lens = content.distortion(sequence)
+    lens = content.optics(sequence).distortion
     return {"distortion": {"model": "pinhole", "coefficients": []} if lens is None else lens.content()}
+
+
+def _depth_camera(content: Content, sequence: str) -> dict[str, Any]:
+    own = content.optics(sequence).depth or DepthCamera(content.camera(sequence))
+    return {DEPTH_CAMERA: own.content() | {"rgb_from_depth": own.matrix.tolist()}}
 
 
 def perturbed_text(frame: FrameImages) -> str:

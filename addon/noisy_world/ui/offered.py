@@ -57,6 +57,7 @@ SAID = {
     "glass_blur": "Shifts each pixel by chance, as ribbed glass does",
     "motion_blur": "Smears the whole image along one line, whatever the camera does",
     "chromatic_aberration": "Moves red outwards and blue inwards, so edges near the border have colored fringes",
+    "bloom": "Lets bright things glow, as a lens scatters a part of their light",
     "vignetting": "Darkens the image towards its corners, as lenses do",
     "lens_drops": "Puts drops of water on the front glass, which show the scene upside down, run and dry",
     "lens_dirt": "Puts dust, grease and scratches on the front glass, which light up near lamps",

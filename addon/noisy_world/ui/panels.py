@@ -21,6 +21,7 @@ from . import (
     paths,
     pictures,
     preview,
+    real_cameras,
     tracking,
     world,
 )
@@ -173,6 +174,7 @@ class NOISYWORLD_PT_camera(PanelSection, bpy.types.Panel):
             layout.prop(panel, source.lens_field)
             if not source.gives_lens(panel):
                 return
+        real_cameras.draw_choice(layout)
         layout.operator("noisy_world.camera_from_file", text="From File", icon="FILE_FOLDER")
         for names in (("width_px", "height_px"), ("fx_px", "fy_px"), ("cx_px", "cy_px"), ("near_m", "far_m")):
             column = layout.column(align=True)

@@ -318,6 +318,10 @@ SEEN: dict[str, dict[str, str]] = {
         "complexity": "0 shows drops of water, 1 mud",
         "run_px": "Higher: with the pattern Drift, the drops run down faster",
     },
+    "bloom": {
+        "amount": "Higher: bright things glow more, and all is veiled",
+        "reach_px": "Higher: the glow is wider and fainter",
+    },
     "speckle_noise": {"std": "Higher: more grain in bright places; dark ones stay clean"},
     "vignetting": {
         "corner_loss": "Higher: the corners get darker; 1: black",

@@ -148,7 +148,8 @@ def _scene(plan: Plan, scene: Scene, camera: Intrinsics, paths: bool) -> dict[st
     path: dict[str, Any] = {"frames": scene.frame_count}
     if paths:
         path["sha256"] = path_sha256(scene.source.trajectory(), scene.source.stamps_s, scene.frame_count)
-        looked = any(render.exposure for render in plan.renders if render.scene.name == scene.name)
+        own = [render for render in plan.renders if render.scene.name == scene.name]
+        looked = any(render.exposure or (render.unit is not None and render.unit.clock) for render in own)
         if looked or (plan.rig is not None and plan.rig.imu is not None):
             path[BETWEEN] = between_sha256(scene.source.trajectory())
     return {

@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 
 from ..datasets.images import as_bytes, as_float, rgb_bytes
 from ..errors import NoisyWorldError
+from ..geometry import Intrinsics
 from ..trajectories.trajectory import Trajectory
 from .contexts import Identifiers
 from .kinds import ColourPerturbation, DepthPerturbation, FrameContext, MotionPerturbation, PairingPerturbation
-from .steps import Step
+from .steps import SENSOR_STREAM, Step
 
 Kind = TypeVar("Kind", ColourPerturbation, DepthPerturbation)
 P = TypeVar("P", bound=ColourPerturbation | DepthPerturbation)
@@ -279,6 +280,16 @@ def perturb_colour(
 
 class DepthWork(_ImageWork[DepthPerturbation]):
     """What the steps of depth do to the depth of one frame."""
+
+    def parted(self, camera: Intrinsics, read_rgb: Callable[[], NDArray[np.float32]]) -> "tuple[DepthWork, DepthWork]":
+        """Return what a rig's sensor does, by its own camera and the colour that it sees, and what is done then."""
+        own = [
+            (step, replace(context, intrinsics=camera, read_rgb=read_rgb if context.read_rgb else None), severity)
+            for step, context, severity in self.active
+            if step.stream == SENSOR_STREAM
+        ]
+        rest = [item for item in self.active if item[0].stream != SENSOR_STREAM]
+        return DepthWork(tuple(own), []), DepthWork(tuple(rest), [])
 
     def on(self, depth_m: NDArray[np.float32]) -> NDArray[np.float32] | None:
         """Do it to planar depth (H, W) in metres, 0 = void; None where it is the identity."""

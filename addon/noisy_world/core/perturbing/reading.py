@@ -7,12 +7,12 @@ from typing import Any, get_args, get_type_hints
 
 from ..presets.names import format_same_folder
 from ..schema import ConfigPath, deciding_values, describe, parse, shown, unknown_name
+from .device_steps import written_out
 from .kinds import SEQUENCE_KINDS, SEVERITIES, ColourPerturbation, DepthPerturbation, Perturbation, propagation_key
-from .steps import DEFAULT_SEVERITY, Backend, Setting, Step
+from .steps import DEFAULT_SEVERITY, SENSOR_STREAM, Backend, Setting, Step
 from .sweeps import Registry, known_perturbation, sweep_size, swept
 
 LARGEST_SETTINGS = 10_000  # chosen: a hundred times the paper's
-SENSOR_STREAM = "rig.depth"  # what a rig's depth sensor draws by, whatever the setting
 
 
 def parse_settings(
@@ -76,10 +76,12 @@ def _check_count(items: Sequence[Any], places: Sequence[ConfigPath]) -> None:
 
 
 def parse_steps(items: Sequence[Any], place: ConfigPath, registry: Registry) -> tuple[Step[Any], ...]:
-    """Read a list of `{name: {severity, mode, levels, temporal, parameters...}}` into steps in propagation order."""
+    """Read a list of `{name: {severity, mode, levels, temporal, parameters...}}` into steps in propagation order.
+
+    `{device: NAME}` stands for a real camera's.
+    """
     steps: list[Step[Any]] = []
-    for index, item in enumerate(items):
-        where = place.at(index)
+    for item, where in written_out(items, place):
         name, values = _named(item, where, "{fog: {severity: 3}}")
         perturbation = known_perturbation(name, where, registry)
         same = sum(step.perturbation.name == name for step in steps)

@@ -25,6 +25,7 @@ from .kinds import (
 
 Kind = TypeVar("Kind", bound=Perturbation)
 
+SENSOR_STREAM = "rig.depth"  # what a rig's depth sensor draws by, whatever the setting
 DEFAULT_SEVERITY = 3.0  # chosen: the middle one; parameters that are not given and node groups have its values
 
 Backend: TypeAlias = Literal["compositor", "reference"]

@@ -8,6 +8,7 @@ from ..messages import Message, PresetKey, either
 from ..optics import Optics
 from ..perturbing.steps import Setting
 from ..presets.preset import Preset
+from .depth_unit import DepthUnit
 from .scene import Scene
 
 SURFACE_ENGINES = ("cycles", "embree")  # that tell which surface a pixel sees
@@ -52,8 +53,10 @@ def check_light(scene: Scene, settings: Sequence[Setting], preset: Preset) -> No
             raise preset.place("settings").error(message, either("take it out", instead))
 
 
-def check_pairs(scene: Scene, optics: Optics, preset: Preset) -> None:
+def check_pairs(scene: Scene, optics: Optics, preset: Preset, unit: DepthUnit | None = None) -> None:
     """Refuse channels that lead from a frame to the next where depth and poses do not tell them. optics: the scene's.
+
+    unit: the rig's depth sensor, where it is a device of its own.
 
     Raises InputError.
     """
@@ -66,6 +69,8 @@ def check_pairs(scene: Scene, optics: Optics, preset: Preset) -> None:
         problem, lacks = "without depth nothing tells where its pixels go", "depth"
     elif optics.distortion is not None:
         problem, lacks = "its lens distorts", "pinhole"
+    elif unit is not None:
+        problem = "rig.depth has a camera or a clock of its own, which does not see what colour sees"
     elif not capabilities.any_pose and not scene.source.trajectory().known.all():
         problem, lacks = "the poses of some frames are not known", "poses"
     if problem:

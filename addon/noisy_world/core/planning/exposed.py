@@ -15,6 +15,7 @@ from ..perturbing.exposing import Channels, SceneAround, TakenImages
 from ..perturbing.exposures import expose, exposure_notes, rays_of
 from ..trajectories.frame_request import FrameRequest, RequestedRays, Shutter
 from ..trajectories.sensor_paths import SensorPaths
+from .depth_unit import ClockedSource
 from .plan import Render
 from .source import (
     OpenSource,
@@ -123,7 +124,7 @@ class _Around:
         depth_m = self.take(middle_s, None).depth_m
         assert depth_m is not None, "a step that measures travel has depth"
         here, (c2w, _) = self._request.after(middle_s), self._request.poses_after(times_s)
-        cameras, lens = (self._render.depth_camera, self._render.camera), self._render.optics.distortion
+        cameras, lens = (self._render.measured_camera, self._render.camera), self._render.optics.distortion
         longest_px = travel_px(depth_m, here.depth_c2w, c2w, *cameras, lens=lens)
         if not self._render.scene.source.capabilities.moving:
             return longest_px
@@ -147,4 +148,8 @@ def open_render(
 ) -> OpenSource:
     """Return what gives the clean frames of a render. paths: the render's. note: hears what a user should know."""
     opened = prepared.open(paths, options, note)
-    return ExposedSource(opened, render) if render.exposure else opened
+    exposed = ExposedSource(opened, render) if render.exposure else opened
+    if render.unit is None or render.unit.clock is None:
+        return exposed
+    stamps = render.scene.source.frame_stamps
+    return ClockedSource(exposed, np.round(stamps.depth.seconds - stamps.rgb.seconds, 9), options.channels)

@@ -25,6 +25,8 @@ from ..presets.preset import EngineName, Preset
 from ..presets.selection import selected
 from ..trajectories.rig import Rig
 from .channel_checks import check_distorts, check_exposed, check_light, check_pairs, check_surface
+from .depth_mounting import check_clock, mounted, repeats_of, unit_of
+from .depth_unit import DepthUnit
 from .numbers import Numbers, union
 from .rig_sensors import check_imu, check_sensors, depth_sensor, read_rig
 from .scene import Scene
@@ -40,7 +42,8 @@ class Render:
 
     frames: the source frames that these need. camera: of its images. moving: the steps that move the scene's path, with
     the identifiers of their random streams; without steps the path is as planned. exposure: the steps that take frames
-    at other moments than the instants of their stamps. optics: what the cameras have beyond one pinhole.
+    at other moments than the instants of their stamps. optics: what the cameras have beyond one pinhole, as images are
+    written. unit: the rig's depth sensor, where it is a device of its own.
     """
 
     name: str
@@ -52,6 +55,7 @@ class Render:
     identifiers: Identifiers = ()
     exposure: tuple[Step[ExposurePerturbation], ...] = ()
     optics: Optics = PINHOLE
+    unit: DepthUnit | None = None
 
     @property
     def acts_on_light(self) -> bool:
@@ -64,10 +68,20 @@ class Render:
         """The camera of its depth images: the colour's, unless they have one of their own."""
         return self.camera if self.optics.depth is None else self.optics.depth.intrinsics
 
+    @property
+    def measured_camera(self) -> Intrinsics:
+        """The camera by which depth is measured: that of its images, unless these are registered into colour."""
+        return self.depth_camera if self.registration is None else self.registration.depth.intrinsics
+
+    @property
+    def registers(self) -> bool:
+        """Whether depth is registered into colour before it is written."""
+        return self.unit is not None and self.unit.registered and self.unit.camera is not None
+
     @cached_property
     def registration(self) -> Registration | None:
-        """What is between colour and depth; None where they have one camera."""
-        depth = self.optics.depth
+        """What is between colour and depth as it is measured; None where they have one camera."""
+        depth = self.optics.depth if self.unit is None or self.unit.camera is None else self.unit.camera
         return None if depth is None else Registration(self.camera, depth, self.optics.distortion)
 
     @property
@@ -210,6 +224,7 @@ def lay_out_plan(
     )
     if plan.rig is not None:
         check_imu(plan.rig, settings, scenes, preset)
+        scenes = [mounted(scene, plan.rig, preset) for scene in scenes]
     return replace(plan, renders=tuple(render for scene in scenes for render in _renders(plan, scene)))
 
 
@@ -222,8 +237,9 @@ def _renders(plan: Plan, scene: Scene) -> list[Render]:
     preset, modalities = plan.preset, plan.format.modalities
     spec = preset.spec
     camera = scene.source.camera(None if spec.camera is None else spec.camera.intrinsics) or spec.mesh_camera.intrinsics
-    optics = _optics(scene, plan, camera)
-    check_pairs(scene, optics, preset)
+    optics, unit = _optics(scene, plan, camera), unit_of(scene)
+    check_pairs(scene, optics, preset, unit)
+    clocked = unit is not None and unit.clock is not None
     check_light(scene, plan.settings, preset)
     shared: list[Sequence] = []
     moved: dict[Hashable, Render] = {}
@@ -232,15 +248,18 @@ def _renders(plan: Plan, scene: Scene) -> list[Render]:
             problem = f"{setting.name} needs depth, and {scene.name} has none"
             raise scene.error(problem, "take that setting out", lacks="depth")
         identifiers = (preset.spec.seed, scene.name, setting.name)
-        sequence = lay_out(setting, scene.name, scene.frame_count, identifiers, plan.chosen)
+        pairing = {"clocked": clocked, "repeats": repeats_of(scene)}
+        sequence = lay_out(setting, scene.name, scene.frame_count, identifiers, plan.chosen, **pairing)
         if plan.chosen is None and not sequence.frames:
             pairing = ", ".join(step.perturbation.name for step in setting.pairing)
             raise preset.place("settings").error(
                 f"{setting.name}: {pairing} leaves none of the {scene.frame_count} frames of {scene.name}",
                 "change its parameters; desync has edge: clamp",
             )
-        moving, _ = split_motion(setting.motion, exposed=bool(setting.exposure))
+        moving, _ = split_motion(setting.motion, exposed=clocked or bool(setting.exposure))
         _check_exposure(setting, moving, scene, preset)
+        if clocked:
+            check_clock(setting, moving, preset)
         if not moving and not setting.exposure:
             shared.append(sequence)
             continue
@@ -250,9 +269,8 @@ def _renders(plan: Plan, scene: Scene) -> list[Render]:
             )
             raise scene.error(problem, "take that setting out", "render the scene's mesh")
         key = _shown_key(setting, moving, scene.frame_count, identifiers)
-        first = moved.get(
-            key, Render(f"{scene.name}@{setting.name}", scene, range(0), (), camera, moving, identifiers, optics=optics)
-        )
+        empty = Render(f"{scene.name}@{setting.name}", scene, range(0), (), camera, moving, identifiers)
+        first = moved.get(key, replace(empty, optics=optics, unit=unit))
         sequences = (*first.sequences, sequence)
         moved[key] = replace(
             first, frames=needed_sources(sequences, modalities), sequences=sequences, exposure=setting.exposure
@@ -260,7 +278,7 @@ def _renders(plan: Plan, scene: Scene) -> list[Render]:
     if not shared:
         return list(moved.values())
     needed = needed_sources(shared, modalities)
-    return [Render(scene.name, scene, needed, tuple(shared), camera, optics=optics), *moved.values()]
+    return [Render(scene.name, scene, needed, tuple(shared), camera, optics=optics, unit=unit), *moved.values()]
 
 
 def _shown_key(

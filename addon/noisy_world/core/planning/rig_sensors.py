@@ -30,13 +30,15 @@ def check_sensors(settings: tuple[Setting, ...], preset: Preset) -> None:
     rig = preset.spec.rig
     if rig is None or rig.depth is None or rig.depth.shares_place(rig.rgb):
         return
+    if rig.depth.has_camera or rig.depth.registered:
+        return  # what lies between the cameras is known, so each image can be had as the other camera sees it
     at_depth = preset.place("rig").at("depth")
     for setting in settings:
         for step in setting.sensor:
             if step.perturbation.needs_rgb:
                 raise at_depth.at("sensor").error(
                     f"{step.perturbation.name} needs the colour that it sees, but rig.depth has another pose",
-                    "give rig.depth the pose of rig.rgb",
+                    "give rig.depth the pose of rig.rgb, or registered: true",
                 )
         if setting.needs_depth or setting.needs_rgb:
             seen = "depth that the colour camera" if setting.needs_depth else "colour that the depth sensor"

@@ -146,18 +146,30 @@ class Sequence:
 
 
 def lay_out(
-    setting: Setting, scene: str, source_count: int, identifiers: Identifiers, chosen: slice | None = None
+    setting: Setting,
+    scene: str,
+    source_count: int,
+    identifiers: Identifiers,
+    chosen: slice | None = None,
+    *,
+    clocked: bool = False,
+    repeats: NDArray[np.int64] | None = None,
 ) -> Sequence:
     """Return the sequence that a setting makes of a scene.
 
     identifiers: the preset's seed, the scene, the setting. chosen: the sequence's frames to make, start and stop only.
+    clocked: whether depth is of other moments than colour. repeats: (source_count,) the first frame that shows the
+    exposure of depth which each shows, where some show one that another shows.
     """
-    moving, choosing = split_motion(setting.motion, exposed=bool(setting.exposure))
+    moving, choosing = split_motion(setting.motion, exposed=clocked or bool(setting.exposure))
     before = chosen_poses(moving, source_count, identifiers)
     source_count = source_count if before is None else len(before)
     poses = chosen_poses(choosing, source_count, identifiers)
     source_frames = range(source_count) if poses is None else numbers_of(poses)
     pairs = paired_depth(setting.pairing, len(source_frames), identifiers)
+    if repeats is not None:
+        shown = repeats[: len(source_frames)]
+        pairs = shown if pairs is None else np.where(pairs >= 0, shown[pairs], -1)
     depth_frames = None if pairs is None else numbers_of(pairs)
     frames: Numbers = range(len(source_frames))[chosen or slice(None)]
     if pairs is not None:

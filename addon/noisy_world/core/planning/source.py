@@ -154,7 +154,7 @@ class SourceCapabilities:
     own. moving: whether anything but the camera may move. instants_only: why it has nothing between its frames; ""
     where it answers requests for any time. lit: its frames have scene-linear light before a view transform
     (`light_of`). casts_rays: whether it gives the rays that a request asks for. distorts: whether its frames pass the
-    lens that a preset's camera has.
+    lens that a preset's camera has. depth_cameras: whether depth may have another camera than colour.
     """
 
     rendered: bool
@@ -169,6 +169,7 @@ class SourceCapabilities:
     lit: bool = False
     casts_rays: bool = False
     distorts: bool = False
+    depth_cameras: bool = False
 
 
 @dataclass(frozen=True)
@@ -177,7 +178,7 @@ class RenderOptions:
 
     channels: what they give, by name. threads: 0 for as many as the machine has. first_frames: the first frames of the
     path; a source refuses a path where all of them see nothing, unless there are none here. through_glass: whether
-    depth is needed of what is seen through panes, too.
+    depth is needed of what is seen through panes, too. depth_camera: that of depth; None where it is colour's.
     """
 
     near_m: float
@@ -190,6 +191,7 @@ class RenderOptions:
     threads: int = 0
     first_frames: tuple[int, ...] = ()
     through_glass: bool = False
+    depth_camera: Intrinsics | None = None
 
     @property
     def rgb(self) -> bool:

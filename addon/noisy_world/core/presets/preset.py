@@ -8,13 +8,16 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any, Literal
 
+from ..camera_devices import CAMERA_DEVICES
 from ..errors import InputError
 from ..geometry import Intrinsics
 from ..home import path_in
 from ..messages import CommandLineOnly, Message, PresetKey
 from ..regular_files import open_regular
-from ..schema import ConfigPath, key, parse
+from ..schema import Choice, ConfigPath, key, parse
 from ..yaml_reading import LARGEST_BYTES, read_yaml
+from .depth_camera import DepthCameraKeys, check_depth_camera
+from .device_camera import with_device
 from .distortion import DistortionSpec, check_distortion
 from .imu import ImuKeys
 from .including import included
@@ -44,6 +47,12 @@ class CameraSpec:
     )
     far_m: float = key(
         "what is farther is not seen", unit="m", default=1000.0, above=0, maximum=1e6, identity="meaning"
+    )
+    device: str | None = key(
+        "a real camera, whose intrinsics and distortion stand for keys that are not given",
+        default=None,
+        choices={name: Choice(item.label, item.meaning) for name, item in CAMERA_DEVICES.items()},
+        identity="meaning",
     )
     distortion: DistortionSpec | None = key("the lens that meshes are seen through, where it distorts", default=None)
 
@@ -81,8 +90,8 @@ class SensorSpec:
 
 
 @dataclass(frozen=True)
-class DepthSensorSpec(SensorSpec):
-    """A depth sensor: where it sits, and what it measures."""
+class DepthSensorSpec(SensorSpec, DepthCameraKeys):
+    """A depth sensor: where it sits, its camera and clock, and what it measures."""
 
     sensor: Any = key(
         "what measures every setting's depth, before its own perturbations: a device such as realsense_d435, or one "
@@ -261,6 +270,7 @@ def check_document(document: dict[str, Any], path: Path) -> Preset:
     Raises InputError naming the key.
     """
     document, places = included(document, path, _load)
+    document = with_device(document, ConfigPath(path))
     spec = parse(PresetSpec, document, ConfigPath(path))
     _check(spec, ConfigPath(path))
     return Preset(path, document, spec, places)
@@ -301,6 +311,8 @@ def _check(spec: PresetSpec, place: ConfigPath) -> None:
         for name, sensor in (("rgb", spec.rig.rgb), ("depth", spec.rig.depth), ("imu", spec.rig.imu)):
             if sensor:
                 _check_sensor(sensor, place.at("rig").at(name))
+        if spec.rig.depth:
+            check_depth_camera(spec.rig.depth, place.at("rig").at("depth"))
 
 
 def _check_render(spec: RenderSpec, place: ConfigPath) -> None:

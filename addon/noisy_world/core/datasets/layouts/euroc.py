@@ -60,6 +60,7 @@ class EurocLayout(Layout):
     meaning = "of the EuRoC MAV datasets, which visual-inertial systems read"
     images = ("png",)
     colours = ("grey", "rgb")  # grey by default: Basalt aborts at images of more than one channel
+    lists_depth = True
     optics = True  # in sensor.yaml
     holds_imu = True
     truth: ClassVar[str] = TRUE_STATE

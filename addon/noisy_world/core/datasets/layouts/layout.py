@@ -50,7 +50,8 @@ class Layout(ABC):
     preset gives another. conventions: those that differ from the manifest's for all layouts. patterns: glob patterns of
     all files that a sequence's folder may hold. setting_files: the names of those that a setting's folder may hold.
     Patterns and setting_files say what to remove when a dataset is replaced. gaps: whether frames may lack a pose.
-    optics: whether its files can say that depth has a camera of its own, and how a lens distorts. holds_imu: whether
+    optics: whether its files can say that depth has a camera of its own, and how a lens distorts. lists_depth: whether
+    each depth image stands in a list under a time stamp of its own. holds_imu: whether
     sequence_texts has an IMU's files; else they lie beside the images (IMU_FILES).
 
     All names have forward slashes and are relative to the sequence's (or setting's) folder.
@@ -68,6 +69,7 @@ class Layout(ABC):
     gaps: ClassVar[bool] = True
     optics: ClassVar[bool] = False
     holds_imu: ClassVar[bool] = False
+    lists_depth: ClassVar[bool] = False
 
     @property
     def summary(self) -> str:

@@ -59,6 +59,7 @@ class TumLayout(Layout):
         CAM_PARAMS,
     )
     setting_files = (CAM_PARAMS,)
+    lists_depth = True
     optics = True  # in cam_params.json
 
     def rgb_name(self, frame: int, stamp_ns: int, image: Image) -> str:
