@@ -72,15 +72,20 @@ def apply(depth_m: NDArray[np.float32], parameters: StructuredLight, context: Fr
     if own.step_px > 0:
         # The published code adds half a step before rounding and leaves it there; here it is taken off again.
         for band in bands(lit):
-            band *= np.float32(1 / own.step_px)
-            band += np.float32(0.5)
-            np.rint(band, out=band)
-            band -= np.float32(0.5)
-            band *= np.float32(own.step_px)
+            _rounded(band, own.step_px)
     valid &= lit > 0
     measured = quotient(product, lit, valid)
     measured[(measured < np.float32(own.min_m)) | (measured > np.float32(own.max_m))] = 0
     return measured
+
+
+def _rounded(band: NDArray[np.float32], step_px: float) -> None:
+    """Round disparity to steps and half a step, in place."""
+    band *= np.float32(1 / step_px)
+    band += np.float32(0.5)
+    np.rint(band, out=band)
+    band -= np.float32(0.5)
+    band *= np.float32(step_px)
 
 
 def _matched(disparity_px: NDArray[np.float32], own: StructuredLight, scale: float) -> NDArray[np.float32]:

@@ -2,6 +2,7 @@
 """A time-of-flight camera: the phase of modulated light, summed over what a pixel sees, from four noisy samples."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
 from typing import Literal
@@ -82,13 +83,13 @@ def apply(depth_m: NDArray[np.float32], parameters: TimeOfFlight, context: Frame
     range_m = depth * length
     electrons = _electrons(depth, range_m, own, camera, context.rgb)
     fine_m = SPEED_OF_LIGHT_M_S / (2e6 * max(own.frequency_mhz, 1e-3))
-    phasor = _phasor(electrons, range_m, fine_m)
+    phasor: Sequence[NDArray[np.float32]] = _phasor(electrons, range_m, fine_m)
     if own.multipath > 0:
         albedo = _albedo(context.rgb)
         scale = albedo * np.float32(own.electrons * own.multipath)
         *bounced, amount = by_one_bounce(depth, albedo, camera, fine_m)
-        phasor = tuple(part + scale * more for part, more in zip(phasor, bounced, strict=True))
-        electrons = electrons + scale * amount
+        phasor = [np.asarray(part + scale * more, np.float32) for part, more in zip(phasor, bounced, strict=True)]
+        electrons = np.asarray(electrons + scale * amount, np.float32)
     real, imaginary = (_mixed(part, own.spread) for part in phasor)
     mixed = _mixed(electrons, own.spread)
     deviation = mixed + np.float32(own.ambient_electrons + own.read_electrons**2)
