@@ -115,9 +115,9 @@ def _matched(disparity_px: NDArray[np.float32], own: StructuredLight, scale: flo
         off = np.abs(own_px - mean)
         # The others have enough: with all of the window known, one that is less far off has a share of at least that.
         asked = np.flatnonzero((off > sure_px) | (count < WHOLE))
-        off, weight, mean, known = (part.reshape(-1)[asked] for part in (off, weight, mean, count))
-        variance = squares.reshape(-1)[asked] * weight
-        variance -= mean * mean
+        off, known, middle = np.take(off, asked), np.take(count, asked), np.take(mean, asked)
+        variance = np.take(squares, asked) * np.take(weight, asked)
+        variance -= middle * middle
         np.maximum(variance, 0, out=variance)
         spread = off * off
         spread += variance
