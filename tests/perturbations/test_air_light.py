@@ -10,6 +10,8 @@ from noisy_world.core.perturbing.reading import parse_steps
 from noisy_world.core.schema import ConfigPath
 from noisy_world.perturbations import registry
 from noisy_world.perturbations._air_light import air_light, robust_mean
+from noisy_world.perturbations._lamp_light import DROP, FLAKE, lamp_kernel
+from noisy_world.perturbations._round_streaks import streak_profile
 from srgb import encoded
 
 DUSK = np.array([0.1620, 0.1001, 0.1070], np.float32)  # 112, 89, 92 of 255
@@ -44,7 +46,7 @@ def test_a_dusk_sky_stays_dusk(name, severity):
 @pytest.mark.parametrize("name", BY_DEPTH)
 def test_a_lamp_does_not_light_the_air(name):
     far = np.s_[45:, 60:]
-    before, after = (made(*dusk_street(lamp), name, severity=5)[far].mean() for lamp in (0, 100))
+    before, after = (made(*dusk_street(lamp), name, severity=5, lamps=0)[far].mean() for lamp in (0, 100))
     assert abs(after / before - 1) < 0.02
     light, depth_m = dusk_street(100)
     without = air_light(dusk_street()[0][20:], depth_m[20:]).surfaces
@@ -57,13 +59,75 @@ def test_the_mean_of_what_is_even_is_that_and_no_pixels_are_dark():
     assert not robust_mean(even[:0]).any()
 
 
+def halo(name, degrees, **values):
+    """What a small lamp adds to the dark air around it, at angles on a row of a frame 90 degrees wide."""
+    light, depth_m = np.full((240, 400, 3), 1e-4, np.float32), np.full((240, 400), 40.0, np.float32)
+    light[115:117, 43:45], depth_m[115:117, 43:45] = 100, 20  # amid a block of eight pixels
+    columns = np.round(43.5 + 200 * np.tan(np.radians(degrees))).astype(int)
+    with_lamps, without = (made(light, depth_m, name, **values, lamps=lamps)[116, columns, 0] for lamps in (1, 0))
+    return with_lamps - without
+
+
+@pytest.mark.parametrize("name", ["fog_depth", "haze"])
+def test_lamps_have_a_halo_that_falls_with_the_angle(name):
+    degrees = np.array([3.0, 6.0, 12.0, 20.0])
+    found = halo(name, degrees, visibility_m=2000)
+    solid = 4 / 200**2
+    share = 1 - 0.05 ** (40 / 2000)
+    wanted = DROP * 100 * solid / np.tan(np.radians(degrees)) * share
+    print(found / wanted)
+    assert np.abs(found / wanted - 1).max() < 0.1
+
+
+def test_the_lamps_kernel_is_one_over_the_angle_and_the_drops_share_snells():
+    angles = np.array([0.02, 0.05, 0.1, 0.2, 0.4])
+    assert np.abs([lamp_kernel(angle) * angle - 1 for angle in angles]).max() < 0.06
+    inside = np.linspace(1e-4, np.pi / 2 - 1e-4, 200_001)
+    within = np.arcsin(np.sin(inside) / 1.333)
+    across, along = (
+        (a - b) / (a + b)
+        for a, b in (
+            (np.cos(inside), 1.333 * np.cos(within)),
+            (1.333 * np.cos(inside), np.cos(within)),
+        )
+    )
+    passes = (1 - (across**2 + along**2) / 2) ** 2
+    turned = 2 * (inside - within)
+    phase = passes * np.gradient(np.sin(inside) ** 2, inside) / (2 * np.pi * np.sin(turned))
+    assert np.trapezoid(phase, inside) / 2 == pytest.approx(DROP, rel=0.01)
+    assert np.trapezoid(np.full(100, 1 / (4 * np.pi)), np.linspace(0, np.pi, 100)) / 2 == pytest.approx(FLAKE)
+
+
+def test_flakes_shine_beside_a_lamp_and_take_the_air_s_light_far_from_it():
+    light, depth_m = np.full((120, 160, 3), 0.004, np.float32), np.full((120, 160), 30.0, np.float32)
+    light[20:24, 20:24] = 100
+    for name in ("snow_depth", "rain_depth"):
+        lit, dark = (made(light, depth_m, name, severity=5, least_mrad=4.0, lamps=lamps) for lamps in (1, 0))
+        gained = (lit - dark)[..., 0]
+        near, far = gained[10:40, 26:50].mean(), gained[80:, 110:].mean()
+        assert near > 5 * far > 0, name
+
+
+def test_a_round_streak_hides_its_own_area():
+    for half in (0.02, 0.5, 3.0):
+        places = np.linspace(-half - 1.1, half + 1.1, 1201)
+        beside = np.linspace(-1.1, 1.1, 801)
+        seen = streak_profile(places[None, :], beside[:, None], half)
+        area = seen.sum() * (places[1] - places[0]) * (beside[1] - beside[0])
+        assert area == pytest.approx(np.pi, rel=2e-3)
+        assert seen.min() >= 0
+    # At rest it is the paraboloid itself.
+    assert streak_profile(np.array([0.3]), np.array([0.4]), 1e-3)[0] == pytest.approx(2 * (1 - 0.25), rel=1e-3)
+
+
 @pytest.mark.parametrize("name", BY_DEPTH)
 def test_a_colour_that_is_given_is_the_airs_and_the_sky_can_be_left(name):
     light, depth_m = dusk_street()
-    red = made(light, depth_m, name, severity=5, air_red=0.9, air_green=0.1, air_blue=0.1)
+    given = {"severity": 5, "air_red": 0.9, "air_green": 0.1, "air_blue": 0.1, "lamps": 0.0}
+    red = made(light, depth_m, name, **given)
     assert (red[:, 70:, 0] > light[:, 70:, 0]).mean() > 0.9
     assert red[22:, 70:, 0].mean() > 1.2 * red[22:, 70:, 1].mean()
-    left = made(light, depth_m, name, severity=5, air_red=0.9, air_green=0.1, air_blue=0.1, leave_sky=True)
+    left = made(light, depth_m, name, **given, leave_sky=True)
     veiled, kept = (np.abs(item[:20] - light[:20]).mean() for item in (red, left))
     assert kept < 0.3 * veiled if "snow" in name or "rain" in name else kept < 1e-6  # flakes stand before it
     assert np.array_equal(left[20:], red[20:])

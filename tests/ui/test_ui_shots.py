@@ -18,11 +18,11 @@ from noisy_world.core.perturbing.reading import parse_settings
 from noisy_world.core.presets.preset import read_preset
 from noisy_world.core.progress import MARK
 from noisy_world.perturbations import registry
-from noisy_world.ui import runs, shots
+from noisy_world.ui import runs, shots, step_list
 from noisy_world.ui.background_run import BackgroundRun
 from noisy_world.ui.background_series import BackgroundSeries, SeriesTask
 from noisy_world.ui.document import to_document
-from noisy_world.ui.shot_documents import preset_of_shot
+from noisy_world.ui.shot_documents import preset_of_shot, with_rate
 
 pytestmark = pytest.mark.usefixtures("add_on")
 
@@ -244,3 +244,28 @@ def test_an_error_names_the_shot(stage, tmp_path):
     shot.camera.data.type = "ORTHO"
     with pytest.raises(InputError, match="shot_1"):
         preset_of_shot(stage, shot)
+
+
+def test_what_falls_has_the_rate_of_the_frames_that_the_scene_shows(stage):
+    stage.render.fps, stage.frame_step = 24, 2
+    bpy.ops.noisy_world.add_step(perturbation="snow_depth")
+    step = next(item for item in settings().steps if item.perturbation == "snow_depth")
+    assert (step.snow_depth.frame_rate_hz, step_list.other_rate(settings(), step)) == (12.0, "")
+    stage.frame_step = 1
+    assert step_list.other_rate(settings(), step).startswith("Moves 2 times as fast as in the scene")
+    assert bpy.ops.noisy_world.take_rate() == {"FINISHED"}
+    assert step.snow_depth.frame_rate_hz == 24.0
+    step.temporal, step.snow_depth.frame_rate_hz = "fixed", 10.0
+    assert step_list.other_rate(settings(), step) == ""  # nothing moves
+    single = ROOT / "presets/perturbations/rain_depth.yaml"
+    bpy.ops.noisy_world.use_preset(filepath=str(single), part="PERTURBATIONS")
+    rain = next(item for item in settings().steps if item.perturbation == "rain_depth")
+    assert rain.rain_depth.frame_rate_hz == 24.0
+    shot = add(stage, perturbations="PRESET", preset=str(single))
+    (item,) = preset_of_shot(stage, shot).document["settings"][-1]["perturb"]
+    assert item["rain_depth"]["frame_rate_hz"] == 24.0
+    given = {"snow_depth": {"severity": 1, "frame_rate_hz": 5}}
+    assert with_rate(settings(), given) == given
+    assert with_rate(settings(), {"fog": {"severity": 1}}) == {"fog": {"severity": 1}}
+    settings().mesh_source = "ROOM"
+    assert step_list.own_rate_hz(settings()) is None

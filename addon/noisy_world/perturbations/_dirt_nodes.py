@@ -11,6 +11,8 @@ from ._dirt_tile import SIZE, TEXEL_PX, TILE
 from ._glare import ACROSS, ALONG, HALVINGS, PARTS
 from ._glass_nodes import reduced_nodes, sampled, share_of
 
+DUST_BLUR_PX = 9.0  # as wide as a speck's median radius; chosen
+
 Given: TypeAlias = Mapping[str, Socket]
 
 
@@ -20,11 +22,10 @@ def build_dirt(canvas: Canvas, given: Given, absorbed_share: float) -> Socket:
     with graph.section("Pixels"):
         share = graph.node("CompositorNodeImageCoordinates", {"Image": canvas.image}).out("Normalized", "vector")
     dirt = _dirt(canvas, given["size"], share)
+    dust = _out_of_focus(canvas, dirt, given["size"])
     with graph.section("What is lost"):
-        absorbed = dirt.x * (given["dust"] * absorbed_share)
-        scattered = graph.math(
-            "MULTIPLY_ADD", dirt.y, given["smudges"], dirt.x * (given["dust"] * (1 - absorbed_share))
-        )
+        absorbed = dust * (given["dust"] * absorbed_share)
+        scattered = graph.math("MULTIPLY_ADD", dirt.y, given["smudges"], dust * (given["dust"] * (1 - absorbed_share)))
         scattered = graph.math("MULTIPLY_ADD", dirt.z, given["scratches"], scattered)
         scattered = graph.math("MINIMUM", scattered, 1.0 - absorbed)
     spread = _glare(canvas, given)
@@ -33,6 +34,19 @@ def build_dirt(canvas: Canvas, given: Given, absorbed_share: float) -> Socket:
         lit, left = scattered * given["glare"], 1.0 - absorbed - scattered
         seen = canvas.image * graph.vector(left, left, left)
         return graph.math("MULTIPLY_ADD", glare, graph.vector(lit, lit, lit), seen)
+
+
+def _out_of_focus(canvas: Canvas, dirt: Socket, size: Socket) -> Socket:
+    """Return dust as the lens sees what lies on it, on lit frames: without edges, which only dust on a sensor has."""
+    graph = canvas.graph
+    if canvas.never_lit:
+        with graph.section("What is lost"):
+            return dirt.x
+    with graph.section("Dust out of focus"):
+        on = graph.math("GREATER_THAN", canvas.lit, 0.5)
+        wide = graph.math("MULTIPLY", size * canvas.scale, DUST_BLUR_PX)
+        soft = _blurred(graph.choose(on, dirt.x, 0.0, "float"), wide, wide)
+        return graph.choose(on, soft.x, dirt.x, "float")
 
 
 def _dirt(canvas: Canvas, size: Socket, share: Socket) -> Socket:

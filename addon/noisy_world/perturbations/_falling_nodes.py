@@ -16,6 +16,7 @@ from ..core.node_graphs.groups import Canvas
 from ._air_light_nodes import air_nodes, kept_sky
 from ._falling_tile import DENSITY, EXCESS, LEVELS, TILE, UNITS, shells
 from ._falling_widths import area_and_width
+from ._lamp_nodes import lamp_light_nodes
 from ._particles import NEAR_M
 from ._precipitation import EXTINCTION_EFFICIENCY
 from ._sheet_nodes import SIZES, seen_through_sheets
@@ -32,12 +33,18 @@ class Laws:
 
     sizes: graph; mm/h -> particles per cubic metre and mm of diameter, by 1000; mean diameter in mm.
     speed: graph; diameter in mm -> speed of fall in still air, m/s. brightness: with which it has the sky's own colour.
+    scattering: of a lamp's light, as `_lamp_light` says. shine: on lit frames, of a particle beside the air before the
+    horizon: it faces more of an overcast sky, three times as bright overhead (Moon and Spencer, 1942). longest: of a
+    streak on lit frames, in widths.
     """
 
     name: str
     sizes: Callable[[Graph, Socket], tuple[Value, Socket]]
     speed: Callable[[Graph, Socket], Socket]
     brightness: float
+    scattering: float
+    shine: float
+    longest: float
 
 
 def build_falling(canvas: Canvas, given: Mapping[str, Socket], laws: Laws) -> Socket:
@@ -97,25 +104,59 @@ def build_falling(canvas: Canvas, given: Mapping[str, Socket], laws: Laws) -> So
         integral = graph.math("MAXIMUM", graph.math("MULTIPLY_ADD", decayed, polynomial, x - 3.0), 0.0)
         extinction = count_m3 * scale_mm * scale_mm * (EXTINCTION_EFFICIENCY * math.pi / 2 * 1e-6)
         veil = graph.math("MULTIPLY_ADD", integral, seen_to_m, distance_m - limit_m) * extinction
-        seen = graph.math("EXPONENT", veil * kept_sky(canvas, given) * -1.0)
+        veil = veil * kept_sky(canvas, given)
+        seen = graph.math("EXPONENT", veil * -1.0)
     with graph.section("Streaks in the world"):
-        drifts = graph.math("GREATER_THAN", canvas.drifts, 0.0)
+        # On lit frames all is in the world: there shells would cut the nearest particles.
+        worldly = canvas.drifts if canvas.never_lit else graph.math("ADD", canvas.drifts, canvas.lit)
+        drifts = graph.math("GREATER_THAN", worldly, 0.0)
         speeds = {sizes: laws.speed(graph, measured_mm * sizes.typical) * given["fall"] for sizes in SIZES}
         kept = shared | {"Nearness": graph.choose(drifts, nearness, HIDDEN, "float")}
-    through = seen_through_sheets(canvas, given, kept, speeds)
+    through = seen_through_sheets(canvas, given, kept, speeds, laws.longest)
     with graph.section("Streaks"):
         seen = seen * through
         # What drifts is in the world. Of shells and sheets, those not used see a single number, which costs nothing.
         shared |= {"Nearness": graph.choose(drifts, HIDDEN, nearness, "float")}
         part = _shell_graph(laws)
-        for number, shell in enumerate(shells()):
+        for number, shell in enumerate(() if canvas.always_lit else shells()):
             start = canvas.random(number) * graph.vector(float(UNITS), float(UNITS))
             inputs = shared | {"Start": start, "Share": shell.share, "Middle": shell.middle}
             inputs |= {f"Depth {power}": value for power, value in enumerate(shell.places)}
             seen = seen * graph.group(part, inputs, name=f"Shell {number + 1}").out("Seen", "float")
+    return _over_the_image(canvas, given, laws, _Hidden(veil, through, seen))
+
+
+@dataclass(frozen=True)
+class _Hidden:
+    """What hides the scene at each pixel. veil: its optical depth. through, seen: what passes sheets, and all."""
+
+    veil: Socket
+    through: Socket
+    seen: Socket
+
+
+def _over_the_image(canvas: Canvas, given: Mapping[str, Socket], laws: Laws, hidden: _Hidden) -> Socket:
+    """Mix the image with the particles' light, and add that of lamps."""
+    graph = canvas.graph
     light = _light(canvas, given, laws)
     with graph.section("Over the image"):
-        return graph.mix(light, canvas.image, graph.vector(seen, seen, seen))
+        fallen = graph.mix(light, canvas.image, _wide(hidden.seen))
+    if canvas.never_lit:
+        return fallen
+    with graph.section("Lamps: the air before each pixel"):
+        usual = graph.math("MAXIMUM", given["brightness"] / laws.brightness, 1e-3)
+        air = light / _wide(usual)
+        veiled = 1.0 - graph.math("EXPONENT", hidden.veil * -1.0)
+    lamps = lamp_light_nodes(canvas, given, air, laws.scattering / laws.brightness, hidden.veil)
+    with graph.section("Lamps over the image"):
+        before = lamps.veil(veiled) * _wide(hidden.through)
+        own = graph.math("MULTIPLY_ADD", air, ((laws.shine - 1.0) / laws.brightness,) * 3, lamps.particles)
+        lit = graph.math("MULTIPLY_ADD", own, _wide(1.0 - hidden.through), before)
+        return graph.math("MULTIPLY_ADD", lit, _wide(given["brightness"]), fallen)
+
+
+def _wide(value: Socket) -> Socket:
+    return value.graph.vector(value, value, value)
 
 
 def _light(canvas: Canvas, given: Mapping[str, Socket], laws: Laws) -> Socket:
@@ -130,7 +171,7 @@ def _light(canvas: Canvas, given: Mapping[str, Socket], laws: Laws) -> Socket:
         for each in (mean, air.surfaces):
             grey = graph.math("DOT_PRODUCT", each, LUMINANCE)
             tinted.append(graph.mix(graph.vector(grey, grey, grey), each, tint))
-        return air.chosen(*tinted, over=laws.brightness) * graph.vector(*[given["brightness"]] * 3)
+        return air.chosen(*tinted, over=laws.brightness) * _wide(given["brightness"])
 
 
 _INPUTS = {

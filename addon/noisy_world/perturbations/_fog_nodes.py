@@ -11,8 +11,8 @@ from typing import TypeAlias
 
 from ..core.node_graphs.graph import Graph, GroupInput, Socket, Value
 from ..core.node_graphs.groups import Canvas
+from ._block_nodes import blocks_of, blurred, looked_up
 from ._fog_air import FARTHEST, STEEPEST
-from ._fog_glow import GRID_PX as BLOCK_PX
 from ._fog_glow import WIDTHS
 from ._fog_waves import EDGES, GRID_PX, KEY_BITS, waves
 
@@ -115,7 +115,7 @@ def clumps_nodes(canvas: Canvas, given: Given, distance_m: Socket) -> Socket:
             begin, end = (graph.vector(*(reach_m * edge for edge in some)) for some in (edges[:3], edges[1:]))
             length = graph.vector(near_m, near_m, near_m)
             within = graph.math("MINIMUM", graph.math("MAXIMUM", length, begin), end) - begin
-            total = graph.math("DOT_PRODUCT", within, _looked_up(graph, means, where, "Bilinear")) + total
+            total = graph.math("DOT_PRODUCT", within, looked_up(graph, means, where, "Bilinear")) + total
         mean = total / graph.math("MAXIMUM", near_m, 1e-6) * given["unevenness"]
         # 1 + mean, but 1 / (1 - mean) below 0.
         return graph.math("MAXIMUM", mean, 0.0) + graph.math("DIVIDE", 1.0, 1.0 - graph.math("MINIMUM", mean, 0.0))
@@ -124,16 +124,6 @@ def clumps_nodes(canvas: Canvas, given: Given, distance_m: Socket) -> Socket:
 def _grid_side(graph: Graph, side_px: Socket, on: Socket, step: float = GRID_PX) -> Socket:
     """Return how many points a side has; one where the grid is not wanted."""
     return graph.math("MULTIPLY_ADD", graph.math("CEIL", side_px * (1 / step)) - 1.0, on, 1.0)
-
-
-def _block_means(image: Socket, side: Socket) -> Socket:
-    return image.graph.node("CompositorNodePixelate", {"Color": image, "Size": side}).out("Color", "color")
-
-
-def _looked_up(graph: Graph, image: Socket, where: Socket, interpolation: str, beyond: str = "Extend") -> Socket:
-    inputs = {"Image": image, "UV": where, "Interpolation": interpolation}
-    inputs |= {"Extension X": beyond, "Extension Y": beyond}
-    return graph.node("CompositorNodeMapUV", inputs).out("Image", "vector")
 
 
 def _wave_graph() -> Graph:
@@ -178,41 +168,20 @@ def glow_nodes(canvas: Canvas, given: Given, air: Socket, depth: Socket) -> Sock
         excess = graph.math("SUBTRACT", graph.choose(on, canvas.image, (0.0, 0.0, 0.0)), air)
         lost = 1.0 - graph.math("EXPONENT", thick * -1.0)
         bright = graph.math("MAXIMUM", excess * graph.vector(lost, lost, lost), (0.0, 0.0, 0.0))
-        side = graph.math("MAXIMUM", graph.math("ROUND", canvas.scale * float(BLOCK_PX)), 1.0)
-        # Blur repeats the edge, so a block of nothing is put around.
-        sizes = [
-            graph.math("MULTIPLY_ADD", graph.math("CEIL", each / side) + 1.0, on, 1.0)
-            for each in (canvas.width_px, canvas.height_px)
-        ]
-        blank = graph.node("CompositorNodeBlankImage", {"Size": graph.vector(*sizes)}).out("Image", "color")
-        block = graph.node("CompositorNodeImageCoordinates", {"Image": blank}).out("Pixel", "vector") - (1.0, 1.0, 0.0)
-        size = graph.vector(canvas.width_px, canvas.height_px, 1.0)
-        sides = graph.vector(side, side, 0.0)
-        first = graph.math("DIVIDE", graph.math("MULTIPLY_ADD", block, sides, (0.5, 0.5, 1.0)), size)
-        lamps, thickness = (
-            _looked_up(graph, _block_means(image, side), first, "Nearest", "Clip") for image in (bright, thick)
-        )
-        # Blocks that the frame's edge cuts hold as much less light.
-        left = graph.math("SUBTRACT", 1.0, first) * size + (0.5, 0.5, 0.0)
-        whole = graph.clamp(graph.math("DIVIDE", left, sides))
-        inside = whole.x * whole.y
-        lamps = lamps * graph.vector(inside, inside, inside)
+        blocks = blocks_of(canvas, on)
+        lamps, thickness = (blocks.means(image) for image in (bright, thick))
+        lamps = lamps * graph.vector(*[blocks.inside] * 3)
     with graph.section("Glow: blur"):
         half = graph.math("TANGENT", given["view_deg"] * (math.pi / 360))
-        wide = graph.math("TANGENT", given["glow_width_deg"] * (math.pi / 180)) / half * canvas.width_px * 0.5 / side
+        unit = graph.math("TANGENT", given["glow_width_deg"] * (math.pi / 180)) / half * canvas.width_px * 0.5
+        unit = unit / blocks.side
         root = graph.math("LOGARITHM", graph.math("MAXIMUM", thickness.x, 1e-6), 2.0)
         place = graph.clamp(graph.math("MULTIPLY_ADD", root, 0.5, 1.0), 0.0, float(len(WIDTHS) - 1))
         total: Value = (0.0, 0.0, 0.0)
         for number, width in enumerate(WIDTHS):
             share = graph.math("MAXIMUM", 1.0 - graph.math("ABSOLUTE", place - float(number)), 0.0)
-            reach = wide * (3.0 * width)
-            inputs = {"Image": lamps * graph.vector(share, share, share), "Size": graph.vector(reach, reach)}
-            inputs |= {"Type": "Gaussian", "Separable": True}
-            total = graph.math("ADD", graph.node("CompositorNodeBlur", inputs).out("Image", "color"), total)
+            total = blurred(lamps * graph.vector(share, share, share), unit * width, total)
     with graph.section("Glow: over the frame"):
-        blocks = graph.vector(sizes[0] * side, sizes[1] * side, 1.0)
-        at = graph.math("DIVIDE", _pixels(canvas, on) + graph.vector(side + 0.5, side + 0.5, 1.0), blocks)
         assert isinstance(total, Socket)
-        found = _looked_up(graph, total, at, "Bilinear")
         strength = given["glow"]
-        return found * graph.vector(strength, strength, strength)
+        return blocks.back(total) * graph.vector(strength, strength, strength)

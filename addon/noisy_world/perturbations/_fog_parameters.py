@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from ..core.schema import key
+from ._lamp_light import lamps_key
 
 # The contrast of a black object that is left at the distance called visibility (WMO's meteorological optical range).
 CONTRAST_THRESHOLD = 0.05
@@ -35,6 +36,7 @@ class FogDepth:
     air_red: float = key("red of its light, sRGB-encoded", default=0.8, minimum=0, maximum=20)
     air_green: float = key("green of its light, sRGB-encoded", default=0.8, minimum=0, maximum=20)
     air_blue: float = key("blue of its light, sRGB-encoded", default=0.8, minimum=0, maximum=20)
+    lamps: float = lamps_key()
     leave_sky: bool = key("void stays as it is", default=False)
     falloff_m: float = key(
         "height in which the fog thins to 37 %; 0 is as dense everywhere", default=0.0, unit="m", minimum=0, maximum=1e5

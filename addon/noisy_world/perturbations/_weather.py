@@ -18,6 +18,7 @@ from ..core.schema import key
 from ..core.trajectories.camera_state import camera_state_of
 from ._air_light import air_light, colour_of
 from ._bands import by_bands
+from ._lamp_light import lamps_key
 from ._particles import Air, AirCamera, in_sight
 from ._patterns import three_channels
 from ._precipitation import Precipitation, veil_depth
@@ -56,6 +57,7 @@ class Falling:
     air_red: float = key("red of its light, sRGB-encoded", default=0.5, minimum=0, maximum=20)
     air_green: float = key("green of its light, sRGB-encoded", default=0.5, minimum=0, maximum=20)
     air_blue: float = key("blue of its light, sRGB-encoded", default=0.5, minimum=0, maximum=20)
+    lamps: float = lamps_key()
     leave_sky: bool = key("no veil over the sky", default=False)
     void_m: float = key("void counts as this far", default=500.0, unit="m", minimum=0.1, maximum=100000)
     view_deg: float = key(

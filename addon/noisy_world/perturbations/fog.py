@@ -233,5 +233,6 @@ PERTURBATION = ColourPerturbation(
     version=2,  # float colour is rounded before it
     apply_bytes=apply,
     build=build,
+    lit_by_nodes=True,
     temporals=("fresh", "fixed", "drift"),
 )

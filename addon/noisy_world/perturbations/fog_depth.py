@@ -15,6 +15,8 @@ from ._bands import by_bands
 from ._fog_air import air_of, fogged
 from ._fog_nodes import clumps_nodes, distance_nodes, glow_nodes, thinned_nodes
 from ._fog_parameters import EXTINCTION, GIVEN_AIR, FogDepth, is_even
+from ._lamp_light import DROP
+from ._lamp_nodes import lamp_light_nodes
 from ._patterns import three_channels
 from ._view import by_camera
 
@@ -69,7 +71,14 @@ def build(canvas: Canvas, given: Mapping[str, Socket], _served: Mapping[str, flo
         air = own.chosen(plain, own.surfaces)
     glow = glow_nodes(canvas, given, air, depth)
     with graph.section("Over the image"):
-        return graph.math("ADD", graph.mix(air, canvas.image, seen), glow)
+        fogged_over = graph.math("ADD", graph.mix(air, canvas.image, seen), glow)
+    if canvas.never_lit:
+        return fogged_over
+    with graph.section("Lamps: the fog before each pixel"):
+        thick, hidden = depth * -1.0, 1.0 - seen
+    lamps = lamp_light_nodes(canvas, given, air, DROP, thick)
+    with graph.section("Lamps over the image"):
+        return fogged_over + lamps.veil(hidden)
 
 
 PERTURBATION = ColourPerturbation(
@@ -83,9 +92,10 @@ PERTURBATION = ColourPerturbation(
     source="our own; the law: Koschmieder, Theorie der horizontalen Sichtweite, 1924",
     apply=apply,
     build=build,
+    lit_by_nodes=True,
     linear=True,
     needs_depth=True,
-    implied=GIVEN_AIR,
+    implied=GIVEN_AIR | {"glow": ("lamps", 0.0)},
     uses_motion=True,
     by_camera=by_camera,
     repeats=is_even,

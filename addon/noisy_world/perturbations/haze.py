@@ -17,6 +17,9 @@ from ._air_light import air_light, colour_of, sky_in
 from ._air_light_nodes import air_nodes, kept_sky
 from ._bands import by_bands
 from ._fog_parameters import EXTINCTION, GIVEN_AIR
+from ._lamp_light import DROP, lamps_key
+from ._lamp_nodes import lamp_light_nodes
+from ._view import by_camera
 
 VISUAL_NM = 550.0  # where visibility is meant: the eye is most sensitive
 # Dominant wavelengths of Rec. 709's primaries against its white.
@@ -47,9 +50,13 @@ class Haze:
     air_red: float = key("red of its light, sRGB-encoded", default=0.8, minimum=0, maximum=20)
     air_green: float = key("green of its light, sRGB-encoded", default=0.8, minimum=0, maximum=20)
     air_blue: float = key("blue of its light, sRGB-encoded", default=0.8, minimum=0, maximum=20)
+    lamps: float = lamps_key()
     leave_sky: bool = key("void stays as it is", default=False)
     void_m: float = key(
         "void and what is farther count as this far", default=100000.0, unit="m", minimum=0.1, maximum=1e6
+    )
+    view_deg: float = key(
+        "horizontal field of view, where the camera is unknown", default=90.0, unit="deg", minimum=1, maximum=170
     )
 
     def extinction_per_m(self) -> NDArray[np.float64]:
@@ -113,7 +120,8 @@ def build(canvas: Canvas, given: Mapping[str, Socket], _served: Mapping[str, flo
         rate = graph.math("DIVIDE", -EXTINCTION, given["visibility_m"], label="Koschmieder")
         ratios = [VISUAL_NM / wave for wave in CHANNELS_NM]
         rates = [rate * graph.math("POWER", ratio, given["angstrom"]) for ratio in ratios]
-        seen = graph.vector(*(graph.math("EXPONENT", distance_m * each) for each in rates))
+        depths = [distance_m * each for each in rates]
+        seen = graph.vector(*(graph.math("EXPONENT", each) for each in depths))
     own = air_nodes(canvas, given)
     with graph.section("Airlight"):
         power = given["angstrom"] * given["blueness"]
@@ -124,7 +132,14 @@ def build(canvas: Canvas, given: Mapping[str, Socket], _served: Mapping[str, flo
         mean = graph.math("DOT_PRODUCT", own.surfaces, LUMINANCE)
         air = own.chosen(grey * hue, graph.vector(mean, mean, mean) * hue)
     with graph.section("Over the image"):
-        return graph.mix(air, canvas.image, seen)
+        hazed = graph.mix(air, canvas.image, seen)
+    if canvas.never_lit:
+        return hazed
+    with graph.section("Lamps: the haze before each pixel"):
+        thick, hidden = depths[1] * -1.0, 1.0 - seen.y
+    lamps = lamp_light_nodes(canvas, given, air, DROP, thick)
+    with graph.section("Lamps over the image"):
+        return hazed + lamps.veil(hidden)
 
 
 PERTURBATION = ColourPerturbation(
@@ -141,8 +156,10 @@ PERTURBATION = ColourPerturbation(
     ),
     apply=apply,
     build=build,
+    lit_by_nodes=True,
     linear=True,
     needs_depth=True,
     implied=GIVEN_AIR | {"blueness": ("air", "grey")},
     repeatable=True,
+    by_camera=by_camera,
 )

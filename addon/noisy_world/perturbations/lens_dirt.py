@@ -120,6 +120,7 @@ PERTURBATION = ColourPerturbation(
     source="our own: from a lens that was wiped to one that never was",
     apply=apply,
     build=build,
+    lit_by_nodes=True,
     linear=True,
     temporals=("fixed", "fresh"),
 )

@@ -38,6 +38,7 @@ PERTURBATION = ColourPerturbation(
     source="our own: from the first drops to a lens in the rain",
     apply=apply,
     build=build,
+    lit_by_nodes=True,
     linear=True,
     by_camera=by_camera,
     temporals=("drift", "fixed", "fresh"),

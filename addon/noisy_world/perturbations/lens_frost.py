@@ -227,6 +227,7 @@ PERTURBATION = ColourPerturbation(
     apply=apply,
     version=2,  # ice comes in patches, and takes more of the light behind it
     build=build,
+    lit_by_nodes=True,
     linear=True,
     temporals=("fresh", "fixed", "drift"),
 )

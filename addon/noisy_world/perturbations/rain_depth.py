@@ -12,6 +12,7 @@ from ..core.node_graphs.groups import Canvas
 from ..core.perturbing.kinds import ColourPerturbation, FrameContext
 from ..core.schema import key
 from ._falling_nodes import Laws, build_falling
+from ._lamp_light import DROP
 from ._precipitation import drop_speed_m_s, rain
 from ._view import by_camera
 from ._weather import GIVEN_AIR, Falling, Kind, fallen_on
@@ -58,7 +59,7 @@ def _speed(graph: Graph, diameter_mm: Socket) -> Socket:
     return graph.math("MAXIMUM", graph.math("EXPONENT", diameter_mm * -0.6) * -10.3 + 9.65, 0.0)
 
 
-LAWS = Laws("Rain", _sizes, _speed, BRIGHTNESS)
+LAWS = Laws("Rain", _sizes, _speed, BRIGHTNESS, DROP, 1.6, 24.0)
 
 PERTURBATION = ColourPerturbation(
     name="rain_depth",
@@ -70,6 +71,7 @@ PERTURBATION = ColourPerturbation(
     source="our own: light, moderate, heavy, violent rain, and a cloudburst; sizes: Marshall and Palmer, 1948",
     apply=apply,
     build=build,
+    lit_by_nodes=True,
     linear=True,
     needs_depth=True,
     implied=GIVEN_AIR,

@@ -324,6 +324,7 @@ PERTURBATION = ColourPerturbation(
     version=2,  # float colour is rounded before it
     apply_bytes=apply,
     build=build,
+    lit_by_nodes=True,
     capacity={"blur_radius_px": 12},
     temporals=("fresh", "fixed", "drift"),
     counts=frozenset({"blur_radius_px"}),

@@ -12,6 +12,7 @@ from ..core.node_graphs.groups import Canvas
 from ..core.perturbing.kinds import ColourPerturbation, FrameContext
 from ..core.schema import key
 from ._falling_nodes import Laws, build_falling
+from ._lamp_light import FLAKE
 from ._precipitation import SWOLLEN, flake_speed_m_s, snow
 from ._view import by_camera
 from ._weather import GIVEN_AIR, Falling, Kind, fallen_on
@@ -58,7 +59,7 @@ def _speed(graph: Graph, diameter_mm: Socket) -> Socket:
     return graph.math("POWER", diameter_mm, 0.16) * 0.8
 
 
-LAWS = Laws("Snow", _sizes, _speed, BRIGHTNESS)
+LAWS = Laws("Snow", _sizes, _speed, BRIGHTNESS, FLAKE, 1.25, 4.0)
 
 PERTURBATION = ColourPerturbation(
     name="snow_depth",
@@ -70,6 +71,7 @@ PERTURBATION = ColourPerturbation(
     source="our own: from light to very heavy snowfall; sizes: Gunn and Marshall, 1958",
     apply=apply,
     build=build,
+    lit_by_nodes=True,
     linear=True,
     needs_depth=True,
     implied=GIVEN_AIR,

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.node_graphs.graph import INTERFACE, Kind, Socket, Value
+from ..core.node_graphs.graph import INTERFACE, Graph, Kind, Socket, Value
 from ..core.node_graphs.groups import Canvas
 from ..core.perturbing.kinds import ColourPerturbation, FrameContext
 from ..core.schema import key
@@ -143,7 +143,7 @@ def build(canvas: Canvas, given: Mapping[str, Socket], _served: Mapping[str, flo
         height = _height(given, sigma_px)
         # The rims' length, as a share of the rims' length at a threshold equal to the mean (Rice's formula).
         crossed = graph.math("EXPONENT", height * height * -0.5)
-        glint = graph.math("MAXIMUM", _relief(_share_nearer(distance, crossed)), _overlooked(inside))
+        glint = graph.math("MAXIMUM", _relief(canvas, _share_nearer(distance, crossed)), _overlooked(inside))
         drops = graph.math("MINIMUM", noise, 1.0) * inside * glint
     with graph.section("Water: brightness"):
         expected = size_px.x * size_px.y * crossed * height**3.0 / (sigma_px**4.0 * _OVERLOOKED_AREA)
@@ -249,9 +249,11 @@ def _share_nearer(distance: Socket, crossed: Socket) -> Socket:
     return 1.0 - graph.math("EXPONENT", exponent)
 
 
-def _relief(share: Socket) -> Socket:
+def _relief(canvas: Canvas, share: Socket) -> Socket:
     """Return the share embossed as by _RIM and averaged over 3 x 3."""
     graph = share.graph
+    if canvas.always_lit:
+        return _boxed(graph.clamp(graph.math("MULTIPLY_ADD", _embossed(graph, share), 4.5, share)))
     # A bilinear look-up 2/3 of a pixel away on the diagonal weights its neighbours 2 : 1 : 1; the difference of the two
     # sides is _RIM without its middle.
     sides = [
@@ -268,6 +270,19 @@ def _relief(share: Socket) -> Socket:
         for sign in (1, -1)
     ]
     return _boxed(graph.clamp(graph.math("MULTIPLY_ADD", sides[0] - sides[1], 4.5, share)))
+
+
+def _embossed(graph: Graph, share: Socket) -> Socket:
+    """Return the difference of both sides looked up, which leaves the image where it is: Displace moves it."""
+    place = graph.node("CompositorNodeImageCoordinates", {"Image": share}).out("Normalized", "vector")
+    size = graph.node("CompositorNodeImageInfo", {"Image": share}).out("Resolution", "vector")
+    sides = []
+    for sign in (1, -1):
+        step = graph.math("DIVIDE", (sign * 2 / 3, -sign * 2 / 3, 1.0), graph.math("MAXIMUM", size, (1.0, 1.0, 1.0)))
+        inputs = {"Image": share, "UV": place + step, "Interpolation": "Bilinear"}
+        inputs |= {"Extension X": "Extend", "Extension Y": "Extend"}
+        sides.append(graph.node("CompositorNodeMapUV", inputs).out("Image", "float"))
+    return sides[0] - sides[1]
 
 
 def _overlooked(inside: Socket) -> Socket:
@@ -331,6 +346,7 @@ PERTURBATION = ColourPerturbation(
     version=2,  # its noise is drawn by tables, and float colour is rounded before it
     apply_bytes=apply,
     build=build,
+    lit_by_nodes=True,
     temporals=("fresh", "fixed", "drift"),
     counts=frozenset({"complexity"}),
 )

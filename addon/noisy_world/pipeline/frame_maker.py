@@ -33,6 +33,7 @@ from .clean_frame import Camera, CleanFrame
 from .colour import Colour, colour_of
 from .completed_images import FinishedImages
 from .earlier import EarlierFrames, light_seen
+from .frame_rates import other_rates
 from .frame_writer import FrameWriter, Lost
 from .pairs import OpenPairs, motion_of, view_of
 from .report import Report
@@ -131,6 +132,10 @@ class FrameMaker:
         if render.registration is not None and not render.registers and (render.needs_depth or render.needs_rgb):
             message = "depth has a camera of its own: it is registered into colour where a perturbation needs both"
             self._note(render.name, message)
+        if render.scene.source.capabilities.lit:
+            settings = (item.setting for item in render.sequences)
+            for message in other_rates(settings, render.scene.source.stamps_s):
+                self._note(render.name, message)
         return self._render.keep((render.name,), contextlib.nullcontext(opened))
 
     def _note(self, name: str, text: str) -> None:

@@ -16,7 +16,7 @@ from .document import OWN_FIELDS
 from .offered import line_on
 from .own_objects import own_object
 from .properties import active_step, panel_of
-from .step_list import add_own_step, may_move, move_entry, remove_entry
+from .step_list import add_own_step, may_move, move_entry, remove_entry, take_rate
 from .wording import spoken
 
 if TYPE_CHECKING:
@@ -253,6 +253,21 @@ class NoisyWorldRemoveStep(_OnStep, bpy.types.Operator):
         return DONE
 
 
+class NoisyWorldTakeRate(_OnStep, bpy.types.Operator):
+    """Let the selected perturbation count as many frames a second as the scene has"""
+
+    bl_idname = "noisy_world.take_rate"
+    bl_label = "Take the Scene's Frame Rate"
+    bl_options = UNDOABLE
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Take it."""
+        panel = panel_of(context.scene)
+        take_rate(panel, active_step(panel))
+        tell("steps")(panel, context)
+        return DONE
+
+
 class _MoveStep(_OnStep):
     """Swap with a neighbour of the same name; the order of all others is that of propagation."""
 
@@ -302,6 +317,7 @@ CLASSES: tuple[Any, ...] = (
     NoisyWorldSetCamera,
     NoisyWorldAddStep,
     NoisyWorldRemoveStep,
+    NoisyWorldTakeRate,
     NoisyWorldMoveStepUp,
     NoisyWorldMoveStepDown,
 )

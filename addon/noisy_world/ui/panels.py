@@ -16,6 +16,7 @@ from . import (
     footage,
     generate,
     header_presets,
+    motion_plot,
     operators,
     paths,
     pictures,
@@ -35,6 +36,7 @@ from .own_objects import own_object
 from .properties import active_step, panel_of, perturbation_of
 from .shown_sources import shown
 from .step_fields import draw_step
+from .step_list import other_rate
 
 TAB = "Noisy World"
 STAGE_LABELS: "dict[Stage, tuple[str, IconItems]]" = {
@@ -271,6 +273,10 @@ class NOISYWORLD_PT_perturbations(PanelSection, bpy.types.Panel):
         if (step := active_step(panel)) is not None and step.perturbation in registry():
             write(layout, context, line_on(perturbation_of(step)), "INFO")
             draw_step(layout, step)
+            motion_plot.draw(layout, panel, step)
+            if text := other_rate(panel, step):
+                write(layout, context, text, "ERROR")
+                layout.operator("noisy_world.take_rate", icon="TIME")
         layout.separator(factor=0.5)
         layout.prop(panel, "seed")
         if paths := without_effect(context.scene):

@@ -25,6 +25,7 @@ from .keyed import curve_of
 from .output_place import absolute, folder_of
 from .properties import panel_of
 from .shot_fields import OWN_LIST, PANEL_LIST, PRESET_LIST
+from .step_list import RATE, own_rate_hz
 
 WHERE = "Shots"
 
@@ -125,8 +126,18 @@ def _preset_setting(shot: Any) -> dict[str, Any]:
         for name, stream, perturb in made:
             if name == chosen.name:
                 drawn_by = {} if stream is None else {"stream": stream}
-                return {"name": name, "perturb": perturb, "backend": chosen.backend, **drawn_by}
+                timed = [with_rate(panel_of(shot.id_data), step) for step in perturb]
+                return {"name": name, "perturb": timed, "backend": chosen.backend, **drawn_by}
     raise AssertionError(f"{chosen.name} is one of the preset's settings")
+
+
+def with_rate(panel: Any, step: dict[str, Any]) -> dict[str, Any]:
+    """Return a preset's step with the rate of the scene's frames, where it counts time and gives no rate of its own."""
+    ((name, values),) = step.items()
+    kind, rate_hz = registry().get(name), own_rate_hz(panel)
+    if kind is None or rate_hz is None or RATE in (values or {}) or not hasattr(kind.parameters, RATE):
+        return step
+    return {name: {**(values or {}), RATE: rate_hz}}
 
 
 def _own(shot: Any) -> dict[str, Any]:

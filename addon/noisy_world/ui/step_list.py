@@ -8,8 +8,11 @@ from ..perturbations import registry
 from .described import notify_once
 from .keyed import key_severity, reorder
 from .properties import OVERRIDE, parameters_of
-from .this_scene import scene_frames
-from .typed_numbers import set_value
+from .this_scene import follows, frame_range, is_shown, scene_frames
+from .typed_numbers import set_value, value_of
+
+RATE = "frame_rate_hz"  # the parameter of what counts time by frames
+SAME_RATE = 1e-3  # of a rate: a difference that nobody sees
 
 
 def take_step(item: Any, step: Step, *, speed_factor: int = 1) -> None:
@@ -46,6 +49,8 @@ def put_step(panel: Any, step: Step) -> bool:
         move_entry(panel, made, place)
         panel.active_step = made = place
     take_step(panel.steps[made], step, speed_factor=panel.speed_factor)
+    if RATE not in step.given:
+        take_rate(panel, panel.steps[made])
     return place is not None
 
 
@@ -68,13 +73,40 @@ def add_step(panel: Any, name: str) -> int:
 
 
 def add_own_step(panel: Any, name: str) -> int:
-    """Add a perturbation as `add_step` does, at the frame rate of the scene where the open scene is the sequence's."""
+    """Add a perturbation as `add_step` does, at the frame rate of the sequence where the open scene is its source."""
     index = add_step(panel, name)
-    parameters = parameters_of(panel.steps[index])
-    if panel.mesh_source == "SCENE" and hasattr(parameters, "frame_rate_hz"):
-        render = panel.id_data.render
-        set_value(parameters, "frame_rate_hz", render.fps / render.fps_base)
+    take_rate(panel, panel.steps[index])
     return index
+
+
+def take_rate(panel: Any, item: Any) -> None:
+    """Let an entry that counts time have the rate of the sequence's frames, where the open scene is its source."""
+    rate_hz = own_rate_hz(panel)
+    if rate_hz is not None and hasattr(parameters_of(item), RATE):
+        set_value(parameters_of(item), RATE, rate_hz)
+
+
+def own_rate_hz(panel: Any) -> float | None:
+    """Return how many frames of the sequence the open scene shows in a second; None where it is not shown."""
+    if not is_shown(panel):
+        return None
+    render = panel.id_data.render
+    each = frame_range(panel.id_data).step if follows(panel) else 1
+    return render.fps / render.fps_base / each
+
+
+def other_rate(panel: Any, item: Any) -> str:
+    """Return what is wrong with an entry's rate of frames, "" where nothing is: it drifts as fast as the scene runs."""
+    rate_hz, group = own_rate_hz(panel), parameters_of(item)
+    if rate_hz is None or item.temporal != "drift" or not hasattr(group, RATE):
+        return ""
+    given_hz = value_of(group, RATE)
+    if abs(given_hz - rate_hz) <= SAME_RATE * rate_hz:
+        return ""
+    times = rate_hz / given_hz
+    return (
+        f"Moves {times:.2g} times as fast as in the scene, which has {rate_hz:g} frames a second here, not {given_hz:g}"
+    )
 
 
 def move_entry(panel: Any, here: int, there: int) -> None:

@@ -6,6 +6,7 @@ _AIR = {
     "air_red": "Higher: redder light, where Air is Color",
     "air_green": "Higher: greener light, where Air is Color",
     "air_blue": "Higher: bluer light, where Air is Color",
+    "lamps": "Higher: on lit scenes, lamps light more of the air around them; 0 is none",
     "leave_sky": "On: the sky keeps its colors",
 }
 _FALLING = {
@@ -84,6 +85,7 @@ SEEN: dict[str, dict[str, str]] = {
         "most_electrons": "Lower: more of what is bright and near has no depth",
         "spread": "Higher: more pixels hang in the air between near and far",
         "jump_m": "Lower: wider gaps beside edges; 0: none",
+        "multipath": "Higher: corners of rooms get deeper and rounder",
     },
     "brightness": {"offset": "Higher: the whole picture gets lighter, until bright places are white"},
     "chromatic_aberration": {
@@ -164,6 +166,7 @@ SEEN: dict[str, dict[str, str]] = {
         "airlight": "Higher: the haze gets lighter; 0 is smoke, 1 is white",
         "blueness": "Higher: the haze itself gets bluer",
         "void_m": "Lower: more of the sky is seen through the haze",
+        "view_deg": "Higher: as through a wider lens; a known camera decides it",
         **_AIR,
     },
     "frost": {

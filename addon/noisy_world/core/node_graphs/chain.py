@@ -27,12 +27,9 @@ from .group_inputs import (
     socket_name,
     socket_value,
 )
-from .groups import build_group
+from .groups import ROUNDING, build_group
 from .light import Light
 
-# Added to a number from 0 to 255 and subtracted again, it rounds as the processor does, ties to the even number: of
-# float32's numbers from 2^23 on, only whole ones are left.
-ROUNDING = 1.5 * 2.0**23
 BYTE_PLACES = (1.0, 2.0**8, 2.0**16)
 
 

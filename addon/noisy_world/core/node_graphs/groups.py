@@ -37,6 +37,10 @@ __all__ = ["PURPOSES", "Canvas", "build_group", "convert", "group_name", "socket
 
 PURPOSES = 32  # fields of random numbers that a group may draw for a frame; chosen
 LARGEST_FRAME = 2**24 // PURPOSES  # frame x PURPOSES + purpose keys the noise and has to be exact in float32
+# Added to a number of less than 2^22 and subtracted again, it rounds as the processor does, ties to the even number: of
+# float32's numbers from 2^23 on, only whole ones are left.
+ROUNDING = 1.5 * 2.0**23
+HALF = 0.5 - 2**-6  # subtracted before rounding instead of rounding down: whole numbers stay, clear of a tie
 BRIGHTEST = 1e6  # chosen: no light of a scene is brighter, and float32 holds it with room
 
 
@@ -68,6 +72,16 @@ class Canvas:
     white: Socket | float = 1.0
     lit: Socket | float = 0.0
     camera: CameraSockets | None = None
+
+    @property
+    def never_lit(self) -> bool:
+        """Whether it is known that the image is clipped."""
+        return not isinstance(self.lit, Socket) and self.lit == 0
+
+    @property
+    def always_lit(self) -> bool:
+        """Whether it is known that the image is light of any brightness."""
+        return not isinstance(self.lit, Socket) and self.lit == 1
 
     def random(self, purpose: int, position: Value = (0.0, 0.0, 0.0)) -> Socket:
         """Return three independent uniform numbers in [0, 1] for each position, of this seed and frame.
@@ -193,10 +207,11 @@ def _canvas(image: Socket, reference: Socket, depth_m: Socket | None, clip: Sock
     scale = graph.math("DIVIDE", width, reference, label="Pixels for a reference pixel")
     pixel = graph.node("CompositorNodeImageCoordinates", {"Image": image}).out("Pixel", "vector")
     # From pixels of a small preview, counted from its lower left, to whole pixels of the full frame from its upper
-    # left.
-    flipped = graph.vector(0.5, height - 0.5)
-    centre = graph.math("MULTIPLY_ADD", pixel, (1.0, -1.0, 0.0), flipped)
-    position = graph.math("FLOOR", graph.math("DIVIDE", centre, graph.vector(scale, scale, 1.0)), label="Position")
+    # left: (pixel + 1/2) / scale rounded down, by adding and subtracting, which takes an eighth of a division's time.
+    each = graph.math("DIVIDE", 1.0, scale)
+    first = graph.vector(0.5 * each - HALF, (height - 0.5) * each - HALF)
+    place = graph.math("MULTIPLY_ADD", pixel, graph.vector(each, each * -1.0), first)
+    position = graph.math("SUBTRACT", place + ROUNDING, ROUNDING, label="Position")
     if isinstance(clip, bool):
         white, lit = (1.0, 0.0) if clip else (BRIGHTEST, 1.0)
     else:

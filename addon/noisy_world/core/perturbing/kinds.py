@@ -228,7 +228,8 @@ class ColourPerturbation(Perturbation):
     needs_depth: the context holds the frame's depth, and the group has an input for it. repeatable: the result
     depends on image, parameters, intrinsics and depth alone, so that sequences which do the same to a frame share a
     file; it draws nothing and does not look at the frame's number or stamp. linear: `build` is given and gives
-    linear light, of any brightness, so that what is brighter than 1 stays so. averages: it only moves and averages
+    linear light, of any brightness, so that what is brighter than 1 stays so. lit_by_nodes: on lit frames arrays
+    carry out the node group itself, so that both executions draw one picture. averages: it only moves and averages
     values, so where light is not clipped it works on light itself, as a lens does. uses_motion: `apply` looks at
     the camera's motion, where the context has it, and the group has inputs for it. goes_with_camera: a fixed
     pattern does. by_camera: of the group's parameters, what a known camera decides. repeats: tells of which
@@ -249,6 +250,7 @@ class ColourPerturbation(Perturbation):
     repeatable: bool = False
     linear: bool = False
     averages: bool = False
+    lit_by_nodes: bool = False
     uses_motion: bool = False
     goes_with_camera: bool = False
     by_camera: Callable[[Intrinsics], Mapping[str, Any]] | None = None

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..linear_light import decoded, encoded
+from ..node_graphs.as_nodes import as_nodes
 from .execution import ColourWork, on_encoded, perturb_colour
 from .kinds import ColourPerturbation, FrameContext
 from .steps import Step
@@ -35,11 +36,13 @@ def perturb_light(
 ) -> NDArray[np.float32]:
     """Carry out one step on scene-linear light (H, W, 3) float32, of any brightness; the result is at least 0.
 
-    What only averages works on light itself; the others as ever, on encoded values, by sRGB's curve, which goes on
-    above 1.
+    Some carry out their node group. What only averages works on light itself; the others as ever, on encoded values, by
+    sRGB's curve, which goes on above 1.
     """
     context = replace(context, lit=True)
-    if step.perturbation.averages:
+    if step.perturbation.lit_by_nodes:
+        made = as_nodes(step.perturbation, light, step.parameters(severity), context)
+    elif step.perturbation.averages:
         made = perturb_colour(step, light, severity, context)
     else:
         made = decoded(perturb_colour(step, encoded(light), severity, context))

@@ -1,0 +1,76 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Processor time of each node group over a pass-through, in turns with it: a table on standard output.
+
+    python headless/bench/group_cost.py PICTURE [--size 1920x1080] [--severity 3] [--turns 5] [--only NAME ...]
+
+PICTURE: any picture; it is resized. Processor time counts all threads and, unlike the clock, little of what else
+the machine does. The last column is the beginning of the SHA-256 of the bytes, to compare two versions of the program.
+"""
+
+import argparse
+import hashlib
+import sys
+import time
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path[:0] = [str(ROOT / "addon"), str(ROOT / "headless")]
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from bench import tables
+from bench.node_groups import SEED, slope, step_of
+from noisy_world.blender.compositor import Compositor
+from noisy_world.core.machine import keep_freed_memory
+from noisy_world.core.perturbing.kinds import ColourPerturbation
+from noisy_world.perturbations import registry
+
+
+def main(arguments: list[str]) -> int:
+    """Run the command line and return the exit status."""
+    names = [item.name for item in registry().values() if isinstance(item, ColourPerturbation) and item.build]
+    parser = argparse.ArgumentParser(prog="group_cost.py", description="Measure the node groups' processor time.")
+    parser.add_argument("picture", type=Path, help="any picture")
+    parser.add_argument("--size", default="1920x1080", help="of the frame, in pixels (default 1920x1080)")
+    parser.add_argument("--severity", type=float, default=3, help="of the perturbations (default 3)")
+    parser.add_argument("--turns", type=int, default=5, help="the figures are the median of so many (default 5)")
+    parser.add_argument("--only", nargs="+", choices=names, default=names, metavar="NAME", help="perturbations")
+    options = parser.parse_args(arguments)
+    picture = cv2.imread(str(options.picture))
+    if picture is None:
+        parser.error(f"{options.picture}: OpenCV cannot read it")
+    try:
+        width, height = (int(part) for part in options.size.split("x"))
+    except ValueError:
+        parser.error(f"--size {options.size}: is no size; write WIDTHxHEIGHT")
+    keep_freed_memory()  # as the generator does
+    rgb = np.asarray(cv2.resize(picture[..., ::-1], (width, height), interpolation=cv2.INTER_CUBIC), np.uint8)
+    rows = [(name, *measured(name, options.severity, rgb, options.turns)) for name in options.only]
+    median_ms = float(np.median([row[1] for row in rows]))
+    print(tables.table(("perturbation", "ms over pass-through", "pass-through, ms", "bytes"), rows))
+    print(f"\nMedian: {median_ms:.0f} ms.")
+    return 0
+
+
+def measured(name: str, severity: float, rgb: NDArray[np.uint8], turns: int) -> tuple[float, float, str]:
+    """Return the milliseconds of processor time of a group over those of a pass-through, these, and a hash."""
+    size_px = rgb.shape[1], rgb.shape[0]
+    depth_m = slope(size_px)
+    took_s: dict[str, list[float]] = {"none": [], "group": []}
+    digest = ""
+    with Compositor(size_px, {"none": (), "group": (step_of(name, severity),)}, size_px[0]) as compositor:
+        for turn in range(turns + 1):
+            for chain, taken in took_s.items():
+                start_s = time.process_time()
+                image, _ = compositor.perturb(rgb, {chain: (turn, (SEED, "", ""))}, depth_m)[chain]
+                if turn:  # the first one makes buffers
+                    taken.append(time.process_time() - start_s)
+                digest = hashlib.sha256(b"" if image is None else np.ascontiguousarray(image).tobytes()).hexdigest()
+    over_s = np.subtract(took_s["group"], took_s["none"])
+    return 1e3 * float(np.median(over_s)), 1e3 * float(np.median(took_s["none"])), digest[:12]
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
