@@ -7,9 +7,9 @@ Needs ImageMagick's `import`. Writes compositor.jpg: the embedded room in the vi
 above the compositor that holds it; node_group.jpg: a group, opened; and of the add-on add_on_panel.jpg, the sidebar
 beside the room; add_on_paths.jpg, the planned and the deviated path; add_on_preview.jpg, the perturbations live, half
 before and half after; add_on_nodes.jpg, the groups that the preview made; and add_on_frame.jpg, a frame as it will be
-written, beside the sliders; add_on_pictures.jpg and add_on_shots.jpg, the lists of pictures and of shots; and
-example.jpg, the file of `make example`. With names, which are "groups", "add_on", "tracking", "shots" and "example",
-only those.
+written, beside the sliders; add_on_body.jpg, a walker that carries the camera, and what shakes it; add_on_pictures.jpg
+and add_on_shots.jpg, the lists of pictures and of shots; and example.jpg, the file of `make example`. With names, which
+are "groups", "add_on", "body", "tracking", "shots" and "example", only those.
 """
 
 import itertools
@@ -68,6 +68,7 @@ TRACKED: dict[str, Any] = {  # a path that turns enough for late depth to matter
     "room_seed": 1, "handheld_frames": 300, "handheld_rate_hz": 20.0, "handheld_speed_m_s": 0.5,
     "width_px": 320, "height_px": 240, "fx_px": 277.0, "fy_px": 277.0, "cx_px": 159.5, "cy_px": 119.5,
 }  # fmt: skip
+CARRIED = {"handheld_frames": 160, "handheld_speed_m_s": 0.8, "body": "walker", "has_imu": True, "imu_x_m": 0.1}
 SHOT_STEPS = (("rain_depth", 3), ("lens_drops", 2))
 SHOTS = (("arrival", 1, 24, 1), ("lamps", 25, 48, 2), ("corner", 49, 72, 3))  # name, first and last frame, seed
 EXAMPLE_PART = "1314x789+0+26"  # what is left of the outliner and above the timeline
@@ -79,6 +80,7 @@ def main(folder: Path, names: Sequence[str]) -> None:
     takes = {
         "groups": photograph_groups,
         "add_on": photograph_add_on,
+        "body": photograph_body,
         "tracking": photograph_tracking,
         "shots": photograph_shots,
         "example": photograph_example,
@@ -165,6 +167,30 @@ def photograph_add_on(folder: Path) -> Iterator[float]:
     in_area(view, operators().preview_frame)  # beside what is left of the view
     yield from until_drawn()
     photograph(folder / "add_on_frame.jpg", whole)
+    noisy_world.unregister()
+
+
+def photograph_body(folder: Path) -> Iterator[float]:
+    """Load a walker's path with an IMU and a vibration, and photograph both; yields the seconds to wait."""
+    bpy.ops.wm.read_homefile(use_factory_startup=True, use_splash=False)
+    noisy_world.register()
+    yield SETTLE_S
+    scene, view = bpy.context.scene, largest("VIEW_3D")
+    for item in list(scene.objects):
+        bpy.data.objects.remove(item)
+    panel = panel_of(scene)
+    for name, value in CARRIED.items():
+        setattr(panel, name, value)
+    in_area(view, operators().load_scene)
+    in_area(view, operators().load_trajectory)
+    operators().add_step(perturbation="vibration")
+    scene.frame_set(60)
+    yield from open_tab(view)
+    look_from_above(view, distance_m=3.5)
+    space_of(view).overlay.show_extras = False  # the camera's own symbol stands in the way
+    yield from scroll_to_end(view, steps=22)  # down to the plot
+    yield from until_drawn()
+    photograph(folder / "add_on_body.jpg", part_of(view))
     noisy_world.unregister()
 
 
@@ -265,10 +291,10 @@ def sidebar(area: bpy.types.Area) -> bpy.types.Region:
     return next(region for region in area.regions if region.type == "UI")
 
 
-def scroll_to_end(view: bpy.types.Area) -> Iterator[float]:
-    """Scroll the sidebar to the sections that close the tab; yields the seconds to wait."""
+def scroll_to_end(view: bpy.types.Area, *, steps: int = 100) -> Iterator[float]:
+    """Scroll the sidebar, as a rule to the sections that close the tab; yields the seconds to wait."""
     with override(window=window(), area=view, region=sidebar(view)):
-        for _ in range(100):
+        for _ in range(steps):
             bpy.ops.view2d.scroll_down()
     yield SETTLE_S
 

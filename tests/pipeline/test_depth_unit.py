@@ -21,6 +21,8 @@ from written import run
 pytest.importorskip("embreex", reason="embreex is not installed: make .venv/.extras brings it")
 
 from noisy_world import open as open_dataset
+from noisy_world.cli import publish_command, recipe_command, verify_command
+from noisy_world.cli.entry import Entry
 from noisy_world.core.datasets.layouts import EVERY
 from noisy_world.core.errors import InputError, StorageError
 from noisy_world.core.geometry import Intrinsics, pose
@@ -355,3 +357,19 @@ def test_fog_thickens_with_the_depth_that_colour_sees(tmp_path):
     run(world(tmp_path / "unit", {**PLACE, **CAMERA, "registered": True}, settings=fog), tmp_path / "b")
     plain, unit = (cv2.imread(str(next((tmp_path / name / "fog/box/results").glob("frame000002.*")))) for name in "ab")
     np.testing.assert_array_equal(plain, unit)
+
+
+def test_a_recipe_and_a_packed_copy_give_the_same_frames(raw, tmp_path):
+    preset, out = raw
+    recipe, entry = tmp_path / "recipe.json", Entry("noisy-world", ("noisy-world",))
+    assert recipe_command.main([str(out), "--out", str(recipe)], entry) == 0
+    assert verify_command.main([str(recipe), str(out)], entry) == 0
+    assert publish_command.main([str(out), str(tmp_path / "packed")], entry) == 0
+    files = open_dataset(out)
+    for other in (open_dataset(recipe, data=preset.parent), open_dataset(tmp_path / "packed")):
+        for name in ("clean/box", "fast/box"):
+            assert other[name].depth_camera == files[name].depth_camera
+            assert other[name].depth_camera.intrinsics == DEPTH
+            for frame in range(2):
+                here, there = files[name][frame].depth_m * SCALE, other[name][frame].depth_m * SCALE
+                np.testing.assert_array_equal(np.rint(here), np.rint(there))

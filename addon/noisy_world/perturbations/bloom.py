@@ -69,9 +69,9 @@ def build(canvas: Canvas, given: Mapping[str, Socket], _served: Mapping[str, flo
         share = graph.node("CompositorNodeImageCoordinates", {"Image": canvas.image}).out("Normalized", "vector")
         left = 1.0 - amount
         total = canvas.image * graph.vector(left, left, left)
-    for part, times, halvings in PARTS:
-        small = reduced_nodes(canvas, halvings) if halvings else canvas.image
-        with graph.section("Glow"):
+    images = [reduced_nodes(canvas, halvings) if halvings else canvas.image for _, _, halvings in PARTS]
+    for small, name, (part, times, halvings) in zip(images, ("Near", "Middle", "Far"), PARTS, strict=True):
+        with graph.section(name):
             reach = given["reach_px"] / canvas.scale * (0.5**halvings) if halvings else given["reach_px"]
             size = reach * (times * 3.0 * HALF)
             spread = _blurred(_blurred(small, size), size)

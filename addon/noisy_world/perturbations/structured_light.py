@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ..core.perturbing.kinds import DepthPerturbation, FrameContext
 from ..core.schema import key
-from ._bands import by_bands
+from ._bands import bands, by_bands
 from ._depth_device import NOISE_SEVERITIES, Devices, camera_of, filled, noise_of_device, of_device
 from ._depth_shadow import shadowed
 from ._quantiles import look_up, scaled_normal, uniform_codes
@@ -71,15 +71,21 @@ def apply(depth_m: NDArray[np.float32], parameters: StructuredLight, context: Fr
         lit += look_up(codes, scaled_normal(own.sigma_px * own.noise))
     if own.step_px > 0:
         # The published code adds half a step before rounding and leaves it there; here it is taken off again.
-        lit *= np.float32(1 / own.step_px)
-        lit += np.float32(0.5)
-        np.rint(lit, out=lit)
-        lit -= np.float32(0.5)
-        lit *= np.float32(own.step_px)
+        for band in bands(lit):
+            _rounded(band, own.step_px)
     valid &= lit > 0
     measured = quotient(product, lit, valid)
     measured[(measured < np.float32(own.min_m)) | (measured > np.float32(own.max_m))] = 0
     return measured
+
+
+def _rounded(band: NDArray[np.float32], step_px: float) -> None:
+    """Round disparity to steps and half a step, in place."""
+    band *= np.float32(1 / step_px)
+    band += np.float32(0.5)
+    np.rint(band, out=band)
+    band -= np.float32(0.5)
+    band *= np.float32(step_px)
 
 
 def _matched(disparity_px: NDArray[np.float32], own: StructuredLight, scale: float) -> NDArray[np.float32]:
@@ -109,9 +115,9 @@ def _matched(disparity_px: NDArray[np.float32], own: StructuredLight, scale: flo
         off = np.abs(own_px - mean)
         # The others have enough: with all of the window known, one that is less far off has a share of at least that.
         asked = np.flatnonzero((off > sure_px) | (count < WHOLE))
-        off, weight, mean, known = (part.reshape(-1)[asked] for part in (off, weight, mean, count))
-        variance = squares.reshape(-1)[asked] * weight
-        variance -= mean * mean
+        off, known, middle = np.take(off, asked), np.take(count, asked), np.take(mean, asked)
+        variance = np.take(squares, asked) * np.take(weight, asked)
+        variance -= middle * middle
         np.maximum(variance, 0, out=variance)
         spread = off * off
         spread += variance

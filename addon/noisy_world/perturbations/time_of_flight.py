@@ -2,6 +2,7 @@
 """A time-of-flight camera: the phase of modulated light, summed over what a pixel sees, from four noisy samples."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
 from typing import Literal
@@ -14,6 +15,7 @@ from ..core.linear_light import decoded
 from ..core.perturbing.kinds import DepthPerturbation, FrameContext
 from ..core.schema import key
 from ._depth_device import NOISE_SEVERITIES, Devices, camera_of, filled, noise_of_device, of_device
+from ._detours import by_one_bounce
 from ._incidence import cosine_of_incidence
 from ._quantiles import look_up, scaled_normal, uniform_codes
 from ._void import quotient, without_void
@@ -29,7 +31,9 @@ class TimeOfFlight:
     inverse square of its range. A pixel's phasor is its own and a share of its neighbours'. Four samples of n electrons
     each, with their shot noise and the read noise, give the phase; further frequencies tell whole turns up to
     `unambiguous_m`, beyond which range begins again at 0. Lost is what is too dark, too bright, out of range, or beside
-    a jump of depth. Not modelled: light that comes by detours, motion between the samples, the lens's scattering.
+    a jump of depth. `multipath` adds light that comes by one bounce off other surfaces of the image, which makes
+    corners deeper: an approximation in patches, and none by default. Not modelled: further bounces, motion between the
+    samples, the lens's scattering.
     """
 
     device: Literal["azure_kinect_nfov", "azure_kinect_nfov_binned", "azure_kinect_wfov"] = key(
@@ -47,6 +51,12 @@ class TimeOfFlight:
     spread: float = of_device("share of a pixel's light that goes to each neighbour beside, above and below it", 0.25)
     jump_m: float = of_device(
         "jump of depth to one of eight neighbours beside which nothing is given; 0: never", 1000, "m"
+    )
+    multipath: float = key(
+        "light by one bounce off other surfaces of the image, times what an approximation gives; 0: none",
+        default=0.0,
+        minimum=0,
+        maximum=10,
     )
     min_m: float = of_device("nearest depth that is given", 1000, "m")
     max_m: float = of_device("farthest depth that is given", 1000, "m")
@@ -73,7 +83,14 @@ def apply(depth_m: NDArray[np.float32], parameters: TimeOfFlight, context: Frame
     range_m = depth * length
     electrons = _electrons(depth, range_m, own, camera, context.rgb)
     fine_m = SPEED_OF_LIGHT_M_S / (2e6 * max(own.frequency_mhz, 1e-3))
-    real, imaginary = (_mixed(part, own.spread) for part in _phasor(electrons, range_m, fine_m))
+    phasor: Sequence[NDArray[np.float32]] = _phasor(electrons, range_m, fine_m)
+    if own.multipath > 0:
+        albedo = _albedo(context.rgb)
+        scale = albedo * np.float32(own.electrons * own.multipath)
+        *bounced, amount = by_one_bounce(depth, albedo, camera, fine_m)
+        phasor = [np.asarray(part + scale * more, np.float32) for part, more in zip(phasor, bounced, strict=True)]
+        electrons = np.asarray(electrons + scale * amount, np.float32)
+    real, imaginary = (_mixed(part, own.spread) for part in phasor)
     mixed = _mixed(electrons, own.spread)
     deviation = mixed + np.float32(own.ambient_electrons + own.read_electrons**2)
     deviation *= np.float32(own.noise**2 / 2)
@@ -115,13 +132,18 @@ def _electrons(
     rgb: NDArray[np.float32],
 ) -> NDArray[np.float32]:
     """Return (H, W): the mean electrons of a sample of each pixel, from its own surface; 0 where void."""
-    import cv2
-
-    grey = np.asarray(cv2.cvtColor(rgb, cv2.COLOR_RGB2GRAY), np.float32).reshape(depth_m.shape)
-    found = decoded(grey)
+    found = _albedo(rgb)
     found *= cosine_of_incidence(depth_m, camera)
     found *= np.float32(own.electrons)
     return quotient(found, range_m * range_m, range_m > 0)
+
+
+def _albedo(rgb: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return (H, W): linear luminance of encoded colour (H, W, 3)."""
+    import cv2
+
+    grey = np.asarray(cv2.cvtColor(rgb, cv2.COLOR_RGB2GRAY), np.float32).reshape(rgb.shape[:2])
+    return decoded(grey)
 
 
 def _phasor(

@@ -16,6 +16,7 @@ from . import (
     footage,
     generate,
     header_presets,
+    motion_plot,
     operators,
     paths,
     pictures,
@@ -272,6 +273,7 @@ class NOISYWORLD_PT_perturbations(PanelSection, bpy.types.Panel):
         if (step := active_step(panel)) is not None and step.perturbation in registry():
             write(layout, context, line_on(perturbation_of(step)), "INFO")
             draw_step(layout, step)
+            motion_plot.draw(layout, panel, step)
             if text := other_rate(panel, step):
                 write(layout, context, text, "ERROR")
                 layout.operator("noisy_world.take_rate", icon="TIME")

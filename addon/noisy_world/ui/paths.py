@@ -15,8 +15,8 @@ from ..blender.scene import get_origin
 from ..core.errors import NoisyWorldError
 from ..core.perturbing.execution import chosen_poses, move, split_motion
 from ..core.trajectories.trajectory import Trajectory
-from . import drawn_tracks, footage, this_scene
-from .document import identifiers_of, listed_motion, motion_of, recorded
+from . import drawn_body, drawn_tracks, footage, this_scene
+from .document import NO_BODY, identifiers_of, listed_motion, motion_of, recorded
 from .long_text import write
 from .properties import panel_of
 from .wording import spoken
@@ -30,7 +30,7 @@ CLEAN_STAMPS_S = "noisy_world_clean_stamps_s"
 CLEAN_RGB = (0.34, 0.71, 0.91)  # sky blue and orange of Okabe and Ito's palette for every colour vision
 DEVIATED_RGB = (0.90, 0.62, 0.0)
 HIDDEN_ALPHA = 0.75  # of lines behind walls; this and the next are chosen by eye
-CLEAN_ICON, DEVIATED_ICON = "STRIP_COLOR_05", "STRIP_COLOR_02"
+CLEAN_ICON, DEVIATED_ICON, BODY_ICON = "STRIP_COLOR_05", "STRIP_COLOR_02", "STRIP_COLOR_04"
 WIDTH_PX = 3.0
 TICKS = 60  # at most: short lines along the path that show where the camera looks
 TICK_SHARE = 0.02  # of the path's extent
@@ -38,11 +38,13 @@ TICK_SHARE = 0.02  # of the path's extent
 
 @dataclass(frozen=True)
 class Drawn:
-    """The lines drawn for a scene, and the values they were made from."""
+    """The lines drawn for a scene, and the values they were made from. c2w, moved: the poses that they show."""
 
     made_from: tuple[Any, ...]
     clean: Any
     deviated: Any | None
+    c2w: NDArray[np.float64] | None = None
+    moved: NDArray[np.float64] | None = None
 
 
 _drawn: dict[int, Drawn] = {}  # by scene
@@ -177,7 +179,11 @@ def _make(scene: bpy.types.Scene, made_from: tuple[Any, ...], origin_m: NDArray[
         content: dict[str, Any] = {"pos": path_lines(poses, origin_m)}
         return batch_for_shader(shader, "LINES", content)
 
-    return Drawn(made_from, batch(c2w), None if second is None else batch(second))
+    try:
+        moved = deviated_poses(scene, c2w)
+    except NoisyWorldError:
+        moved = None
+    return Drawn(made_from, batch(c2w), None if second is None else batch(second), c2w, moved)
 
 
 def _draw() -> None:
@@ -195,6 +201,7 @@ def _draw() -> None:
     gpu.state.blend_set("ALPHA")
     shader.uniform_float("viewportSize", gpu.state.viewport_get()[2:])
     shader.uniform_float("lineWidth", WIDTH_PX * context.preferences.system.ui_scale)
+    carried = _carried(context.scene, drawn, shader)
     # Lines behind walls are drawn too, more faintly: paths lead through rooms, which are viewed from outside.
     tests: tuple[tuple[Literal["NONE", "LESS_EQUAL"], float], ...] = (("NONE", HIDDEN_ALPHA), ("LESS_EQUAL", 1.0))
     for test, alpha in tests:
@@ -203,8 +210,30 @@ def _draw() -> None:
             if batch is not None:
                 shader.uniform_float("color", (*rgb, alpha))
                 batch.draw(shader)
+        for rgb, batch in carried:
+            shader.uniform_float("color", (*rgb, alpha))
+            batch.draw(shader)
     gpu.state.blend_set("NONE")
     gpu.state.depth_test_set("NONE")
+
+
+def _carried(scene: bpy.types.Scene, drawn: Drawn, shader: gpu.types.GPUShader) -> list[tuple[drawn_body.Colour, Any]]:
+    """Return the lines of the body and the rig at the current frame, by colour."""
+    if drawn.c2w is None:
+        return []
+    row = current_row(scene, len(drawn.c2w))
+    moved = drawn.c2w if drawn.moved is None or len(drawn.moved) != len(drawn.c2w) else drawn.moved
+    found = []
+    for rgb, ends in drawn_body.lines(panel_of(scene), drawn.c2w, row, moved[row]):
+        content: dict[str, Any] = {"pos": (ends - get_origin(scene)).astype(np.float32)}
+        found.append((rgb, batch_for_shader(shader, "LINES", content)))
+    return found
+
+
+def current_row(scene: bpy.types.Scene, count: int) -> int:
+    """Return which of the path's poses, `count` of them, the current frame shows: the last one at or before it."""
+    frames = this_scene.scene_frames(scene, count, clean_stamps_s(scene))
+    return int(np.clip(np.searchsorted(frames, scene.frame_current, side="right") - 1, 0, count - 1))
 
 
 # --- the panel's part ---
@@ -228,6 +257,8 @@ def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
         return
     if second is not None:
         row.label(text="Deviated Path", icon=DEVIATED_ICON)
+    if panel_of(scene).body != NO_BODY:
+        row.label(text="Body", icon=BODY_ICON)
 
 
 def register() -> None:

@@ -85,6 +85,7 @@ SEEN: dict[str, dict[str, str]] = {
         "most_electrons": "Lower: more of what is bright and near has no depth",
         "spread": "Higher: more pixels hang in the air between near and far",
         "jump_m": "Lower: wider gaps beside edges; 0: none",
+        "multipath": "Higher: corners of rooms get deeper and rounder",
     },
     "brightness": {"offset": "Higher: the whole picture gets lighter, until bright places are white"},
     "chromatic_aberration": {
