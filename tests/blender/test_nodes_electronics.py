@@ -3,9 +3,12 @@
 
 from dataclasses import replace
 
+import cv2
 import numpy as np
 from cases import cases
 from group_tools import IDENTIFIERS, by_groups, keep_written, levels_apart, picture, step_of
+from many_settings import image, records, run
+from worlds import write_world
 
 from noisy_world.blender.compositor import Compositor
 from noisy_world.core.node_graphs.chain import decided_by
@@ -15,6 +18,7 @@ from noisy_world.core.perturbing.kinds import FrameContext
 from noisy_world.core.perturbing.lit import on_light
 
 STAMP_S = 0.35
+BOTH = [("auto_exposure", {"light_stops": -2, "lag_s": 0.1}), ("white_balance", {"severity": 5, "warmth_stops": 0.5})]
 GIVEN = {
     "grey world": [("white_balance", {"severity": 5, "lag_s": 0.0})],
     "late and wrong": [("white_balance", {"strength": 0.4, "lag_s": 0.5, "warmth_stops": 1.2, "tint_stops": -0.6})],
@@ -38,27 +42,27 @@ def steps_of(items):
     return tuple(step_of(name, **values) for name, values in items)
 
 
-def by_nodes(image, *, lit):
+def by_nodes(rgb, *, lit):
     """What the chains make of the frame, by name."""
     chains = {name: steps_of(items) for name, items in GIVEN.items()}
     if not lit:
         keep_written(chains)
     works = {name: ColourWork.of(steps, where()) for name, steps in chains.items()}
-    size = image.shape[1], image.shape[0]
+    size = rgb.shape[1], rgb.shape[0]
     with Compositor(size, chains, size[0], lit=lit) as compositor:
         decided = {name: decided_by(work) for name, work in works.items()}
-        return works, compositor.evaluate(image, dict.fromkeys(chains, (7, IDENTIFIERS)), decided=decided)[0]
+        return works, compositor.evaluate(rgb, dict.fromkeys(chains, (7, IDENTIFIERS)), decided=decided)[0]
 
 
 @cases("size", [(37, 53), (1, 7)])
 def test_nodes_are_their_references_on_encoded_frames(size):
-    image = picture(*size)
-    works, made = by_nodes(image, lit=False)
+    rgb = picture(*size)
+    works, made = by_nodes(rgb, lit=False)
     for name, work in works.items():
-        assert levels_apart(made[name], work.on(image) / np.float32(255))[0] < 1, name
+        assert levels_apart(made[name], work.on(rgb) / np.float32(255))[0] < 1, name
         if len(work.active) == 1:
             ((step, context, severity),) = work.active
-            wanted = np.clip(perturb_colour(step, image, severity, context), 0, 1)
+            wanted = np.clip(perturb_colour(step, rgb, severity, context), 0, 1)
             assert levels_apart(made[name], wanted)[0] < 0.05, name
 
 
@@ -86,10 +90,36 @@ def test_an_artist_keys_what_the_automatics_would_decide(tmp_path):
 
 
 def test_where_nothing_was_seen_the_group_shows_what_follows_mid_grey():
-    image = picture(24, 32)
+    rgb = picture(24, 32)
     step = step_of("white_balance", warmth_stops=1.0)
     grey = EarlierFrame(0.0, np.full((1, 1, 3), 0.18, np.float32))
     context = replace(step.context(where()), read_earlier=lambda _span_s: (grey,))
     with Compositor((32, 24), {"x": [step]}, 32) as compositor:
-        made = compositor.evaluate(image, {"x": (7, IDENTIFIERS)})[0]["x"]
-    assert levels_apart(made, np.clip(perturb_colour(step, image, None, context), 0, 1))[0] < 0.05
+        made = compositor.evaluate(rgb, {"x": (7, IDENTIFIERS)})[0]["x"]
+    assert levels_apart(made, np.clip(perturb_colour(step, rgb, None, context), 0, 1))[0] < 0.05
+
+
+def test_a_dataset_of_both_backends_has_equal_frames(tmp_path):
+    path = write_world(
+        tmp_path / "world",
+        frames=3,
+        size=(16, 12),
+        render={"engine": "embree"},
+        output={"layout": "replica", "image": "png"},
+        settings=[
+            {"name": backend, "backend": backend, "perturb": [{name: values} for name, values in BOTH]}
+            for backend in ("reference", "compositor")
+        ],
+    )
+    run(path, tmp_path / "out")
+    for frame in range(3):
+        arrays, nodes = (
+            cv2.imread(str(image(tmp_path / "out", backend, "frame", frame))).astype(int)
+            for backend in ("reference", "compositor")
+        )
+        assert np.abs(arrays - nodes).max() <= 1
+    told = [
+        [each["perturbed"]["camera"] for each in records(tmp_path / "out", name)]
+        for name in ("reference", "compositor")
+    ]
+    assert told[0] == told[1]
