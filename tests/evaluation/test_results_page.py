@@ -13,6 +13,7 @@ pytest.importorskip("scipy", reason="the extra evaluate is not installed")
 from noisy_world.evaluation.analysis import analyse
 
 RECORD = ROOT / "docs/data/six_rooms"
+D435 = ROOT / "docs/data/six_rooms_d435"
 RETURNING = ROOT / "docs/data/returning"
 PAGE = (ROOT / "docs/results.md").read_text(encoding="utf-8")
 FEWEST = 5
@@ -34,6 +35,11 @@ def perfect():
     return read(RECORD)
 
 
+@pytest.fixture(scope="module")
+def sensed():
+    return read(D435)
+
+
 def said():
     """The page's rows of the six rooms by system and setting."""
     parts = re.split(r"^### `(\w+)`$", PAGE, flags=re.MULTILINE)[1:]
@@ -47,6 +53,11 @@ def said():
 def section(title):
     """The text of one of the page's sections."""
     return PAGE.partition(f"\n## {title}\n")[2].partition("\n## ")[0]
+
+
+def said_of_the_sensor():
+    """The page's rows of what a D435 sees, by system and setting."""
+    return {("orb_slam3", row[1]): row.groups()[1:] for row in ROW.finditer(section("What a D435 sees"))}
 
 
 def agrees(text, *values):
@@ -91,6 +102,22 @@ def check_rows(rows, runs, tables):
 
 def test_rows_of_perfect_depth_are_those_of_the_tables(perfect):
     check_rows(said(), *perfect)
+
+
+def test_rows_of_the_sensor_are_those_of_the_tables(sensed):
+    check_rows(said_of_the_sensor(), *sensed)
+
+
+def test_the_sensor_beside_perfect_depth(perfect, sensed):
+    """A D435's clean frames are compared as a setting beside perfect depth would be, without Holm's correction."""
+    mine = perfect[0][(perfect[0]["system"] == "orb_slam3") & (perfect[0]["setting"] == "clean")]
+    others = sensed[0][sensed[0]["setting"] == "clean"].assign(setting="d435", perturbation="d435", mode="static")
+    both = pd.concat([mine, others], ignore_index=True)
+    tables = analyse(both, pd.read_csv(RECORD / "tables/sequences.csv"))
+    over = tables["differences"].set_index(["setting", "measure"]).loc["d435", "ate_rmse_m"]
+    text = re.search(r"\*\*([^*]+)\*\* times that of perfect depth \(p ([\d.]+)\)", section("What a D435 sees"))
+    assert agrees(text[1], over["ratio"], over["ratio_low"], over["ratio_high"]), text[1]
+    assert agrees(text[2], over["p"])
 
 
 def test_the_path_that_returns():
