@@ -15,6 +15,7 @@ from noisy_world.core.datasets.place import _matches
 
 ADDON = Path(__file__).resolve().parents[2] / "addon"
 IN_BLENDER = ("noisy_world.blender", "noisy_world.ui")
+EXTRAS = ("bpy", "mathutils", "embreex", "scipy", "gtsam", "pandas", "ray", "fsspec", "rerun", "mujoco")
 
 
 def test_every_module_but_those_of_blender_is_imported_without_it():
@@ -23,7 +24,7 @@ def test_every_module_but_those_of_blender_is_imported_without_it():
     code = f"""
 import pkgutil, sys
 sys.path.insert(0, {str(ADDON)!r})
-sys.modules.update(dict.fromkeys(("bpy", "mathutils", "embreex", "scipy", "gtsam", "pandas", "ray", "fsspec")))
+sys.modules.update(dict.fromkeys({EXTRAS!r}))
 for top in {[name for name in tops if name not in (*IN_BLENDER, "noisy_world.__main__")]!r}:
     package = __import__(top, fromlist=["__path__"])
     for module in pkgutil.walk_packages(getattr(package, "__path__", ()), top + "."):

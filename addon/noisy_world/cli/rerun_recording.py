@@ -8,11 +8,9 @@ paths can be compared. Times are the timeline `time`, seconds since the first fr
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import rerun
-import rerun.blueprint as layout
 from numpy.typing import NDArray
 
 from ..core.datasets.layouts.euroc import IMU
@@ -23,6 +21,10 @@ from ..core.trajectories.stamps import NS_PER_S
 from ..recipes.from_files import SequenceOfFiles
 from ..recipes.opened import Frame, Opened
 from .shown_frames import colour_and_depth_of, planned_pose, shown_colour, words_of
+
+if TYPE_CHECKING:
+    import rerun
+    import rerun.blueprint as layout
 
 TRUE_COLOUR, PLANNED_COLOUR = (90, 170, 255), (255, 160, 60)
 AXIS_M = 0.1  # the length of a frame's axes; chosen
@@ -36,8 +38,10 @@ def root_of(name: str) -> str:
     return f"{scene}/{setting or 'sequence'}"
 
 
-def blueprint(opened: Opened, names: list[str]) -> layout.Blueprint:
+def blueprint(opened: Opened, names: list[str]) -> "layout.Blueprint":
     """Return what the viewer shows: a tab for each sequence, with its scene, its images, its IMU and its words."""
+    import rerun.blueprint as layout
+
     held = colour_and_depth_of(opened)
     tabs = []
     for name in names:
@@ -67,7 +71,7 @@ def imu_text(opened: Opened, name: str) -> tuple[str, str] | None:
 class Recorder:
     """Sends a sequence to a recording."""
 
-    stream: rerun.RecordingStream
+    stream: "rerun.RecordingStream"
     opened: Opened
     name: str
 
@@ -83,6 +87,8 @@ class Recorder:
 
     def record(self, numbers: list[int], every: int) -> list[str]:
         """Send frames, images of every n-th one alone; return what is not there, in sentences."""
+        import rerun
+
         self._log(self.root.split("/")[0], rerun.ViewCoordinates.RIGHT_HAND_Z_UP)
         for number in numbers:
             self._frame(self.opened[self.name][number], images=(number - numbers[0]) % every == 0)
@@ -106,12 +112,16 @@ class Recorder:
             self._path("path_planned", planned, PLANNED_COLOUR)
 
     def _path(self, part: str, c2w: NDArray[np.float64], colour: tuple[int, int, int]) -> None:
+        import rerun
+
         known = c2w[np.isfinite(c2w).all(axis=(1, 2)), :3, 3]
         strip = rerun.LineStrips3D([known], colors=[colour], radii=rerun.Radius.ui_points(1.5), labels=[part])
         self._log(f"{self.root}/{part}", strip)
 
     def _rig(self) -> None:
         """The sensors' frames, in that of the colour camera."""
+        import rerun
+
         for part, rgb_from_sensor in self._sensors().items():
             axes = rerun.TransformAxes3D(AXIS_M)
             self._log(f"{self.root}/camera/{part}", _transform(rgb_from_sensor), axes)
@@ -168,6 +178,8 @@ class Recorder:
 
     def _frame(self, frame: Frame, *, images: bool) -> None:
         """Send a frame: where the camera is, what it saw, and what was done."""
+        import rerun
+
         self._at(frame.index, frame.stamp_s)
         if np.isfinite(frame.c2w).all():
             self.stream.log(f"{self.root}/camera", _transform(frame.c2w))
@@ -187,6 +199,8 @@ class Recorder:
 
     def _imu(self) -> Iterator[str]:
         """Send the samples, at the stamps of the IMU's own clock."""
+        import rerun
+
         found = imu_text(self.opened, self.name)
         if found is None:
             if (self.opened.identity.get("rig") or {}).get("imu") is not None:
@@ -202,20 +216,25 @@ class Recorder:
                 self.stream.send_columns(path, indexes=[times], columns=rerun.Scalars.columns(scalars=column))
 
 
-def _transform(matrix: NDArray[np.float64]) -> rerun.Transform3D:
+def _transform(matrix: NDArray[np.float64]) -> "rerun.Transform3D":
+    import rerun
+
     return rerun.Transform3D(translation=matrix[:3, 3], mat3x3=matrix[:3, :3])
 
 
-def _colour(frame: Frame) -> rerun.EncodedImage | rerun.Image:
+def _colour(frame: Frame) -> "rerun.EncodedImage | rerun.Image":
     """Return the colour image: the file itself where it is a PNG or a JPEG."""
+    import rerun
+
     data = frame.rgb_bytes()
     kind = next((kind for signature, kind in _SIGNATURES.items() if data.startswith(signature)), None)
     return rerun.Image(shown_colour(frame)) if kind is None else rerun.EncodedImage(contents=data, media_type=kind)
 
 
-def _depth(frame: Frame) -> rerun.EncodedDepthImage | rerun.DepthImage:
+def _depth(frame: Frame) -> "rerun.EncodedDepthImage | rerun.DepthImage":
     """Return the depth image in metres: the file itself, with its steps per metre, where it is a PNG."""
     import cv2
+    import rerun
 
     data, depth_m = frame.depth_bytes(), frame.depth_m
     steps = None
