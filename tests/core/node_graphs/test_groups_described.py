@@ -12,6 +12,7 @@ from cases import cases
 from noisy_world.core.errors import NoisyWorldError
 from noisy_world.core.node_graphs.chain import (
     build_chain,
+    build_written,
     capacity_of,
     is_active,
     shown_values,
@@ -243,3 +244,8 @@ def test_a_chain_rests_where_nothing_is_enabled():
     assert is_active({})  # no step: the frame itself
     assert is_active({"a": off, "b": on})
     assert not is_active({"a": off, "b": off})
+
+
+def test_a_chain_of_no_steps_gives_its_image():
+    assert [item.name for item in build_chain("empty", []).outputs] == ["Image"]
+    assert [item.name for item in build_written([], lit=True).outputs] == ["Image"]

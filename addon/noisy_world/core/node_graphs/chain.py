@@ -104,7 +104,7 @@ def build_written(steps: Sequence[Step[ColourPerturbation]], *, lit: bool = Fals
 def _pass_bright(steps: Sequence[Step[ColourPerturbation]]) -> list[bool]:
     """Return for each step whether the next one is given what is brighter than white, as only a sensor clips it."""
     acting = [step.perturbation.on_light for step in steps]
-    return [one and other for one, other in zip(acting, [*acting[1:], False], strict=True)]
+    return [one and other for one, other in zip(acting, [*acting, False][1:], strict=True)]
 
 
 def _one_number(image: Socket) -> Socket:
