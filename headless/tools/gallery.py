@@ -97,17 +97,19 @@ def of_colour(rgb: NDArray[np.float32], depth_m: NDArray[np.float32]) -> Iterato
     """Yield the name and the tiles of each perturbation of colour."""
     made = perturbed(rgb, depth_m, SEVERITIES)
     for item in shown_perturbations():
+        if item.on_light:
+            continue
         yield item.name, [view(item)(made[item.name, severity]) for severity in SEVERITIES]
 
 
 def of_electronics(rgb: NDArray[np.float32]) -> Iterator[tuple[str, Tiles]]:
-    """Yield the name and the tiles of each perturbation of colour without a node group: the camera's electronics.
+    """Yield the name and the tiles of each perturbation of colour of the camera's electronics.
 
     Exposure is shown a moment after the light rose eightfold, flicker across lines that are read one by one.
     """
     shown = np.clip(rgb, 0, 1)
     for item in registry().values():
-        if not isinstance(item, ColourPerturbation) or item.build is not None:
+        if not isinstance(item, ColourPerturbation) or not item.on_light:
             continue
         if item.name == "auto_exposure":
             made = [exposed_late(shown, severity) for severity in SEVERITIES]

@@ -16,7 +16,8 @@ from noisy_world.blender.typed import inputs, new_node, new_tree, outputs, overr
 from noisy_world.core.geometry import Intrinsics
 from noisy_world.core.node_graphs.chain import capacity_of, shown_values
 from noisy_world.core.node_graphs.groups import build_group
-from noisy_world.core.perturbing.kinds import ColourPerturbation
+from noisy_world.core.perturbing.earlier_frames import EarlierFrame, small_of
+from noisy_world.core.perturbing.kinds import ColourPerturbation, FrameContext
 from noisy_world.core.perturbing.steps import Step
 from noisy_world.core.scratch import ScratchFolder
 from tools.street.frames import LitFrame
@@ -98,14 +99,16 @@ def perturbed(
     """Return what steps make of a frame of a film, each by itself: (H, W, 3) float32, scene-linear.
 
     steps: by names of one's choice; reference_widths_px: by the same names, the width of the frame that sizes in pixels
-    refer to. camera: of the frame; it stands still.
+    refer to. camera: of the frame; it stands still, and its automatics have seen this frame for long.
     """
+    seen = (EarlierFrame(0.0, small_of(frame.rgb)),)
     with LitScene((camera.width_px, camera.height_px), len(steps)) as scene:
         nodes = []
         for name, step in steps.items():
             node = new_node(scene.tree, bpy.types.CompositorNodeGroup)
             node.node_tree = ensure_group(build_group(step.perturbation, capacity_of(step)))
-            values = shown_values(step, index, (SEED, "street", name), intrinsics=camera)
+            where = FrameContext(index, (SEED, "street", name), stamp_s=0.0, read_earlier=lambda _span_s: seen)
+            values = shown_values(step, index, where.identifiers, intrinsics=camera, decided=step.context(where))
             for socket, value in (values | {"Reference Width": reference_widths_px[name]}).items():
                 set_value(node.inputs[socket], value)
             for socket, source in (("Image", scene.rgb), ("Depth", scene.depth_m)):

@@ -21,7 +21,7 @@ from noisy_world.perturbations import registry
 
 COLOUR = {item.name: item for item in registry().values() if isinstance(item, ColourPerturbation) and item.build}
 NAMES = list(COLOUR)
-TABLED = [name for name, item in COLOUR.items() if item.severities]
+TABLED = [name for name, item in COLOUR.items() if item.group_severities]
 LAMPS = (4.0, 20.0, 100.0)
 HEIGHT, WIDTH = 30, 64
 IMAGE = GroupInput("Image", "color", (0.5, 0.5, 0.5, 1.0), "What comes in")
@@ -58,7 +58,7 @@ def trees():
 def test_every_perturbation_of_colour_has_a_group_but_the_cameras():
     assert len(NAMES) >= 18
     without = {name for name, item in registry().items() if isinstance(item, ColourPerturbation) and not item.build}
-    assert without == {"auto_exposure", "flicker", "sensor_noise", "white_balance"}
+    assert without == {"flicker", "sensor_noise"}
 
 
 @cases("name", NAMES)
@@ -66,7 +66,12 @@ def test_sockets_say_what_the_parameters_say(trees, name):
     perturbation, tree = registry()[name], trees[name]
     sockets = [item for item in tree.interface.items_tree if item.item_type == "SOCKET"]
     items = {item.name: item for item in sockets if item.in_out == "INPUT"}
-    for field in fields(perturbation.parameters):
+    for told, value in () if perturbation.by_frame is None else perturbation.by_frame.values.items():
+        socket = items[socket_name(told)]
+        assert socket.description == american(value.meaning)
+        ends = socket.min_value, socket.default_value, socket.max_value
+        assert ends == pytest.approx((value.minimum, value.default, value.maximum))
+    for field in () if perturbation.by_frame is not None else fields(perturbation.parameters):
         info, socket = field.metadata["key"], items[socket_name(field.name)]
         assert socket.description.lower() == american(info.meaning).lower()
         degrees = np.pi / 180 if info.unit == "deg" else 1
@@ -83,8 +88,8 @@ def test_sockets_say_what_the_parameters_say(trees, name):
             assert largest * (1 - 1e-6) <= socket.max_value <= info.maximum * degrees * (1 + 1e-6)
     assert all(item.description for item in items.values())
     assert tree.description
-    assert ({"Seed", "Frame Offset"} <= set(items)) == bool(perturbation.temporals)
-    assert ("Pattern" in items) == (len(perturbation.temporals) > 1)
+    assert ({"Seed", "Frame Offset"} <= set(items)) == bool(perturbation.group_temporals)
+    assert ("Pattern" in items) == (len(perturbation.group_temporals) > 1)
     if "Pattern" in items:
         assert items["Pattern"].default_value == perturbation.natural.capitalize()
     assert ("Depth" in items) == perturbation.needs_depth
@@ -136,7 +141,7 @@ def made(tmp_path_factory, trees):
         f"{name} {label}": (name, values)
         for name, item in COLOUR.items()
         for label, values in options.items()
-        if item.severities or "Severity" not in values
+        if item.group_severities or "Severity" not in values
     }
     return by_groups(nodes, lit(), tmp_path_factory.mktemp("lamps"), depth_m=depth())
 

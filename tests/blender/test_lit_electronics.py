@@ -21,12 +21,15 @@ from noisy_world.planning import make_plan
 STOPS = -5
 EXPOSED = {"light_stops": STOPS, "min_ms": 10.0, "max_ms": 10.0, "max_gain_db": 0.0}  # nothing makes up for it
 QUIET = {"gain_db": 0.0, "full_well_electrons": 1e6, "bits": 16, "hot_percent": 0.0, "row_noise_electrons": 0.0}
+BOTH = [{"auto_exposure": {"light_stops": -2, "lag_s": 0.1}}, {"white_balance": {"severity": 5, "warmth_stops": 0.5}}]
 SETTINGS = [
     {"name": "clean"},
     {"name": "dark", "perturb": [{"auto_exposure": EXPOSED}]},
     {"name": "sensor", "perturb": [{"sensor_noise": {**QUIET, "headroom_stops": 7.0}}]},
     {"name": "full", "perturb": [{"sensor_noise": {**QUIET, "headroom_stops": 0.0}}]},
     {"name": "settled", "perturb": [{"auto_exposure": {}}]},
+    {"name": "arrays", "perturb": BOTH},
+    {"name": "nodes", "perturb": BOTH, "backend": "compositor"},
 ]
 
 
@@ -81,3 +84,15 @@ def test_the_record_says_what_was_metered(images):
     camera = json.loads(line)["perturbed"]["camera"]
     assert 0.05 <= camera["exposure_ms"] <= 33.0
     assert camera["gain_db"] >= 0.0
+
+
+def test_nodes_are_told_what_was_metered(images):
+    made, folder = images
+    assert np.abs(made["nodes"].astype(int) - made["arrays"]).max() <= 1
+    assert np.abs(made["nodes"].astype(int) - made["clean"]).mean() > 3
+    told = [
+        [json.loads(line)["perturbed"] for line in (folder / f"out/{name}/hall/frames.jsonl").read_text().splitlines()]
+        for name in ("nodes", "arrays")
+    ]
+    assert [each["camera"] for each in told[0]] == [each["camera"] for each in told[1]]
+    assert {"exposure_ms", "gain_db", "red_gain", "green_gain", "blue_gain"} == set(told[0][0]["camera"])

@@ -56,6 +56,7 @@ def cluster(tmp_path, monkeypatch):
     monkeypatch.setenv("MISHAPS", str(folder))
     monkeypatch.setenv("PYTHONPATH", str(folder))
     monkeypatch.setenv("RAY_USAGE_STATS_ENABLED", "0")
+    monkeypatch.setenv("RAY_worker_niceness", "0")  # beside other tests, workers at 15 get next to no time
     monkeypatch.setenv("RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER", "0")  # else Ray replaces 127.0.0.1 by an outer address
     cluster_utils = pytest.importorskip("ray.cluster_utils", reason="ray is not installed")
     node = {"num_cpus": 1, "object_store_memory": 80 * 2**20}

@@ -169,5 +169,5 @@ def test_a_recipe_makes_the_same_frames(tmp_path):
 
 def test_the_compositor_is_refused_by_name(tmp_path):
     path = world(tmp_path / "world", render={"backend": "compositor"})
-    with pytest.raises(InputError, match="phone: auto_exposure has no node group for the compositor"):
+    with pytest.raises(InputError, match="phone: flicker has no node group for the compositor"):
         make_plan(read_preset(path))

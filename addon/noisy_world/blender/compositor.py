@@ -14,19 +14,19 @@ from numpy.typing import NDArray
 from ..core.batches import batched
 from ..core.errors import StorageError
 from ..core.geometry import Intrinsics
-from ..core.node_graphs.chain import is_active, socket_of, socket_values, step_node
+from ..core.node_graphs.chain import Decided, bytes_of, is_active, socket_of, socket_values, step_node
 from ..core.node_graphs.draws import Divided, pooled
 from ..core.node_graphs.graph import Graph
 from ..core.perturbing.contexts import Identifiers
-from ..core.perturbing.kinds import ColourPerturbation
+from ..core.perturbing.kinds import ColourPerturbation, FrameContext
 from ..core.perturbing.steps import Step
 from ..core.scratch import ScratchFolder
 from ..core.trajectories.camera_state import camera_state_of
 from ..core.trajectories.motion import CameraMotion
 from .nodes import ensure_group, remove_group
 from .render import muted_output
-from .scratch_images import read_rows, write_plain_floats
-from .typed import group_of, inputs, new_node, new_tree, override, set_pixels, set_value, use_as_data
+from .scratch_images import float_image, image_node, read_rows, write_plain_floats
+from .typed import group_of, inputs, new_node, new_tree, override, set_pixels, set_value
 
 T = TypeVar("T", bound=np.generic)
 
@@ -41,6 +41,9 @@ _Output: TypeAlias = Literal["Image", "Bytes"]
 
 SocketValues: TypeAlias = dict[str, Any]
 """The values of a chain's sockets, by name."""
+
+_Known: TypeAlias = tuple[SocketValues, list[dict[str, Any]], bool]
+"""The values of a chain's sockets for a frame, a note of each step, and whether it is to be evaluated."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,8 +90,8 @@ class Compositor:
         self._scene = bpy.data.scenes.new(SCENE)
         self._tree = new_tree(SCENE)
         self._rgba = np.ones((size_px[1], size_px[0], 4), dtype=np.float32)
-        self._image = _float_image("Noisy World frame", size_px)
-        self._depth_image = _float_image("Noisy World depth", size_px) if self._needs_depth else None
+        self._image = float_image("Noisy World frame", size_px)
+        self._depth_image = float_image("Noisy World depth", size_px) if self._needs_depth else None
         self._configure()
         self._nodes: dict[str, bpy.types.CompositorNodeGroup] = {}
         self._pool_of: dict[str, _Pool] = {}
@@ -115,8 +118,8 @@ class Compositor:
         beyond what every frame needs come last, so that most files are full.
         """
         tree = self._tree
-        frame = _image_node(tree, self._image)
-        depth = _image_node(tree, self._depth_image) if self._depth_image is not None else None
+        frame = image_node(tree, self._image)
+        depth = image_node(tree, self._depth_image) if self._depth_image is not None else None
 
         def node_of(graph: Graph) -> bpy.types.CompositorNodeGroup:
             node = new_node(tree, bpy.types.CompositorNodeGroup)
@@ -147,21 +150,23 @@ class Compositor:
         frames: Mapping[str, tuple[int, Identifiers]],
         depth_m: NDArray[np.float32] | None = None,
         motions: Motions | None = None,
+        decided: Decided | None = None,
     ) -> dict[str, tuple[NDArray[np.uint8] | None, list[dict[str, Any]]]]:
         """Perturb a frame for every setting that shows it, and round once at the end.
 
         rgb: (H, W, 3) sRGB-encoded, uint8 or float32 in [0, 1]. frames: by chain, the frame's number in its sequence
         and the identifiers of its random streams. depth_m: (H, W), for chains that ask for it. motions: likewise.
+        decided: what automatics decided by earlier frames; without it, as if these had been mid-grey.
 
         Returns by chain (H, W, 3) uint8, or None where every severity is 0; and what was done. Chains that do the same
         to the frame give one array.
         """
-        notes: dict[str, list[dict[str, Any]]] = {}
+        known = self._values_of_all(frames, motions, decided)
         images: dict[str, NDArray[np.uint8] | None] = dict.fromkeys(frames)
-        for active in self._turns(rgb, frames, depth_m, motions, notes):
+        for active in self._turns(rgb, depth_m, known):
             for name, layer in self._run("Bytes", active):
-                images |= dict.fromkeys(active[name], self._own(_bytes_of(layer[:, 0])))
-        return {name: (image, notes[name]) for name, image in images.items()}
+                images |= dict.fromkeys(active[name], self._own(bytes_of(layer[:, 0])))
+        return {name: (image, known[name][1]) for name, image in images.items()}
 
     def evaluate(
         self,
@@ -169,14 +174,15 @@ class Compositor:
         frames: Mapping[str, tuple[int, Identifiers]],
         depth_m: NDArray[np.float32] | None = None,
         motions: Motions | None = None,
+        decided: Decided | None = None,
     ) -> tuple[dict[str, NDArray[np.float32] | None], dict[str, list[dict[str, Any]]]]:
         """Do what `perturb` does, without rounding; to scene-linear light (H, W, 3), float32, where it is lit."""
-        notes: dict[str, list[dict[str, Any]]] = {}
+        known = self._values_of_all(frames, motions, decided)
         images: dict[str, NDArray[np.float32] | None] = dict.fromkeys(frames)
-        for active in self._turns(rgb, frames, depth_m, motions, notes):
+        for active in self._turns(rgb, depth_m, known):
             for name, layer in self._run("Image", active):
                 images |= dict.fromkeys(active[name], self._own(np.ascontiguousarray(np.moveaxis(layer, 1, 2))))
-        return images, notes
+        return images, {name: notes for name, (_, notes, _) in known.items()}
 
     def _own(self, image: NDArray[T]) -> NDArray[T]:
         return image[:, :1] if self._one_pixel else image
@@ -184,10 +190,8 @@ class Compositor:
     def _turns(
         self,
         rgb: NDArray[Any],
-        frames: Mapping[str, tuple[int, Identifiers]],
         depth_m: NDArray[np.float32] | None,
-        motions: Motions | None,
-        notes: dict[str, list[dict[str, Any]]],
+        known: Mapping[str, _Known],
     ) -> Iterator[dict[str, list[str]]]:
         """Hand the frame over and set the sockets; yield the nodes to evaluate, each with the chains that it serves.
 
@@ -195,13 +199,11 @@ class Compositor:
         then gives the same image if it draws nothing, or draws from the same stream. Chains whose random images come
         from one node, and which draw others all the same, as they show the frame at other times, take another turn.
 
-        notes: gets what each chain does.
+        known: of each chain, as `_values` says.
         """
         works: dict[tuple[_Pool, str], tuple[str, SocketValues, list[str]]] = {}
-        for name, (index, identifiers) in frames.items():
-            motion = None if motions is None else motions.get(name)
-            values, notes[name], is_active = self._values(name, index, identifiers, motion)
-            if is_active:
+        for name, (values, _, acts) in known.items():
+            if acts:
                 work = works.setdefault((self._pool_of[name], repr(values)), (name, values, []))
                 work[2].append(name)
         served = [name for _, _, names in works.values() for name in names]
@@ -235,9 +237,23 @@ class Compositor:
             active[slot] = names
         return active, left
 
+    def _values_of_all(
+        self, frames: Mapping[str, tuple[int, Identifiers]], motions: Motions | None, decided: Decided | None
+    ) -> dict[str, _Known]:
+        """Return what `_values` does, of each chain."""
+        motions, decided = motions or {}, decided or {}
+        return {
+            name: self._values(name, *frame, motions.get(name), decided.get(name, {})) for name, frame in frames.items()
+        }
+
     def _values(
-        self, name: str, index: int, identifiers: Identifiers, motion: CameraMotion | None
-    ) -> tuple[SocketValues, list[dict[str, Any]], bool]:
+        self,
+        name: str,
+        index: int,
+        identifiers: Identifiers,
+        motion: CameraMotion | None,
+        decided: Mapping[str, FrameContext],
+    ) -> _Known:
         """Return the values of a chain's sockets, a note of each step, and whether it is to be evaluated."""
         values: dict[str, dict[str, Any]] = {}
         notes: list[dict[str, Any]] = []
@@ -250,6 +266,7 @@ class Compositor:
                 scene_frame=now,
                 intrinsics=self._intrinsics,
                 camera_state=camera_state_of(motion),
+                decided=decided.get(step_node(step)),
             )
             notes.append(note)
         flat = {
@@ -378,23 +395,3 @@ class _Layers:
         for slot, name in enumerate(names):
             if name:
                 yield name, rows[:, slot * self._channels : (slot + 1) * self._channels]
-
-
-def _bytes_of(number: NDArray[np.float32]) -> NDArray[np.uint8]:
-    """Return the bytes (H, W, 3) that were put into one number (H, W) each."""
-    import cv2
-
-    four = number.astype("<i4").view(np.uint8).reshape(*number.shape, 4)
-    return np.asarray(cv2.cvtColor(four, cv2.COLOR_RGBA2RGB), np.uint8).reshape(*number.shape, 3)
-
-
-def _float_image(name: str, size_px: tuple[int, int]) -> bpy.types.Image:
-    image = bpy.data.images.new(name, *size_px, alpha=False, float_buffer=True)
-    use_as_data(image)
-    return image
-
-
-def _image_node(tree: bpy.types.NodeTree, image: bpy.types.Image) -> bpy.types.Node:
-    node = new_node(tree, bpy.types.CompositorNodeImage)
-    node.image = image
-    return node

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Float images that Blender writes into scratch files, read back as arrays."""
+"""Float images that are handed to Blender, and those that it writes into scratch files, read back as arrays."""
 
 import os
 from pathlib import Path
@@ -11,6 +11,21 @@ from numpy.typing import NDArray
 
 from ..core.errors import StorageError
 from ..core.regular_files import open_regular
+from .typed import new_node, use_as_data
+
+
+def float_image(name: str, size_px: tuple[int, int]) -> bpy.types.Image:
+    """Add an image of floats without colour management to the file. size_px: width, height."""
+    image = bpy.data.images.new(name, *size_px, alpha=False, float_buffer=True)
+    use_as_data(image)
+    return image
+
+
+def image_node(tree: bpy.types.NodeTree, image: bpy.types.Image) -> bpy.types.Node:
+    """Add a node that gives an image."""
+    node = new_node(tree, bpy.types.CompositorNodeImage)
+    node.image = image
+    return node
 
 
 def write_plain_floats(file_format: bpy.types.ImageFormatSettings) -> None:

@@ -10,6 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.linear_light import LUMINANCE, decoded, encoded
+from ..core.node_graphs.graph import Socket
+from ..core.node_graphs.groups import Canvas
+from ..core.perturbing.by_frame import ByFrame, FrameValue
 from ..core.perturbing.earlier_frames import EarlierFrame
 from ..core.perturbing.kinds import ColourPerturbation, FrameContext
 from ..core.schema import key
@@ -82,6 +85,22 @@ def apply(rgb: NDArray[np.float32], parameters: AutoExposure, context: FrameCont
     return by_bands(rgb, rgb.dtype, lambda band: encoded(decoded(band) * factor))
 
 
+def stops_of(parameters: AutoExposure, context: FrameContext) -> Mapping[str, float]:
+    """Return by how many stops a frame is brighter than its image: by the scene's light, exposure time and gain."""
+    decided = context.decided
+    times = math.log2(decided["exposure_ms"] / parameters.reference_ms)
+    return {"exposure": times + decided["gain_db"] / DB_PER_STOP + parameters.light_stops}
+
+
+def build(canvas: Canvas, given: Mapping[str, Socket], _served: Mapping[str, float]) -> Socket:
+    """Multiply the light."""
+    graph = canvas.graph
+    with graph.section("Exposure"):
+        factor = graph.math("POWER", 2.0, given["exposure"])
+    with graph.section("Light"):
+        return canvas.image * graph.vector(factor, factor, factor)
+
+
 def contradiction(parameters: AutoExposure) -> str:
     """Return what cannot be in these values; "" for nothing."""
     if parameters.min_ms <= parameters.max_ms:
@@ -102,4 +121,7 @@ PERTURBATION = ColourPerturbation(
     on_light=True,
     looks_back_s=lambda parameters: lag_span_s(parameters.lag_s),
     decides=decides,
+    build=build,
+    linear=True,
+    by_frame=ByFrame({"exposure": FrameValue("Stops by which the image is brighter", 1.0, -32.0, 32.0)}, stops_of),
 )

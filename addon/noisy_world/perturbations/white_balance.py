@@ -3,11 +3,15 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from math import log2
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..core.linear_light import LUMINANCE, decoded, encoded
+from ..core.node_graphs.graph import Socket
+from ..core.node_graphs.groups import Canvas
+from ..core.perturbing.by_frame import ByFrame, FrameValue
 from ..core.perturbing.earlier_frames import EarlierFrame
 from ..core.perturbing.kinds import ColourPerturbation, FrameContext
 from ..core.schema import key
@@ -55,6 +59,20 @@ def apply(rgb: NDArray[np.float32], _parameters: WhiteBalance, context: FrameCon
     return by_bands(rgb, rgb.dtype, lambda band: encoded(decoded(band) * gains))
 
 
+def stops_of(_parameters: WhiteBalance, context: FrameContext) -> Mapping[str, float]:
+    """Return the gains of a frame in stops."""
+    return {name: log2(context.decided[name]) for name in GAINS}
+
+
+def build(canvas: Canvas, given: Mapping[str, Socket], _served: Mapping[str, float]) -> Socket:
+    """Multiply the light by its gains."""
+    graph = canvas.graph
+    with graph.section("Gains"):
+        gains = [graph.math("POWER", 2.0, given[name]) for name in GAINS]
+    with graph.section("Light"):
+        return canvas.image * graph.vector(*gains)
+
+
 PERTURBATION = ColourPerturbation(
     name="white_balance",
     label="White balance",
@@ -67,4 +85,14 @@ PERTURBATION = ColourPerturbation(
     on_light=True,
     looks_back_s=lambda parameters: lag_span_s(parameters.lag_s),
     decides=decides,
+    build=build,
+    linear=True,
+    by_frame=ByFrame(
+        {
+            "red_gain": FrameValue("Stops by which red light is raised", 0.4, -16.0, 16.0),
+            "green_gain": FrameValue("Stops by which green light is raised", 0.0, -16.0, 16.0),
+            "blue_gain": FrameValue("Stops by which blue light is raised", -0.4, -16.0, 16.0),
+        },
+        stops_of,
+    ),
 )

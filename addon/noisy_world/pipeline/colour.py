@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ..core.datasets.images import rgb_bytes
 from ..core.machine import keep_freed_memory
-from ..core.node_graphs.chain import capacity_of
+from ..core.node_graphs.chain import Decided, capacity_of, decided_by
 from ..core.perturbing.contexts import Identifiers
 from ..core.perturbing.execution import ColourWork, Notes
 from ..core.perturbing.kinds import ColourPerturbation, FrameContext
@@ -121,26 +121,34 @@ class CompositorColour:
             frames = {folder: (frame, sequence.identifiers) for folder, (sequence, frame) in turn.items()}
             needs_depth = any(sequence.setting.needs_depth for sequence, _ in turn.values())
             depth_m = clean.read_seen_depth_m() if needs_depth else None
-            motions = {
-                folder: self._camera.context(sequence, frame, clean).motion
-                for folder, (sequence, frame) in turn.items()
+            contexts = {
+                folder: self._camera.context(sequence, frame, clean) for folder, (sequence, frame) in turn.items()
             }
-            pictures = self._pictures(clean, frames, depth_m, motions)
-            for folder, (sequence, frame) in turn.items():
-                pixels, notes = pictures[folder]
-                image = PerturbedImage(self._key(sequence, frame, clean), notes, partial(_given, pixels))
+            motions = {folder: context.motion for folder, context in contexts.items()}
+            works = {
+                folder: ColourWork.of(sequence.setting.rgb, contexts[folder]) for folder, (sequence, _) in turn.items()
+            }
+            decided = {folder: decided_by(work) for folder, work in works.items()}
+            pictures = self._pictures(clean, frames, depth_m, motions, decided)
+            for folder, (_, frame) in turn.items():
+                (pixels, notes), work = pictures[folder], works[folder]
+                image = PerturbedImage(self._key(work), notes, partial(_given, pixels), work.decided)
                 made[folder, frame] = partial(_given, image)
         return made
 
     def _pictures(
-        self, clean: CleanFrame, frames: _Frames, depth_m: NDArray[np.float32] | None, motions: _Motions
+        self,
+        clean: CleanFrame,
+        frames: _Frames,
+        depth_m: NDArray[np.float32] | None,
+        motions: _Motions,
+        decided: Decided,
     ) -> _Pictures:
         """Return each sequence's image (H, W, 3), None where it is the clean one, and what is done."""
-        return self._compositor.perturb(clean.rgb, frames, depth_m, motions)
+        return self._compositor.perturb(clean.rgb, frames, depth_m, motions, decided)
 
-    def _key(self, sequence: Sequence, frame: int, clean: CleanFrame) -> Hashable:
+    def _key(self, work: ColourWork) -> Hashable:
         """Return what of the work decides the image: groups that serve more than by default are others, too."""
-        work = ColourWork.of(sequence.setting.rgb, self._camera.context(sequence, frame, clean))
         return "compositor", work.key, tuple(tuple(capacity_of(step).items()) for step, _, _ in work.active)
 
 
@@ -164,11 +172,16 @@ class CompositorLight(CompositorColour):
         self._early, self._late = parts
 
     def _pictures(
-        self, clean: CleanFrame, frames: _Frames, depth_m: NDArray[np.float32] | None, motions: _Motions
+        self,
+        clean: CleanFrame,
+        frames: _Frames,
+        depth_m: NDArray[np.float32] | None,
+        motions: _Motions,
+        decided: Decided,
     ) -> _Pictures:
         assert clean.light is not None, "its source is lit"
         early = {folder: frames[folder] for folder in frames if folder in self._early}
-        lights, notes = self._before.evaluate(clean.light.rgb, early, depth_m, motions)
+        lights, notes = self._before.evaluate(clean.light.rgb, early, depth_m, motions, decided)
         if self._of_light:
             return {folder: (lights.get(folder), notes.get(folder, [])) for folder in frames}
         shown = {id(light): clean.light.show(light) for light in lights.values() if light is not None}
@@ -178,7 +191,7 @@ class CompositorLight(CompositorColour):
             pixels, done = None if seen is None else rgb_bytes(seen), notes.get(folder, [])
             if folder in self._late:
                 given = clean.rgb if seen is None else seen
-                late, more = self._compositor.perturb(given, {folder: frame}, depth_m, motions)[folder]
+                late, more = self._compositor.perturb(given, {folder: frame}, depth_m, motions, decided)[folder]
                 pixels, done = pixels if late is None else late, done + more
             found[folder] = pixels, done
         return found

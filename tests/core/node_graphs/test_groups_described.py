@@ -41,7 +41,7 @@ def sockets_by_parameter(name):
     units = ("_per_s", "_mm_h", "_m_s", "_px", "_deg", "_mrad", "_mm", "_ms", "_hz", "_m")
     inputs["f number"] = inputs.get("f-stop")  # Blender's word for it
     found = {}
-    for item in fields(COLOUR[name].parameters):
+    for item in () if COLOUR[name].by_frame is not None else fields(COLOUR[name].parameters):
         suffix = next((unit for unit in units if item.name.endswith(unit)), "")
         found[item.name] = inputs[item.name.removesuffix(suffix).replace("_", " ")]
     return found
@@ -66,9 +66,9 @@ def test_a_group_has_a_socket_for_every_parameter_at_severity_3(name):
             assert socket.minimum <= socket.default <= socket.maximum
     names = [item.name for item in build_group(perturbation).inputs]
     assert {"Image", "Mask", "Reference Width", "Enabled", "Encoded", "Clip"} <= set(names)
-    assert ("Severity" in names) == ("Override Severity" in names) == bool(perturbation.severities)
-    assert ("Seed" in names) == bool(perturbation.temporals)
-    assert ("Pattern" in names) == (len(perturbation.temporals) > 1)
+    assert ("Severity" in names) == ("Override Severity" in names) == bool(perturbation.group_severities)
+    assert ("Seed" in names) == bool(perturbation.group_temporals)
+    assert ("Pattern" in names) == (len(perturbation.group_temporals) > 1)
     assert ("Depth" in names) == perturbation.needs_depth
 
 

@@ -81,12 +81,13 @@ def write(folder, rng):
     (folder / "outside/kept.txt").write_text("somebody's")
     _make_bases()
     ended = bool(rng.integers(5))
-    shutil.copytree(base(pick(rng, tuple(LAYOUTS)), ended=ended), folder / "out")
+    layout = pick(rng, tuple(LAYOUTS))
+    shutil.copytree(base(layout, ended=ended), folder / "out")
     reading = pick(rng, READINGS if ended else ("status", "check", "run"))
     told = []
     for _ in range(1 + int(rng.integers(8) == 0)):
         told += _text_changed(_text(folder / "out", rng), rng)
-    (folder / TASK).write_text(json.dumps({"reading": reading, "ended": ended}))
+    (folder / TASK).write_text(json.dumps({"reading": reading, "ended": ended, "layout": layout}))
     note(folder, told)
 
 
@@ -113,7 +114,6 @@ def _make_bases():
     for layout in LAYOUTS:
         _sound_frames(base(layout))
         base(layout, ended=False)
-        _images(layout)
     base_recipe()
     base_rendered()
 
@@ -197,20 +197,13 @@ def _given(_folder, out):
     return found
 
 
-def _run(_folder, out):
-    make(out, layout=_layout_of(out))
+def _run(folder, out):
+    make(out, layout=_layout_of(folder))
 
 
-def _layout_of(out):
-    """Return the layout of a dataset by its files, which are not changed."""
-    images = sorted(path.relative_to(out / "clean/box").as_posix() for path in (out / "clean/box").rglob("*.png"))
-    return next(name for name in LAYOUTS if images[:1] == _images(name)[:1])
-
-
-@functools.cache
-def _images(layout):
-    place = base(layout) / "clean/box"
-    return sorted(path.relative_to(place).as_posix() for path in place.rglob("*.png"))
+def _layout_of(folder):
+    """Return the layout of a case's dataset."""
+    return json.loads((folder / TASK).read_text())["layout"]
 
 
 def _recipe(_folder, out):
@@ -267,7 +260,7 @@ def differs(folder, meaning, peer=None):
     if task["reading"] == "recipe_opened":
         sound = _sound_frames(base_rendered().out if task["clean"] else base("replica"))
     elif task["reading"] == "open":
-        sound = _sound_frames(base(_layout_of(folder / "out")))
+        sound = _sound_frames(base(_layout_of(folder)))
     else:
         lines = meaning if task["reading"] in ("verify", "recipe_verified") else []
         wrong = next((line for line in lines if not line.isprintable()), "")

@@ -128,6 +128,7 @@ def _setting(rng, number, known):
 def _document(rng):
     camera = {**_of_schema(CameraSpec, rng), "near_m": 0.01, "far_m": float(rng.uniform(1, 1e6))}
     camera.pop("distortion", None)  # most lenses fold over in most images
+    camera.pop("device", None)  # stands for other keys, and is recorded as these
     camera |= {"width": int(rng.integers(1, 5000)), "height": int(rng.integers(1, 5000))}
     layout = LAYOUTS[pick(rng, tuple(LAYOUTS))]
     render = {**_of_schema(RenderSpec, rng), "device": "cpu", "backend": "reference"}

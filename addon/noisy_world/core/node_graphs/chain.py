@@ -3,11 +3,16 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import fields, replace
-from typing import Any
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
 
 from ..geometry import Intrinsics
 from ..labels import title
+from ..perturbing.by_frame import without_frames
 from ..perturbing.contexts import Identifiers
+from ..perturbing.execution import ColourWork, deciding
 from ..perturbing.kinds import SEVERITIES, ColourPerturbation, FrameContext
 from ..perturbing.steps import Step
 from ..trajectories.camera_state import AT_REST, CameraState
@@ -32,6 +37,9 @@ from .light import Light
 
 BYTE_PLACES = (1.0, 2.0**8, 2.0**16)
 
+Decided: TypeAlias = Mapping[str, Mapping[str, FrameContext]]
+"""By chain and by `step_node`: a step's context of a frame, with what automatics decided for it."""
+
 
 def build_chain(name: str, steps: Sequence[Step[ColourPerturbation]], *, lit: bool = False) -> Graph:
     """Describe a chain: it takes and gives linear light, converts once at each end, and passes encoded values inside.
@@ -49,9 +57,10 @@ def build_chain(name: str, steps: Sequence[Step[ColourPerturbation]], *, lit: bo
     light = Light(image, encoded, clip)
     result = image if lit else light.to_encoded()
     with graph.section("Perturbations"):
-        for step in steps:
+        for step, passes in zip(steps, _pass_bright(steps), strict=True):
             given = encoded if lit else True
-            inputs: dict[str, Any] = {"Image": result, "Reference Width": reference, "Encoded": given, "Clip": clip}
+            cut: Any = False if passes else clip
+            inputs: dict[str, Any] = {"Image": result, "Reference Width": reference, "Encoded": given, "Clip": cut}
             if step.perturbation.needs_depth:
                 inputs["Depth"] = depth_m
             group = build_group(step.perturbation, capacity_of(step))
@@ -68,7 +77,10 @@ def build_written(steps: Sequence[Step[ColourPerturbation]], *, lit: bool = Fals
     are Image, and Bytes: the bytes of red, green and blue as one whole number, red the lowest. lit: for scene-linear
     light of any brightness, which has no bytes.
     """
-    groups = [build_group(step.perturbation, capacity_of(step), bare=True, lit=lit) for step in steps]
+    groups = [
+        build_group(step.perturbation, capacity_of(step), bare=True, lit=lit or passes)
+        for step, passes in zip(steps, _pass_bright(steps), strict=True)
+    ]
     names = ", ".join(group.name for group in groups)
     graph = Graph(f"{'Lit' if lit else 'Written'}: {names}", "Perturbations of colour as the generator evaluates them")
     image = graph.input(IMAGE_INPUT)
@@ -89,11 +101,25 @@ def build_written(steps: Sequence[Step[ColourPerturbation]], *, lit: bool = Fals
     return flat(graph)
 
 
+def _pass_bright(steps: Sequence[Step[ColourPerturbation]]) -> list[bool]:
+    """Return for each step whether the next one is given what is brighter than white, as only a sensor clips it."""
+    acting = [step.perturbation.on_light for step in steps]
+    return [one and other for one, other in zip(acting, [*acting[1:], False], strict=True)]
+
+
 def _one_number(image: Socket) -> Socket:
     """Round a frame in [0, 1] to bytes, and put a pixel's three into one number, which float32 holds exactly."""
     graph = image.graph
     levels = (image * 255.0 + ROUNDING) - ROUNDING
     return graph.math("DOT_PRODUCT", levels, BYTE_PLACES)
+
+
+def bytes_of(number: NDArray[np.float32]) -> NDArray[np.uint8]:
+    """Return the bytes (H, W, 3) that `build_written` put into one number (H, W) each."""
+    import cv2
+
+    four = number.astype("<i4").view(np.uint8).reshape(*number.shape, 4)
+    return np.asarray(cv2.cvtColor(four, cv2.COLOR_RGBA2RGB), np.uint8).reshape(*number.shape, 3)
 
 
 def socket_of(step: Step[ColourPerturbation], name: str) -> str:
@@ -127,18 +153,22 @@ def socket_values(
     scene_frame: int = 0,
     intrinsics: Intrinsics | None = None,
     camera_state: CameraState | None = None,
+    decided: FrameContext | None = None,
 ) -> tuple[dict[str, Any], dict[str, Any]]:
     """Return the values of a bare group's sockets for a frame of a sequence, by name, and a note for the provenance.
 
     scene_frame: the frame of Blender's scene while this frame is evaluated. intrinsics: of the camera, if
-    known. camera_state: how it stands and moves; None leaves its sockets alone.
+    known. camera_state: how it stands and moves; None leaves its sockets alone. decided: the step's context of the
+    frame with what automatics decided; None where no earlier frames are known, as `without_frames` says.
     """
     context = step.context(FrameContext(index, identifiers))
     severity = step.severity_of(context)
     note = step.note(context, severity)
     values: dict[str, Any] = {"Enabled": severity != 0}
     perturbation = step.perturbation
-    if severity != 0:
+    if severity != 0 and perturbation.by_frame is not None:
+        values |= _frame_values(step, severity, decided or without_frames(context))
+    elif severity != 0:
         parameters = step.parameters(severity)
         if intrinsics is not None and perturbation.by_camera is not None:
             parameters = replace(parameters, **perturbation.by_camera(intrinsics))
@@ -149,12 +179,22 @@ def socket_values(
         return values, note
     if camera_state is not None:
         values |= camera_state_values(step, severity, camera_state)
-    if perturbation.temporals:
+    if perturbation.group_temporals:
         values["Seed"] = note["node_seed"] = seed_of(context.identifiers)
         values["Frame Offset"] = index - scene_frame
-        if len(perturbation.temporals) > 1:
+        if len(perturbation.group_temporals) > 1:
             values[PATTERN] = title(step.temporal)
     return values, note
+
+
+def _frame_values(step: Step[ColourPerturbation], severity: float | None, context: FrameContext) -> dict[str, float]:
+    """Return the values that a step's group is told for a frame, by their sockets' names."""
+    by_frame = step.perturbation.by_frame
+    assert by_frame is not None, "its group is told"
+    if step.perturbation.decides is not None and context.read_decided is None:
+        ((_, context, _),) = deciding(((step, context, severity),))
+    made = by_frame.of(step.parameters(severity), context)
+    return {socket_name(name): float(made[name]) for name in by_frame.values}
 
 
 def camera_state_values(
@@ -178,13 +218,16 @@ def shown_values(
     *,
     scene_frame: int = 0,
     intrinsics: Intrinsics | None = None,
+    decided: FrameContext | None = None,
 ) -> dict[str, Any]:
     """Return what `socket_values` does for a group that people see: by its Severity, where that decides all the same.
 
     Only whole levels go by the severity, as the table's values are exact there.
     """
-    values, note = socket_values(step, index, identifiers, scene_frame=scene_frame, intrinsics=intrinsics)
-    table = step.perturbation.severities
+    values, note = socket_values(
+        step, index, identifiers, scene_frame=scene_frame, intrinsics=intrinsics, decided=decided
+    )
+    table = step.perturbation.group_severities
     if not table or not values["Enabled"]:
         return values
     severity = note.get("severity")
@@ -202,6 +245,11 @@ def _is_by_table(perturbation: ColourPerturbation, severity: float, values: Mapp
         values[socket_name(name)] == socket_value(perturbation, name, getattr(wanted, name))
         for name in perturbation.severities
     )
+
+
+def decided_by(work: ColourWork) -> Mapping[str, FrameContext]:
+    """Return the contexts of a frame's steps, with what automatics decided, by `step_node`."""
+    return {step_node(step): context for step, context, _ in work.active}
 
 
 def is_active(values: Mapping[str, Mapping[str, Any]]) -> bool:

@@ -98,6 +98,15 @@ def parameter_inputs(perturbation: Perturbation, served: Mapping[str, float]) ->
     }
 
 
+def frame_inputs(perturbation: ColourPerturbation) -> dict[str, GroupInput]:
+    """Return an input for each value that a group is told for a frame."""
+    values = {} if perturbation.by_frame is None else perturbation.by_frame.values
+    return {
+        name: GroupInput(socket_name(name), "float", item.default, american(item.meaning), item.minimum, item.maximum)
+        for name, item in values.items()
+    }
+
+
 def _parameter_input(perturbation: Perturbation, name: str, served: float | None) -> GroupInput:
     item = next(item for item in fields(perturbation.parameters) if item.name == name)
     info, hint = item.metadata["key"], get_type_hints(perturbation.parameters)[name]
@@ -118,7 +127,7 @@ def _parameter_input(perturbation: Perturbation, name: str, served: float | None
 
 def timing_sockets(graph: Graph, perturbation: ColourPerturbation) -> dict[str, Socket]:
     """Add the sockets that control randomness: pattern, seed, offset; none where nothing is drawn."""
-    if not perturbation.temporals:
+    if not perturbation.group_temporals:
         return {}
     inputs = {"pattern": _pattern_input(perturbation)} if len(perturbation.temporals) > 1 else {}
     inputs |= {"seed": SEED_INPUT, "offset": OFFSET_INPUT}

@@ -25,6 +25,7 @@ from .group_inputs import (
     OVERRIDE_INPUT,
     REFERENCE_INPUT,
     SEVERITY_INPUT,
+    frame_inputs,
     parameter_inputs,
     socket_name,
     timing_sockets,
@@ -138,7 +139,7 @@ def build_group(
     image = graph.input(IMAGE_INPUT)
     depth_m = graph.input(DEPTH_INPUT) if perturbation.needs_depth else None
     mask = None if bare else graph.input(MASK_INPUT)
-    severity = graph.input(SEVERITY_INPUT) if perturbation.severities and not bare else None
+    severity = graph.input(SEVERITY_INPUT) if perturbation.group_severities and not bare else None
     enabled = graph.input(ENABLED_INPUT)
     given, override = _parameters(graph, perturbation, served, severity)
     timing = timing_sockets(graph, perturbation)
@@ -185,7 +186,12 @@ def _given_back(light: Light, perturbation: ColourPerturbation) -> Callable[[Soc
 def _parameters(
     graph: Graph, perturbation: ColourPerturbation, served: Mapping[str, float], severity: Socket | None
 ) -> tuple[dict[str, Socket], Socket | None]:
-    """Add a socket for each parameter and, with severity, the switch by which those of its table override it."""
+    """Add a socket for each parameter, or for what the group is told for a frame.
+
+    With severity, the switch by which those of its table override it.
+    """
+    if perturbation.by_frame is not None:
+        return {name: graph.input(item) for name, item in frame_inputs(perturbation).items()}, None
     inputs = parameter_inputs(perturbation, served)
     always = [name for name in inputs if name not in perturbation.severities]
     given = {name: graph.input(inputs[name]) for name in always}
@@ -196,7 +202,7 @@ def _parameters(
 
 def _in_pixels_and_degrees(perturbation: ColourPerturbation, name: str, value: Socket, canvas: Canvas) -> Socket:
     """Return a parameter as a perturbation builds on it: sizes in pixels of the image, angles in degrees."""
-    unit = unit_of(perturbation, name)
+    unit = "" if perturbation.by_frame is not None else unit_of(perturbation, name)
     return value * canvas.scale if unit == "px" else value * (180 / math.pi) if unit == "deg" else value
 
 

@@ -17,6 +17,7 @@ from ..geometry import Intrinsics
 from ..installed import Distribution
 from ..trajectories.frame_request import RequestedRays, Shutter
 from ..trajectories.trajectory import Trajectory
+from .by_frame import ByFrame
 from .contexts import FrameContext, SequenceContext, Temporal
 from .contexts import Identifiers as Identifiers  # noqa: PLC0414 - is found here too
 from .exposing import ExposureApply
@@ -66,8 +67,9 @@ The result is byte for byte that of `apply` on `rgb / np.float32(255)`, rounded 
 """
 
 GroupBuild: TypeAlias = Callable[[Any, Mapping[str, Any], Mapping[str, float]], Any]
-"""groups.Canvas; a socket for each parameter, sizes in pixels of the input image, angles in degrees; the largest values
-to serve -> the socket of the perturbed image, encoded or linear as the canvas's. The result may lie outside [0, 1].
+"""groups.Canvas; a socket for each parameter, or for each value of by_frame, sizes in pixels of the input image, angles
+in degrees; the largest values to serve -> the socket of the perturbed image, encoded or linear as the canvas's. The
+result may lie outside [0, 1].
 """
 
 DepthApply: TypeAlias = Callable[[NDArray[np.float32], Any, FrameContext], NDArray[np.float32]]
@@ -237,7 +239,8 @@ class ColourPerturbation(Perturbation):
     own, which files of images hardly compress; estimates of sizes ask for it. on_light: of the sensor, but before
     anything is encoded, so on lit frames it acts on light too, and takes and gives what is brighter than 1.
     looks_back_s: parameters -> how many seconds of earlier frames it asks its context for. decides: what it sets by
-    these; the contexts of its own and of later steps of the setting hold it.
+    these; the contexts of its own and of later steps of the setting hold it. by_frame: what the group is told for each
+    frame in place of parameters, which it then has no sockets for.
 
     Raises ValueError for another stage, for temporals of what is repeatable, and where it looks back and is repeatable.
     """
@@ -259,6 +262,17 @@ class ColourPerturbation(Perturbation):
     on_light: bool = False
     looks_back_s: Callable[[Any], float] | None = None
     decides: Decides | None = None
+    by_frame: ByFrame | None = None
+
+    @property
+    def group_severities(self) -> Mapping[str, Sequence[float]]:
+        """The table of severities that its node group has."""
+        return {} if self.by_frame is not None else self.severities
+
+    @property
+    def group_temporals(self) -> tuple[Temporal, ...]:
+        """How its node group's pattern may change; () where it draws none itself."""
+        return () if self.by_frame is not None else self.temporals
 
     @property
     def acts_on_light(self) -> bool:
