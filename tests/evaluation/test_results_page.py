@@ -120,6 +120,58 @@ def test_the_sensor_beside_perfect_depth(perfect, sensed):
     assert agrees(text[2], over["p"])
 
 
+def judged(runs, system):
+    """The runs of a system on clean frames and on the settings that were run in all rooms, and their differences."""
+    mine = runs[runs["system"] == system]
+    rooms = mine.groupby("setting")["scene"].nunique()
+    mine = mine[mine["setting"].isin(rooms[rooms == mine["scene"].nunique()].index)]
+    return mine, analyse(mine, pd.read_csv(RECORD / "tables/sequences.csv"))["differences"]
+
+
+def verdict(row):
+    """The plan's answer to questions 1 and 2 for a setting: a row of the table of differences."""
+    if row["n_scenes"] < FEWEST:
+        return "none"
+    if row["ratio_low"] > 1.0 and row["p_holm"] < 0.05:
+        return "worse"
+    return "as it was" if row["ratio_low"] >= 0.67 and row["ratio_high"] <= 1.5 else "cannot tell"
+
+
+def verdicts(runs):
+    """The verdict and the ratio of each judged setting of ORB-SLAM3."""
+    table = judged(runs, "orb_slam3")[1]
+    rows = table[table["measure"] == "ate_rmse_m"].set_index("setting")
+    return {setting: (verdict(row), row) for setting, row in rows.iterrows()}
+
+
+def test_what_changes_with_the_sensor(perfect, sensed):
+    """Each setting that the D435 was given in all rooms has a row, with its verdict over either clean."""
+    over_perfect, over_sensed = verdicts(perfect[0]), verdicts(sensed[0])
+    rows = re.findall(
+        r"^\| `(\w+)` \| (.+?): ([a-z ]+) \| (.+?): ([a-z ]+) \|$", section("What a D435 sees"), re.MULTILINE
+    )
+    assert {row[0] for row in rows} == set(over_sensed)
+    for setting, *cells in rows:
+        for text, said_verdict, (known, row) in zip(
+            cells[::2], cells[1::2], (over_perfect[setting], over_sensed[setting]), strict=True
+        ):
+            ends = row[["ratio", "ratio_low", "ratio_high"]]
+            assert (said_verdict, shows(text, 6, row["n_scenes"], ends)) == (known, True), (setting, text)
+
+
+def test_two_implementations_stand_beside_each_other(perfect):
+    """Question 5 is open below ten settings run by both in all rooms; the row has each one's ratios."""
+    names = {"depth_gaussian_noise_s3": "noise on depth makes ORB-SLAM2", "desync_5": "depth 5 frames late"}
+    tables = [judged(perfect[0], system)[1] for system in ("orb_slam2", "orb_slam3")]
+    ratios = [table[table["measure"] == "ate_rmse_m"].set_index("setting") for table in tables]
+    row = re.search(r"^\| 5 \|.*$", PAGE, re.MULTILINE)[0]
+    assert set(ratios[0].index) & set(ratios[1].index) == set(names)
+    assert "open" in row
+    for setting, name in names.items():
+        for text, table in zip(re.findall(r"[\d.]+ \[[^]]+\]", row.partition(name)[2]), ratios, strict=False):
+            assert agrees(text, *table.loc[setting, ["ratio", "ratio_low", "ratio_high"]]), (setting, text)
+
+
 def test_the_path_that_returns():
     runs = pd.read_csv(RETURNING / "tables/runs.csv").set_index(["setting", "system"])
     rows = re.findall(r"^\| `(\w+)` \| `(\w+)` \| (.+) \|$", section("A path that returns"), re.MULTILINE)
