@@ -10,6 +10,8 @@ from worlds import ROOT
 pd = pytest.importorskip("pandas", reason="the extra evaluate is not installed")
 pytest.importorskip("scipy", reason="the extra evaluate is not installed")
 
+from scipy.stats import spearmanr
+
 from noisy_world.evaluation.analysis import analyse
 
 RECORD = ROOT / "docs/data/six_rooms"
@@ -17,6 +19,8 @@ D435 = ROOT / "docs/data/six_rooms_d435"
 RETURNING = ROOT / "docs/data/returning"
 PAGE = (ROOT / "docs/results.md").read_text(encoding="utf-8")
 FEWEST = 5
+PAIR = "orb_slam3", "orb_slam2"
+WORDS = ["none", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten", "eleven", "twelve"]
 DASH = "\u2013"
 NUMBER = r"\d+(?:\.\d+)?"
 ROW = re.compile(
@@ -137,39 +141,77 @@ def verdict(row):
     return "as it was" if row["ratio_low"] >= 0.67 and row["ratio_high"] <= 1.5 else "cannot tell"
 
 
-def verdicts(runs):
-    """The verdict and the ratio of each judged setting of ORB-SLAM3."""
-    table = judged(runs, "orb_slam3")[1]
+def verdicts(runs, system="orb_slam3"):
+    """The verdict and the ratio of each judged setting of a system."""
+    table = judged(runs, system)[1]
     rows = table[table["measure"] == "ate_rmse_m"].set_index("setting")
     return {setting: (verdict(row), row) for setting, row in rows.iterrows()}
 
 
+def check_verdicts(title, *known):
+    """Each setting of the last column's verdicts has a row in a section, with its ratio and verdict in each column."""
+    rows = re.findall(r"^\| `(\w+)` \| (.+?): ([a-z ]+) \| (.+?): ([a-z ]+) \|$", section(title), re.MULTILINE)
+    assert sorted(row[0] for row in rows) == sorted(known[-1])
+    for setting, *cells in rows:
+        for text, said_verdict, column in zip(cells[::2], cells[1::2], known, strict=True):
+            found, row = column[setting]
+            ends = row[["ratio", "ratio_low", "ratio_high"]]
+            assert (said_verdict, shows(text, 6, row["n_scenes"], ends)) == (found, True), (setting, text)
+
+
 def test_what_changes_with_the_sensor(perfect, sensed):
     """Each setting that the D435 was given in all rooms has a row, with its verdict over either clean."""
-    over_perfect, over_sensed = verdicts(perfect[0]), verdicts(sensed[0])
-    rows = re.findall(
-        r"^\| `(\w+)` \| (.+?): ([a-z ]+) \| (.+?): ([a-z ]+) \|$", section("What a D435 sees"), re.MULTILINE
-    )
-    assert {row[0] for row in rows} == set(over_sensed)
-    for setting, *cells in rows:
-        for text, said_verdict, (known, row) in zip(
-            cells[::2], cells[1::2], (over_perfect[setting], over_sensed[setting]), strict=True
-        ):
-            ends = row[["ratio", "ratio_low", "ratio_high"]]
-            assert (said_verdict, shows(text, 6, row["n_scenes"], ends)) == (known, True), (setting, text)
+    check_verdicts("What a D435 sees", verdicts(perfect[0]), verdicts(sensed[0]))
 
 
 def test_two_implementations_stand_beside_each_other(perfect):
-    """Question 5 is open below ten settings run by both in all rooms; the row has each one's ratios."""
-    names = {"depth_gaussian_noise_s3": "noise on depth makes ORB-SLAM2", "desync_5": "depth 5 frames late"}
-    tables = [judged(perfect[0], system)[1] for system in ("orb_slam2", "orb_slam3")]
-    ratios = [table[table["measure"] == "ate_rmse_m"].set_index("setting") for table in tables]
+    """Each setting that ORB-SLAM2 was given in all rooms has a row, with each system's verdict."""
+    check_verdicts("Two implementations of one method", *(verdicts(perfect[0], system) for system in PAIR))
+
+
+def log_ratios(runs):
+    """Two (settings, rooms) tables of the log ratios of PAIR, NaN where a run of either is not complete.
+
+    The settings are those that both were given in all rooms, and that have a ratio in any.
+    """
+    mine = runs[runs["system"].isin(PAIR)]
+    mine = mine.assign(log=np.log(mine["ate_rmse_m"].where(mine["result"] == "complete")))
+    cells = mine.groupby(["system", "setting", "scene"])["log"]
+    logs = cells.agg(lambda run_logs: run_logs.mean(skipna=False)).unstack("scene")
+    rooms = cells.size().unstack("scene").notna().all(axis=1).unstack("system")
+    both = [setting for setting in rooms.index[rooms.eq(True).all(axis=1)] if setting != "clean"]
+    ratios = [logs.loc[system].loc[both] - logs.loc[(system, "clean")] for system in PAIR]
+    known = ratios[0].notna() & ratios[1].notna()
+    return [table.where(known).dropna(how="all") for table in ratios]
+
+
+def rank_correlation(ratios, rooms):
+    """Spearman's correlation of two (settings, rooms) arrays of log ratios, of the means over the rooms, an index.
+
+    A setting that has no ratio in these rooms is left out.
+    """
+    counts = np.isfinite(ratios[0][:, rooms]).sum(axis=1)
+    means = [np.nansum(table[:, rooms], axis=1)[counts > 0] / counts[counts > 0] for table in ratios]
+    return spearmanr(*means).statistic
+
+
+def test_two_implementations_agree_as_far_as_is_said(perfect):
+    """Question 5: the correlation over settings and its bootstrap interval over rooms, with frost and without."""
     row = re.search(r"^\| 5 \|.*$", PAGE, re.MULTILINE)[0]
-    assert set(ratios[0].index) & set(ratios[1].index) == set(names)
-    assert "open" in row
-    for setting, name in names.items():
-        for text, table in zip(re.findall(r"[\d.]+ \[[^]]+\]", row.partition(name)[2]), ratios, strict=False):
-            assert agrees(text, *table.loc[setting, ["ratio", "ratio_low", "ratio_high"]]), (setting, text)
+    ratios = log_ratios(perfect[0])
+    without = [table.drop(index="frost_s3", errors="ignore") for table in ratios]
+    drawn = np.random.default_rng(1).integers(0, 6, (4000, 6))
+    found = []
+    for tables in (ratios, without):
+        arrays = [table.to_numpy() for table in tables]
+        ends = np.quantile([rank_correlation(arrays, rooms) for rooms in drawn], [0.025, 0.975])
+        found.append([rank_correlation(arrays, np.arange(6)), *ends])
+    texts = re.findall(r"\d\.\d+ \[0[^]]+\] over (?:the )?\w+", row)
+    assert [WORDS.index(text.split()[-1]) for text in texts] == [len(ratios[0]), len(without[0])]
+    assert len(ratios[0]) >= 10
+    assert [agrees(text, *values) for text, values in zip(texts, found, strict=True)] == [True, True], found
+    agree = all(middle > 0.7 and low > 0.4 for middle, low, _ in found)
+    assert row.split(" | ")[2].startswith("yes" if agree else "no")
 
 
 def test_the_path_that_returns():
