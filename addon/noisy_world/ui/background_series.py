@@ -68,6 +68,11 @@ class BackgroundSeries:
         return f"{place + 1} of {len(self._tasks)}, {self._tasks[place].name}: "
 
     @property
+    def label(self) -> str:
+        """What the task that runs says it is at, "" for nothing."""
+        return self._current.label
+
+    @property
     def done(self) -> int:
         """Frames of the task that runs which are done."""
         return self._current.done
