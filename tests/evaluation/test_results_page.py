@@ -167,6 +167,21 @@ def test_two_implementations_stand_beside_each_other(perfect):
     check_verdicts("Two implementations of one method", *(verdicts(perfect[0], system) for system in PAIR))
 
 
+def test_how_both_fail_under_frost(perfect):
+    """The errors over tracked frames, and what ORB-SLAM2 tracked of the rooms that it gave up, as they are said."""
+    text = " ".join(section("Two implementations of one method").split())
+    frost = perfect[0][perfect[0]["setting"] == "frost_s3"].set_index("system")
+    errors = {system: frost.loc[system, "ate_rmse_m"].agg(["min", "max"]) for system in PAIR}
+    said_errors = re.search(r"ORB-SLAM2 errs by (\d+ to \d+) mm and ORB-SLAM3 by (\d+) mm to ([\d.]+) m\.", text)
+    assert agrees(said_errors[1], *1e3 * errors["orb_slam2"])
+    assert agrees(said_errors[2], 1e3 * errors["orb_slam3"]["min"])
+    assert agrees(said_errors[3], errors["orb_slam3"]["max"])
+    given_up = frost.loc["orb_slam2"].query("result == 'incomplete'")
+    said_share = re.search(r"gives up (\d) of 6 rooms, with (\d+ to \d+) %", text)
+    assert int(said_share[1]) == len(given_up)
+    assert agrees(said_share[2], *100.0 * given_up["tracked_share"].agg(["min", "max"]))
+
+
 def test_the_rank_correlation_is_open_below_ten_settings(perfect):
     """Question 5 asks for ten settings that both were given in all rooms; the row says how many there are."""
     both = set(verdicts(perfect[0], PAIR[0])) & set(verdicts(perfect[0], PAIR[1]))
