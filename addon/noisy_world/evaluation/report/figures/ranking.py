@@ -48,9 +48,9 @@ def ranking(panels: Sequence[RankPanel]) -> Picture:
     across = min(ACROSS, len(panels))
     about = (
         "The error (ATE) of each system in each setting over its error on clean frames of the same scenes and seeds, "
-        "the worst on top: bars are geometric means, dots single runs. Hatched: half of the runs or more failed (no "
-        f"path, or none that can be scored) or are incomplete ({IS_INCOMPLETE}), "
-        "which is no ratio."
+        "the worst on top: bars are geometric means, dots single runs; the median clean error in brackets. "
+        "Hatched: half of the runs or more failed (no path, or none that can be scored) or are "
+        f"incomplete ({IS_INCOMPLETE}), which is no ratio."
     )
     wide = _drawn(panels, WIDE_IN if across > 1 else 0.72 * WIDE_IN, across)
     return Picture("ranking", "What broke each system, and by how much", about, wide, _drawn(panels, NARROW_IN, 1))
@@ -58,33 +58,33 @@ def ranking(panels: Sequence[RankPanel]) -> Picture:
 
 def _drawn(panels: Sequence[RankPanel], width_in: float, across: int) -> bytes:
     rows = math.ceil(len(panels) / across)
-    heights = [
-        HEAD_IN + ROW_IN * max(len(panel.bars) for panel in panels[row * across : (row + 1) * across])
-        for row in range(rows)
-    ]
+    most = [max(len(panel.bars) for panel in panels[row * across : (row + 1) * across]) for row in range(rows)]
+    heights = [HEAD_IN + ROW_IN * count for count in most]
     low, high = _limits(panels)
     with drawing(width_in, sum(heights)) as figure:
         grid = figure.subplots(rows, across, squeeze=False, height_ratios=heights)
-        for axes, panel in zip(grid.flat, panels, strict=False):
-            _panel(axes, panel, low, high)
+        for place, (axes, panel) in enumerate(zip(grid.flat, panels, strict=False)):
+            _panel(axes, panel, low, high, most[place // across])
         unused(list(grid.flat), len(panels))
         return svg_bytes(figure)
 
 
 def _limits(panels: Sequence[RankPanel]) -> tuple[float, float]:
     """Return the ends of the scale: what is to be said beside the longest bar has its place too."""
-    ratios = [ratio for panel in panels for bar in panel.bars for ratio in (*bar.runs, bar.over_clean) if ratio]
+    drawn = [bar for panel in panels for bar in panel.bars if not bar.broke]
+    ratios = [ratio for bar in drawn for ratio in (*bar.runs, bar.over_clean) if ratio]
     low, high = min([1.0, *ratios]), max([MARK, *ratios])
     return low / 1.15, high * (high / low) ** 0.62
 
 
-def _panel(axes: "Axes", panel: RankPanel, low: float, high: float) -> None:
+def _panel(axes: "Axes", panel: RankPanel, low: float, high: float, rows: int) -> None:
+    """Draw a panel; rows: for how many bars it has room, so that those of all panels are equally thick."""
     from matplotlib.ticker import LogLocator
 
     axes.set_xscale("log")
     axes.set_xlim(low, high)
     bars = panel.bars
-    axes.set_ylim(len(bars) - 0.4, -0.6)
+    axes.set_ylim(rows - 0.4, -0.6)
     axes.axvline(1.0, color="black", linewidth=0.8)
     axes.axvline(MARK, color=GREY, linewidth=0.8, linestyle="--", zorder=0)
     for row, bar in enumerate(bars):
