@@ -57,7 +57,8 @@ _LEAST_ABOVE = 1e-6  # what an exclusive minimum is raised by, as Blender's are 
 _SUBTYPES = {
     "px": "PIXEL", "m": "DISTANCE", "mm": "DISTANCE_CAMERA", "%": "PERCENTAGE", "deg": "ANGLE", "s": "TIME_ABSOLUTE",
 }  # fmt: skip
-_SPOKEN_UNITS = {"frames": "frames", "Hz": "fps"}
+_SPOKEN_UNITS = {"frames": "frames", "Hz": "Hz"}
+_FRAME_RATE = "Frame Rate"  # which artists count in fps
 _SOFT: dict[str, tuple[float, float]] = {
     "width": (16, 4096), "height": (16, 4096), "fx": (50, 4000), "fy": (50, 4000), "cx": (0, 4096), "cy": (0, 4096),
     "near_m": (0.001, 1), "far_m": (1, 1000), "rotation_deg": (0, 20), "translation_m": (0, 0.2),
@@ -178,7 +179,7 @@ def described(
     choices = {"true": "On", "false": "Off"} if hint is bool else {value: shown for value, shown, _ in items}
     SHOWN[cls, name] = ShownField(f"{section or SECTIONS[cls]} > {label}", choices)
     if info.unit in _SPOKEN_UNITS:
-        label += f" ({_SPOKEN_UNITS[info.unit]})"
+        label += f" ({'fps' if label == _FRAME_RATE else _SPOKEN_UNITS[info.unit]})"
     on_change = tell(update or name) if isinstance(update, str) else update
     common: dict[str, Any] = {
         "name": label,
