@@ -186,6 +186,26 @@ def test_what_is_said_of_two_implementations(perfect):
     assert f"ORB-SLAM2 was run on {WORDS[len(others)]} of the 17" in PAGE
 
 
+def test_clean_frames_in_the_plan_are_those_of_the_record(perfect):
+    """Each room's runs in their order, least and largest scale, and the systems that repeat themselves."""
+    clean = perfect[0].query("setting == 'clean'").sort_values("repeat").set_index(["system", "scene"])
+    plan = (ROOT / "docs/study_plan.md").read_text(encoding="utf-8")
+    rows = re.findall(
+        r"^\| (\d) \| ([\d., ]+); ([^|]+) \| ([\d., ]+); ([^|]+) \| ([^|]+) \| ([^|]+) \|", plan, re.MULTILINE
+    )
+    assert [int(row[0]) for row in rows] == list(range(6))
+    ways = "rgbd_odometry", "rgbd_odometry_depth", "rgbd_odometry_colour"
+    for room, *cells in rows:
+        for system, ates, scales in zip(PAIR, cells[0::2], cells[1::2], strict=False):
+            runs = clean.loc[[(system, f"room{room}")]]
+            assert agrees(ates, *1e3 * runs["ate_rmse_m"]), (room, system, ates)
+            assert agrees(scales, *runs["scale"].agg(["min", "max"])), (room, system, scales)
+        of_room = {system: clean.loc[[(system, f"room{room}")], "ate_rmse_m"] for system in (*ways, "kiss_icp")}
+        ate_mm = {system: 1e3 * ates_m.iloc[0] for system, ates_m in of_room.items()}
+        assert agrees(cells[4], *(ate_mm[system] for system in ways)), (room, cells[4])
+        assert agrees(cells[5], ate_mm["kiss_icp"]), (room, cells[5])
+
+
 def test_the_path_that_returns():
     runs = pd.read_csv(RETURNING / "tables/runs.csv").set_index(["setting", "system"])
     rows = re.findall(r"^\| `(\w+)` \| `(\w+)` \| (.+) \|$", section("A path that returns"), re.MULTILINE)
