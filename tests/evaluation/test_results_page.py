@@ -15,6 +15,15 @@ from scipy.stats import spearmanr
 from results_page import D435, DASH, FEWEST, PAGE, PAIR, RECORD, WORDS, agrees, read, section, shows, verdicts
 from noisy_world.evaluation.analysis import analyse
 
+GEOMETRY = {  # settings of depth and motion; all others change colour alone
+    "clean_sensor",
+    "depth_gaussian_noise_s3",
+    "depth_random_missing_s3",
+    "depth_range_clipping_s3",
+    "desync_5",
+    "speed_x4",
+    "deviation_3deg_0.025m",
+}
 RETURNING = ROOT / "docs/data/returning"
 ROW = re.compile(
     r"^\| `(\w[\w.]*)` \| (\d) \| (\d+), (\d+) of (\d+) \| (.+?) \| (.+?) \| (.+?) \| (\d+) % \|$", re.MULTILINE
@@ -124,6 +133,24 @@ def test_how_both_fail_under_frost(perfect):
     said_share = re.search(r"gives up (\d) of 6 rooms, with (\d+ to \d+) %", text)
     assert int(said_share[1]) == len(given_up)
     assert agrees(said_share[2], *100.0 * given_up["tracked_share"].agg(["min", "max"]))
+
+
+def test_three_ways_of_one_system_stand_beside_each_other(perfect):
+    """Each setting that a way of rgbd_odometry was given in all rooms has a row, with each way's verdict."""
+    ways = [verdicts(perfect[0], f"rgbd_odometry{way}") for way in ("", "_depth", "_colour")]
+    text = section("What `rgbd_odometry` stands on")
+    rows = re.findall(r"^\| `([\w.]+)` \| (.+) \| (.+) \| (.+) \|$", text, re.MULTILINE)
+    assert sorted(row[0] for row in rows) == sorted(set().union(*ways))
+    for setting, *cells in rows:
+        for cell, known in zip(cells, ways, strict=True):
+            if setting not in known:
+                reads = known is ways[1] and setting not in GEOMETRY
+                assert cell == ("the same bytes" if reads else DASH), (setting, cell)
+                continue
+            numbers, _, said_verdict = cell.rpartition(": ")
+            found, row = known[setting]
+            ends = row[["ratio", "ratio_low", "ratio_high"]]
+            assert (said_verdict, shows(numbers, 6, row["n_scenes"], ends)) == (found, True), (setting, cell)
 
 
 def log_ratios(runs):
