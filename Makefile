@@ -11,6 +11,10 @@ PINNED := --require-hashes --only-binary :all: -r
 
 INSTALL_ORB_SLAM3 = $(PY) headless/systems.py install orb_slam3 $(if $(PYTHON_SLAM),--python "$(PYTHON_SLAM)")
 
+# pip leaves it to the first import to compile a module: where an environment tells Python to keep nothing of it, each of
+# the thousands of processes that the tests start would compile all that it imports, for more than half of its time.
+unexport PYTHONDONTWRITEBYTECODE
+
 define NEEDS_PYTHON
 test -n "$(PYTHON)" || { echo "make: Python 3.13 is needed; get it, with 'uv python install 3.13' for instance, or say PYTHON=/path/to/it" >&2; exit 1; }; \
 "$(PYTHON)" -c 'import sys; sys.exit(sys.version_info[:2] != (3, 13))' 2>/dev/null || { echo "make: $(PYTHON) is no Python 3.13, which is needed; say PYTHON=/path/to/one" >&2; exit 1; }

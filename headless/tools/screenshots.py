@@ -132,9 +132,7 @@ def photograph_add_on(folder: Path) -> Iterator[float]:
     bpy.ops.wm.read_homefile(use_factory_startup=True, use_splash=False)
     noisy_world.register()
     yield SETTLE_S
-    scene, view = bpy.context.scene, largest("VIEW_3D")
-    for item in list(scene.objects):
-        bpy.data.objects.remove(item)
+    scene, view = bpy.context.scene, emptied_view()
     fill_panel(scene, view)
     yield from open_tab(view)
     show_camera(view)
@@ -170,14 +168,19 @@ def photograph_add_on(folder: Path) -> Iterator[float]:
     noisy_world.unregister()
 
 
+def emptied_view() -> bpy.types.Area:
+    """Take Blender's own objects out of the scene; return the view that shows it."""
+    for item in list(bpy.context.scene.objects):
+        bpy.data.objects.remove(item)
+    return largest("VIEW_3D")
+
+
 def photograph_body(folder: Path) -> Iterator[float]:
     """Load a walker's path with an IMU and a vibration, and photograph both; yields the seconds to wait."""
     bpy.ops.wm.read_homefile(use_factory_startup=True, use_splash=False)
     noisy_world.register()
     yield SETTLE_S
-    scene, view = bpy.context.scene, largest("VIEW_3D")
-    for item in list(scene.objects):
-        bpy.data.objects.remove(item)
+    scene, view = bpy.context.scene, emptied_view()
     panel = panel_of(scene)
     for name, value in CARRIED.items():
         setattr(panel, name, value)
@@ -199,9 +202,7 @@ def photograph_tracking(folder: Path) -> Iterator[float]:
     bpy.ops.wm.read_homefile(use_factory_startup=True, use_splash=False)
     noisy_world.register()
     yield SETTLE_S
-    scene, view = bpy.context.scene, largest("VIEW_3D")
-    for item in list(scene.objects):
-        bpy.data.objects.remove(item)
+    scene, view = bpy.context.scene, emptied_view()
     panel = panel_of(scene)
     with tempfile.TemporaryDirectory() as out:
         for name, value in TRACKED.items():

@@ -10,6 +10,8 @@ from worlds import ROOT
 pd = pytest.importorskip("pandas", reason="the extra evaluate is not installed")
 pytest.importorskip("scipy", reason="the extra evaluate is not installed")
 
+from scipy.stats import spearmanr
+
 from noisy_world.evaluation.analysis import analyse
 
 RECORD = ROOT / "docs/data/six_rooms"
@@ -18,7 +20,7 @@ RETURNING = ROOT / "docs/data/returning"
 PAGE = (ROOT / "docs/results.md").read_text(encoding="utf-8")
 FEWEST = 5
 PAIR = "orb_slam3", "orb_slam2"
-WORDS = ["none", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine"]
+WORDS = ["none", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten", "eleven", "twelve"]
 DASH = "\u2013"
 NUMBER = r"\d+(?:\.\d+)?"
 ROW = re.compile(
@@ -182,13 +184,64 @@ def test_how_both_fail_under_frost(perfect):
     assert agrees(said_share[2], *100.0 * given_up["tracked_share"].agg(["min", "max"]))
 
 
-def test_the_rank_correlation_is_open_below_ten_settings(perfect):
-    """Question 5 asks for ten settings that both were given in all rooms; the row says how many there are."""
-    both = set(verdicts(perfect[0], PAIR[0])) & set(verdicts(perfect[0], PAIR[1]))
+def log_ratios(runs):
+    """Two (settings, rooms) tables of the log ratios of PAIR, NaN where a run of either, clean or not, is not complete.
+
+    The settings are those that both were given in all rooms, and that have a ratio in any.
+    """
+    mine = runs[runs["system"].isin(PAIR)]
+    mine = mine.assign(log=np.log(mine["ate_rmse_m"].where(mine["result"] == "complete")))
+    cells = mine.groupby(["system", "setting", "scene"])["log"]
+    logs = cells.agg(lambda run_logs: run_logs.mean(skipna=False)).unstack("scene")
+    rooms = cells.size().unstack("scene").notna().all(axis=1).unstack("system")
+    both = [setting for setting in rooms.index[rooms.eq(True).all(axis=1)] if setting != "clean"]
+    ratios = [logs.loc[system].loc[both] - logs.loc[(system, "clean")] for system in PAIR]
+    known = ratios[0].notna() & ratios[1].notna()
+    return [table.where(known).dropna(how="all") for table in ratios]
+
+
+def means_over(ratios, rooms):
+    """The mean log ratio of each setting over the rooms, an index, by system; settings without any are left out."""
+    counts = np.isfinite(ratios[0][:, rooms]).sum(axis=1)
+    return [np.nansum(table[:, rooms], axis=1)[counts > 0] / counts[counts > 0] for table in ratios]
+
+
+def test_two_implementations_agree_as_far_as_is_said(perfect):
+    """Question 5: the correlation over settings, also by its sum over ranks, and its bootstrap interval over rooms."""
+    tables = log_ratios(perfect[0])
+    ratios = [table.to_numpy() for table in tables]
+    means = means_over(ratios, np.arange(6))
+    middle, n = spearmanr(*means).statistic, len(means[0])
+    ranks = [values.argsort().argsort() for values in means]
+    assert middle == pytest.approx(1.0 - 6.0 * np.sum((ranks[0] - ranks[1]) ** 2) / (n * (n**2 - 1)), abs=1e-12)
+    drawn = np.random.default_rng(1).integers(0, 6, (4000, 6))
+    found = np.array([spearmanr(*means_over(ratios, rooms)).statistic for rooms in drawn])
+    low, high = np.quantile(found, [0.025, 0.975])
     row = re.search(r"^\| 5 \|.*$", PAGE, re.MULTILINE)[0]
-    assert len(both) < 10
-    assert row.split(" | ")[2].startswith("open: ")
-    assert re.search(r"ORB-SLAM2 was run on (\w+), where the plan asks for ten", row)[1] == WORDS[len(both)]
+    text, settings = re.search(r"(\d\.\d+ \[[^]]+\]) over the (\w+) that have a ratio", row).groups()
+    assert agrees(text, middle, low, high), (middle, low, high)
+    assert n == WORDS.index(settings) >= 10
+    assert "frost_s3" not in tables[0].index  # so it is the same with it and without it, as the row says
+    assert row.split(" | ")[2].startswith("yes: " if middle > 0.7 and low > 0.4 else "no: ")
+    text = " ".join(section("Two implementations of one method").split())
+    assert agrees(re.search(r"the least of its 4,000 draws is ([\d.]+)\.", text)[1], found.min())
+
+
+def test_what_is_said_of_two_implementations(perfect):
+    """How many settings have which verdict, and how far the ratios are apart."""
+    text = " ".join(section("Two implementations of one method").split())
+    mine, others = (verdicts(perfect[0], system) for system in PAIR)
+    assert [mine[setting][0] for setting in others] == [found for found, _ in others.values()]
+    counts = re.search(
+        r"All (\w+) have the same answer in both: (\w+) make them worse, (\w+) leave them", text
+    ).groups()
+    answers = [found for found, _ in others.values()]
+    assert [WORDS.index(word) for word in counts] == [len(answers), answers.count("worse"), answers.count("as it was")]
+    logs = [
+        np.log(others[setting][1]["ratio"] / mine[setting][1]["ratio"]) for setting in others if setting != "frost_s3"
+    ]
+    assert agrees(re.search(r"at most ([\d.]+) times the other's", text)[1], np.exp(np.abs(logs).max()))
+    assert f"ORB-SLAM2 was run on {WORDS[len(others)]} of the 17" in PAGE
 
 
 def test_the_path_that_returns():

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ..core.channels import COLOUR_AND_DEPTH
 from ..core.datasets.images import rgb_bytes
-from ..core.datasets.overview import BACKGROUND, INK, LABEL_PX, colour_depth
+from ..core.datasets.overview import BACKGROUND, INK, LABEL_PX, colour_depth, spread
 from ..core.geometry import invert_pose, pose, rotation_from_quat_wxyz
 from ..core.linear_light import encoded
 from ..recipes.opened import Frame, Opened, OpenedSequence
@@ -36,12 +36,6 @@ class DepthScale:
         if not seen_m.size:
             return cls(0.0, 1.0)
         return cls(float(seen_m.min()), float(np.quantile(seen_m, _FAR_QUANTILE)))
-
-
-def spread(numbers: Sequence[int], count: int) -> list[int]:
-    """Return so many of the numbers, evenly apart, the first and the last among them; all where there are fewer."""
-    places = np.unique(np.linspace(0, len(numbers) - 1, min(count, len(numbers))).round().astype(int))
-    return [numbers[place] for place in places]
 
 
 def colour_and_depth_of(opened: Opened) -> tuple[str, ...]:

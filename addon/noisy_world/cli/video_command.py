@@ -168,8 +168,9 @@ def _write_sheet(opened: "Opened", parts: dict[str, list[int]], count: int, out:
     import cv2
     import numpy as np
 
+    from ..core.datasets.overview import spread
     from ..core.datasets.storage import write_atomic
-    from .shown_frames import DepthScale, colour_and_depth_of, fitted, lettered, panes, spread, stacked, words_of
+    from .shown_frames import DepthScale, colour_and_depth_of, fitted, lettered, panes, stacked, words_of
 
     held = colour_and_depth_of(opened)
     rows: list[NDArray[np.uint8]] = []

@@ -13,13 +13,12 @@ from numpy.typing import NDArray
 
 from ..core.node_graphs.group_inputs import seed_of
 from ..core.node_graphs.groups import PURPOSES
+from ..core.node_graphs.jenkins_hash import Words, hash_of_four
 from ..core.perturbing.kinds import FrameContext
 
 Float32: TypeAlias = NDArray[np.float32]
-Words: TypeAlias = NDArray[np.uint32]
 
 _ORDERS = ((0, 2, 3), (1, 0, 2), (2, 3, 1), (3, 1, 0))
-_START = np.uint32(0xDEADBEEF + (4 << 2) + 13)
 
 
 @dataclass(frozen=True)
@@ -56,22 +55,4 @@ def _bits(value: Float32) -> Words:
 
 
 def _uniform(x: Words, y: Words, z: Words, w: Words) -> Float32:
-    a, b, c = x + _START, y + _START, z + _START
-    a, c = (a - c) ^ _turned(c, 4), c + b
-    b, a = (b - a) ^ _turned(a, 6), a + c
-    c, b = (c - b) ^ _turned(b, 8), b + a
-    a, c = (a - c) ^ _turned(c, 16), c + b
-    b, a = (b - a) ^ _turned(a, 19), a + c
-    c, b = (c - b) ^ _turned(b, 4), b + a
-    a = a + w
-    for turn in ("cb14", "ac11", "ba25", "cb16", "ac4", "ba14", "cb24"):
-        target, source, bits = turn[0], turn[1], int(turn[2:])
-        words = {"a": a, "b": b, "c": c}
-        words[target] = (words[target] ^ words[source]) - _turned(words[source], bits)
-        a, b, c = words["a"], words["b"], words["c"]
-    return (c.astype(np.float64) / 0xFFFFFFFF).astype(np.float32)
-
-
-def _turned(word: Words, bits: int) -> Words:
-    """Turn 32 bits to the left."""
-    return (word << np.uint32(bits)) | (word >> np.uint32(32 - bits))
+    return (hash_of_four(x, y, z, w).astype(np.float64) / 0xFFFFFFFF).astype(np.float32)

@@ -254,10 +254,11 @@ class PreparedBlend:
         del note  # all is said already
         session = self.session
         if session is None or not session.serves(paths, options):
+            self.session = None
             self.closing.close()
             session = self.opened(paths, options, self.closing)
-            self.session = session
             self.closing.enter_context(session)
+            self.session = session
         return OpenBlend(session, self.beginning(paths, options.first_frames))
 
 

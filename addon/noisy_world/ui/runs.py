@@ -8,6 +8,8 @@ import shutil
 import subprocess
 import sys
 import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -101,6 +103,19 @@ def _command(script: Path, *words: str) -> list[str]:
     return [sys.executable, str(script), *words]
 
 
+@contextmanager
+def starting(what: str, who: str) -> Iterator[Path]:
+    """Give a new temporary folder to start a program with, and remove it where that fails. Raises StorageError then."""
+    folder = Path(tempfile.mkdtemp(prefix=f"noisy-world-{what}-"))
+    try:
+        yield folder
+    except BaseException as error:
+        shutil.rmtree(folder, ignore_errors=True)
+        if isinstance(error, OSError):
+            raise StorageError(f"{who} cannot be started: {error}") from error
+        raise
+
+
 def start(scene: bpy.types.Scene, *, overwrite: bool = False) -> SceneRun:
     """Start the generator on a scene's panel. Raises NoisyWorldError where its dataset cannot be made."""
     panel = panel_of(scene)
@@ -110,17 +125,10 @@ def start(scene: bpy.types.Scene, *, overwrite: bool = False) -> SceneRun:
         this_scene.check(scene)
         said = scene_copy.ensure(scene)
     preset_of(panel)  # raises at once what would otherwise be reported only by the started Blender
-    folder = Path(tempfile.mkdtemp(prefix="noisy-world-preset-"))
-    try:
+    with starting("preset", "the generator") as folder:
         preset = saved_preset(panel) or temporary_preset(to_document(panel), folder)
         options = ("--progress", "json", *(["--overwrite"] if overwrite else []))
         background = BackgroundRun(generator_command(preset, out, *options))
-    except OSError as error:
-        shutil.rmtree(folder, ignore_errors=True)
-        raise StorageError(f"the generator cannot be started: {error}") from error
-    except BaseException:
-        shutil.rmtree(folder, ignore_errors=True)
-        raise
     run = _RUNS[scene.session_uid] = SceneRun(scene.session_uid, out, background, folder, preset=str(preset), said=said)
     return run
 
@@ -132,17 +140,10 @@ def keep_shots(run: SceneRun) -> None:
 
 def start_tracking(scene: bpy.types.Scene, out: Path, sequences: tuple[str, ...]) -> SceneRun:
     """Start the embedded SLAM system on sequences of a dataset. Raises NoisyWorldError where it cannot be started."""
-    folder = Path(tempfile.mkdtemp(prefix="noisy-world-paths-"))
     words = [word for name in sequences for word in ("--only", name)]
-    try:
+    with starting("paths", "the tracker") as folder:
         command = _command(tracker_script(), str(out), str(folder), *words, "--progress", "json")
         background = BackgroundRun(command, who="the tracker")
-    except OSError as error:
-        shutil.rmtree(folder, ignore_errors=True)
-        raise StorageError(f"the tracker cannot be started: {error}") from error
-    except BaseException:
-        shutil.rmtree(folder, ignore_errors=True)
-        raise
     run = SceneRun(scene.session_uid, out, background, folder, NOT_TRACKED, sequences)
     _TRACKED[scene.session_uid] = run
     return run
@@ -150,18 +151,11 @@ def start_tracking(scene: bpy.types.Scene, out: Path, sequences: tuple[str, ...]
 
 def start_still(scene: bpy.types.Scene, request: StillRequest) -> SceneRun:
     """Start rendering frames of a copy of the open file. Raises NoisyWorldError where that cannot be."""
-    folder = Path(tempfile.mkdtemp(prefix="noisy-world-frame-"))
-    try:
+    with starting("frame", "the renderer") as folder:
         scene_copy.save_as_it_is(folder / COPY)
         write_request(request, folder)
         command = background_command("still_process", str(folder))
         background = BackgroundRun(command, who="the renderer", patient=False)
-    except OSError as error:
-        shutil.rmtree(folder, ignore_errors=True)
-        raise StorageError(f"the renderer cannot be started: {error}") from error
-    except BaseException:
-        shutil.rmtree(folder, ignore_errors=True)
-        raise
     run = _STILLS[scene.session_uid] = SceneRun(scene.session_uid, folder, background, folder, NOT_RENDERED)
     return run
 

@@ -1,16 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Shots of the open scene: a list in the tab, which Generate Shots makes one after another in the background."""
 
-import shutil
-import tempfile
 from collections.abc import Sequence
 from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import bpy
 
-from ..core.errors import InputError, StorageError
+from ..core.errors import InputError
 from ..core.messages import Action, offers
 from . import scene_copy, this_scene
 from .background_run import BackgroundRun
@@ -21,7 +18,7 @@ from .long_text import write
 from .operators import CANCELLED, DONE, UNDOABLE, OnScene, guarded
 from .panels import PanelSection
 from .properties import panel_of
-from .runs import SceneRun, active_run, generator_command, keep_shots, shots_of, summary, temporary_preset
+from .runs import SceneRun, active_run, generator_command, keep_shots, shots_of, starting, summary, temporary_preset
 from .shot_documents import WHERE, chosen_shots, kept_list, preset_of_shot, shot_folder, show_shot
 from .shot_fields import OWN_LIST, PANEL_LIST, PRESET_LIST, active_shot
 from .wording import spoken
@@ -51,8 +48,7 @@ def start_shots(scene: bpy.types.Scene, *, replaced: Sequence[str] | None = None
         raise InputError(WHERE, "none is to be replaced")
     said = scene_copy.ensure(scene)
     presets = [preset_of_shot(scene, shot) for shot in shots]
-    folder = Path(tempfile.mkdtemp(prefix="noisy-world-shots-"))
-    try:
+    with starting("shots", "the generator") as folder:
         options = ("--progress", "json", *(["--overwrite"] if replaced is not None else []))
         tasks = []
         for k, (shot, preset) in enumerate(zip(shots, presets, strict=True)):
@@ -60,12 +56,6 @@ def start_shots(scene: bpy.types.Scene, *, replaced: Sequence[str] | None = None
             command = generator_command(file, shot_folder(shot), *options)
             tasks.append(SeriesTask(shot.name, partial(BackgroundRun, command), partial(spoken, file=str(file))))
         series = BackgroundSeries(tasks)
-    except OSError as error:
-        shutil.rmtree(folder, ignore_errors=True)
-        raise StorageError(f"the generator cannot be started: {error}") from error
-    except BaseException:
-        shutil.rmtree(folder, ignore_errors=True)
-        raise
     run = SceneRun(scene.session_uid, shot_folder(shots[0]), series, folder, STOPPED, said=said)
     keep_shots(run)
     return run

@@ -78,7 +78,7 @@ def draw_overview(
 
 
 def _shown(frames: Mapping[str, Sequence[int]]) -> dict[str, list[int]]:
-    return {folder: _spread(numbers) for folder, numbers in list(frames.items())[:MAX_SEQUENCES] if numbers}
+    return {folder: spread(numbers, COLUMNS) for folder, numbers in list(frames.items())[:MAX_SEQUENCES] if numbers}
 
 
 def needed_frames(frames: Mapping[str, Sequence[int]]) -> dict[str, set[int]]:
@@ -107,8 +107,9 @@ def _same_bytes(path: Path, other: Path) -> bool:
     return other.exists() and (path.samefile(other) or read_bytes(path) == read_bytes(other))
 
 
-def _spread(numbers: Sequence[int]) -> list[int]:
-    chosen = np.unique(np.linspace(0, len(numbers) - 1, min(COLUMNS, len(numbers))).round().astype(int))
+def spread(numbers: Sequence[int], count: int) -> list[int]:
+    """Return so many of the numbers, evenly apart, the first and the last among them; all where there are fewer."""
+    chosen = np.unique(np.linspace(0, len(numbers) - 1, min(count, len(numbers))).round().astype(int))
     return [numbers[index] for index in chosen]
 
 

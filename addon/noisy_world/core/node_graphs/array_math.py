@@ -11,12 +11,13 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from .jenkins_hash import hash_of_four, hash_of_three
+
 Number: TypeAlias = NDArray[np.float32] | np.float32
 Triple: TypeAlias = tuple[Number, Number, Number]
 Held: TypeAlias = Number | Triple | tuple[Number, Number, Number, Number]
 
 _ONE, _ZERO = np.float32(1), np.float32(0)
-_THREE_WORDS, _FOUR_WORDS = (np.uint32(0xDEADBEEF + (count << 2) + 13) for count in (3, 4))
 
 
 def triple(value: Held) -> Triple:
@@ -139,7 +140,7 @@ def white_noise(where: Triple, w: Number | None) -> Callable[[str], Held]:
     words = [np.ascontiguousarray(part).view(np.uint32).reshape(part.shape) for part in wide]
     # Of three words the node's colour adds a fourth of its own, so here Value alone is known.
     orders = ((0, 1, 2),) if w is None else ((0, 1, 2, 3), (2, 0, 3, 1), (3, 2, 1, 0))
-    hashed = _hash_three if w is None else _hash_four
+    hashed = hash_of_three if w is None else hash_of_four
 
     def uniform(order: tuple[int, ...]) -> Number:
         found = hashed(*(words[k] for k in order)).astype(np.float32) / np.float32(2.0**32)
@@ -152,36 +153,3 @@ def white_noise(where: Triple, w: Number | None) -> Callable[[str], Held]:
         return x, y, z
 
     return of
-
-
-Words: TypeAlias = NDArray[np.uint32]
-
-
-def _hash_three(x: Words, y: Words, z: Words) -> Words:
-    return _final(x + _THREE_WORDS, y + _THREE_WORDS, z + _THREE_WORDS)
-
-
-def _hash_four(x: Words, y: Words, z: Words, w: Words) -> Words:
-    a, b, c = x + _FOUR_WORDS, y + _FOUR_WORDS, z + _FOUR_WORDS
-    a, c = (a - c) ^ _turned(c, 4), c + b
-    b, a = (b - a) ^ _turned(a, 6), a + c
-    c, b = (c - b) ^ _turned(b, 8), b + a
-    a, c = (a - c) ^ _turned(c, 16), c + b
-    b, a = (b - a) ^ _turned(a, 19), a + c
-    c, b = (c - b) ^ _turned(b, 4), b + a
-    return _final(a + w, b, c)
-
-
-def _final(a: Words, b: Words, c: Words) -> Words:
-    c = (c ^ b) - _turned(b, 14)
-    a = (a ^ c) - _turned(c, 11)
-    b = (b ^ a) - _turned(a, 25)
-    c = (c ^ b) - _turned(b, 16)
-    a = (a ^ c) - _turned(c, 4)
-    b = (b ^ a) - _turned(a, 14)
-    return (c ^ b) - _turned(b, 24)
-
-
-def _turned(word: Words, bits: int) -> Words:
-    """Turn 32 bits to the left."""
-    return (word << np.uint32(bits)) | (word >> np.uint32(32 - bits))

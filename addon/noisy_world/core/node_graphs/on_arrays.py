@@ -129,13 +129,12 @@ class _Walk:
         return value if isinstance(value, bool) else bool(number(value) > 0)
 
     def _output(self, socket: Socket) -> Any:
-        if socket.node == INTERFACE:
-            return self._given[socket.output]
-        found = self._found[socket.node]
+        """Return a socket's value, and forget its node where nobody will ask again."""
+        value = self._value(socket)
         self._asked[socket.node] -= 1
-        if self._asked[socket.node] == 0:
+        if socket.node != INTERFACE and self._asked[socket.node] == 0:
             self._found[socket.node] = None
-        return found(socket.output) if callable(found) else found[socket.output] if isinstance(found, dict) else found
+        return value
 
     def _value(self, item: Any) -> Any:
         """Return an input's value without counting that it was asked for."""
