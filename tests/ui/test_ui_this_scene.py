@@ -118,6 +118,37 @@ def test_what_is_previewed_is_what_is_written_from_a_copy_that_is_kept(hall, tmp
     assert "copy was saved" in scene_copy.ensure(hall)
 
 
+def test_through_a_lens_the_preview_is_what_is_written_and_its_preset_comes_back(hall, tmp_path):
+    item = settings()
+    item.lens_source, item.distorts, item.distortion_k1 = "GIVEN", True, -0.25
+    item.width_px, item.height_px, item.fx_px, item.fy_px, item.cx_px, item.cy_px = 32, 24, 30.0, 30.0, 15.5, 11.5
+    assert bpy.ops.noisy_world.load_trajectory() == {"FINISHED"}
+    hall.frame_set(3)
+    there = names()
+    frame_preview.forget(hall)
+    picture, _ = frame_preview.draw_colour(hall)
+    depth_m = stills.rendered(hall, 1).depth_m
+    assert names() == there
+    background = runs.start_still(hall, stills.request_of(hall, {1}))
+    background.background.wait()
+    (elsewhere,) = read_frames(background.folder).values()
+    background.tidy()
+    assert np.array_equal(elsewhere.rgb, frame_preview.still_of(hall, 1).rgb)
+    assert np.array_equal(elsewhere.depth_m, depth_m)
+    item.distorts = False
+    assert not np.array_equal(stills.rendered(hall, 1).rgb, elsewhere.rgb)
+    item.distorts = True
+    assert bpy.ops.noisy_world.generate() == {"FINISHED"}
+    run_of(hall)
+    folder = tmp_path / "out/clean/hall/results"
+    written = cv2.imread(str(folder / "frame000001.png"))[..., ::-1]
+    np.testing.assert_array_equal(written, picture)
+    stored_m = cv2.imread(str(folder / "depth000001.png"), cv2.IMREAD_UNCHANGED) / 1000.0
+    assert np.abs(stored_m - depth_m).max() <= 0.5 / 1000 + 1e-6
+    said = document.to_document(item)["camera"]["distortion"]
+    assert said == {"model": "radial-tangential", "k1": -0.25}
+
+
 def test_a_saved_file_is_itself_the_source_and_its_preset_comes_back(hall, tmp_path):
     item = settings()
     item.lens_source, item.render_source, item.compositing, item.every = "GIVEN", "GIVEN", "keep", 2

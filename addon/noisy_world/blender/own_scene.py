@@ -2,7 +2,6 @@
 """A session on a scene of a .blend: frames rendered as its artist set it up, from any pose."""
 
 from bisect import bisect_right
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -12,9 +11,12 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.bending import Bending, overscanned
 from ..core.channels.surface_images import SurfaceImages
 from ..core.errors import InputError
 from ..core.geometry import Intrinsics
+from ..core.optics import Distortion
+from ..core.planning.bent_frames import surfaces_bent
 from ..core.planning.source import Motion, RenderedFrame, RenderOptions, SceneLight
 from ..core.trajectories.frame_request import FrameRequest
 from ..core.trajectories.sensor_paths import SensorPaths
@@ -69,14 +71,6 @@ class OwnSceneFile:
         return self.frames[row], self.cameras[row]
 
 
-@dataclass(frozen=True)
-class LightLens:
-    """A lens that light passes before it is shown. size_px: width, height of what it makes. bend: takes (H, W, 4)."""
-
-    size_px: tuple[int, int]
-    bend: Callable[[NDArray[np.float32]], NDArray[np.float32]]
-
-
 class OwnSceneSession:
     """One scene of a .blend in Blender, from its first frame to its last. It replaces Blender's file."""
 
@@ -88,12 +82,15 @@ class OwnSceneSession:
         options: RenderOptions,
         *,
         scene: bpy.types.Scene | None = None,
-        lens: LightLens | None = None,
+        lens: Distortion | None = None,
     ) -> None:
         """Open the file and prepare the scene. scene: of the open file, which is then kept; it is changed.
 
-        lens: that colour passes, of whose pinhole the intrinsics are; all else that is given is the pinhole's.
+        lens: that distorts what it sees: a pinhole that sees more is rendered and bent, colour as light.
         """
+        self._bending = None if lens is None else Bending(overscanned(intrinsics, lens), intrinsics, lens)
+        if self._bending is not None:
+            intrinsics = self._bending.pinhole
         self._served = _served(paths, options)
         self._file = file
         if scene is None:
@@ -125,7 +122,9 @@ class OwnSceneSession:
         self._seen = None
         if options.through_glass and panes.any:
             self._seen = DepthScene(scene, intrinsics, options, alpha=file.depth_alpha, masked=masked, panes=panes)
-        self._colour = _Colour(scene, file, intrinsics, options, depth=together, lens=lens) if options.rgb else None
+        self._colour = (
+            _Colour(scene, file, intrinsics, options, depth=together, bending=self._bending) if options.rgb else None
+        )
 
     def serves(self, paths: SensorPaths, options: RenderOptions) -> bool:
         """Tell whether frames along other paths, with other options, would be those of a session of their own."""
@@ -145,7 +144,8 @@ class OwnSceneSession:
             same = seen_m is not None and np.array_equal(request.rgb_c2w, request.depth_c2w)
             depth_m = seen_m if same else self._depth.render(request.depth_c2w, at)[0]
         behind_m = None if self._seen is None else self._seen.render(request.rgb_c2w, at)[0]
-        return RenderedFrame(rgb, depth_m, others, light=light, behind_glass_m=behind_m)
+        frame = RenderedFrame(rgb, depth_m, others, light=light, behind_glass_m=behind_m)
+        return frame if self._bending is None else surfaces_bent(frame, self._bending)
 
     def motion(self, here: FrameRequest, there: FrameRequest) -> Motion | None:
         """Return how what the colour camera sees moves between two frames; None where they show the same moment."""
@@ -155,7 +155,8 @@ class OwnSceneSession:
         if self._motion is None:
             self._motion = self._motion_scene()
         back = self._motion.motion(there.rgb_c2w, second, here.rgb_c2w, first)
-        return self._motion.motion(here.rgb_c2w, first, there.rgb_c2w, second), back
+        moved = self._motion.motion(here.rgb_c2w, first, there.rgb_c2w, second)
+        return (moved, back) if self._bending is None else (self._bending.motion(moved), self._bending.motion(back))
 
     def close(self) -> None:
         """Remove the scratch files."""
@@ -181,10 +182,10 @@ class _Colour:
         options: RenderOptions,
         *,
         depth: bool,
-        lens: LightLens | None,
+        bending: Bending | None,
     ) -> None:
-        """Prepare it. depth: whether it gives depth too. lens: that colour passes."""
-        self._lens = lens
+        """Prepare it. depth: whether it gives depth too. bending: of light, whose pinhole the intrinsics are."""
+        self._bending = bending
         self._scene = scene
         self._file = file
         self._depth = depth
@@ -200,6 +201,7 @@ class _Colour:
                 lens_given=file.lens_given,
                 sample_offset_px=offset_px,
                 sharp=False,
+                image_width_px=None if bending is None else bending.camera.width_px,
             )
             for name in dict.fromkeys(file.cameras)
         }
@@ -209,7 +211,8 @@ class _Colour:
         self._layer = COMPOSITE if file.keep_compositor else layer.name
         size_px = (intrinsics.width_px, intrinsics.height_px)
         self._render = RenderFile(scene, size_px)
-        self._shown = ShownColour(scene, size_px if lens is None else lens.size_px, self._render.folder)
+        seen_by = intrinsics if bending is None else bending.camera
+        self._shown = ShownColour(scene, (seen_by.width_px, seen_by.height_px), self._render.folder)
 
     def render(self, request: FrameRequest) -> tuple[NDArray[np.float32], NDArray[np.float32] | None, SceneLight]:
         """Return colour (H, W, 3), display-encoded; depth (H, W) in metres or None; and colour before the display."""
@@ -224,8 +227,8 @@ class _Colour:
             render_camera.place(request.rgb_c2w)
         passes = self._render.render(self._layer)
         rgba = np.stack([passes[f"Combined.{name}"] for name in "RGBA"], axis=-1)
-        if self._lens is not None:
-            rgba = self._lens.bend(rgba)
+        if self._bending is not None:
+            rgba = self._bending.rgb(rgba)
         depth_m = without_void(passes["Depth.Z"], self._far_m) if self._depth else None
         return self._shown.encode(rgba), depth_m, SceneLight(light_in(rgba), rgba[..., 3:], self._shown.encode)
 

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.geometry import Intrinsics, nearest_rotation, opencv_from_blender_c2w, pose
+from ..core.optics import Distortion
 from ..core.planning.source import RenderedFrame, RenderOptions
 from ..core.presets.preset import EngineName
 from ..core.scratch import ScratchFolder
@@ -33,6 +34,7 @@ class OwnStill:
 
     follows: whether the path is that camera's own. clip_m: nearest and farthest, where they are not the camera's.
     engine, samples: where they are not the scene's own. depth_alpha: what is less opaque does not stop depth.
+    lens: that distorts what the camera sees.
     """
 
     frame: float
@@ -45,6 +47,7 @@ class OwnStill:
     seed: int
     keep_compositor: bool
     depth_alpha: float
+    lens: Distortion | None = None
 
 
 def render_own_still(scene: bpy.types.Scene, still: OwnStill) -> RenderedFrame:
@@ -91,7 +94,7 @@ def _rendered(scene: bpy.types.Scene, still: OwnStill) -> RenderedFrame:
         axes = sampled.matrices[0, :3, :3] / np.linalg.norm(sampled.matrices[0, :3, :3], axis=0)
         c2w = opencv_from_blender_c2w(pose(nearest_rotation(axes), sampled.matrices[0, :3, 3]))
     at_once = SensorPaths(rgb=Trajectory(c2w[None], np.zeros(1)))
-    with OwnSceneSession(file, at_once, still.intrinsics, options, scene=scene) as session:
+    with OwnSceneSession(file, at_once, still.intrinsics, options, scene=scene, lens=still.lens) as session:
         scene.render.use_persistent_data = False
         return session.frame(FrameRequest(0, 0.0, c2w, c2w))
 

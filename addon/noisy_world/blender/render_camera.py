@@ -30,11 +30,13 @@ class RenderCamera:
         lens_given: bool,
         sample_offset_px: float,
         sharp: bool,
+        image_width_px: int | None = None,
     ) -> None:
         """Add the camera.
 
         model: the artist's camera; None for a plain one. lens_given: whether the intrinsics are the preset's, rather
-        than the model's own. sharp: whether everything is in focus, as for depth.
+        than the model's own. sharp: whether everything is in focus, as for depth. image_width_px: of the image, where
+        the intrinsics are those of a pinhole that sees more than it, and the sensor is so much wider.
         """
         self._scene = scene
         self._model = model
@@ -43,7 +45,8 @@ class RenderCamera:
         if model is not None:
             own = camera_of(model)
             # The lens stays, as the blur out of focus depends on it; the sensor's width follows.
-            sensor_mm = own.sensor_width if lens_given else own.lens * intrinsics.width_px / intrinsics.fx_px
+            wider = 1.0 if image_width_px is None else intrinsics.width_px / image_width_px
+            sensor_mm = own.sensor_width * wider if lens_given else own.lens * intrinsics.width_px / intrinsics.fx_px
             self.camera.data = own.copy()
             free_of_animation(camera_of(self.camera), PLACED)
             blurred = own.dof is not None and own.dof.use_dof and not sharp

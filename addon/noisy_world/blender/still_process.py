@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from ..core.errors import NoisyWorldError
 from ..core.geometry import Intrinsics
+from ..core.optics import Distortion
 from ..core.planning.source import RenderedFrame, SceneLight
 from ..core.progress import JsonProgress
 from ..core.regular_files import open_regular, read_text
@@ -63,11 +64,12 @@ def _content_of(still: OwnStill) -> dict[str, Any]:
 
 
 def _still_of(content: dict[str, Any]) -> OwnStill:
-    c2w, clip_m = content["c2w"], content["clip_m"]
+    c2w, clip_m, lens = content["c2w"], content["clip_m"], content["lens"]
     given = {
         "c2w": None if c2w is None else np.array(c2w, dtype=np.float64),
         "clip_m": None if clip_m is None else tuple(clip_m),
         "intrinsics": Intrinsics(**content["intrinsics"]),
+        "lens": None if lens is None else Distortion(lens["model"], tuple(lens["coefficients"])),
     }
     return OwnStill(**(content | given))
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ..core.perturbing.kinds import DepthPerturbation, FrameContext
 from ..core.schema import key
+from ._bands import by_bands
 from ._depth_device import NOISE_SEVERITIES, Devices, camera_of, filled, noise_of_device, of_device
 from ._depth_shadow import shadowed
 from ._quantiles import look_up, normal_quantiles, scaled_normal, uniform_codes
@@ -59,46 +60,77 @@ def apply(depth_m: NDArray[np.float32], parameters: Stereo, context: FrameContex
     """Measure (H, W) metres; needs the context's colour and intrinsics."""
     camera = camera_of(context, "stereo")
     own = filled(parameters, DEVICES)
-    depth, valid = without_void(depth_m)
     product = own.focal_px * own.baseline_m
-    disparity = quotient(product, depth, valid)
-    seen = disparity * np.float32(camera.fx_px / own.focal_px)  # in pixels of this image
-    valid &= ~shadowed(seen)
-    valid &= seen <= np.arange(
-        0.5, depth.shape[1], dtype=np.float32
-    )  # the left of the image is outside the right eye's
+    scale = camera.fx_px / own.focal_px  # this image's pixels in one of the device's
+    disparity = by_bands(depth_m, np.dtype(np.float32), lambda band: quotient(product, *without_void(band)))
+    lost = shadowed(disparity, scale)
     if own.least_contrast > 0:
-        valid &= _textured(depth, own, context, camera.fx_px)
+        lost |= _untextured(depth_m, own, context, camera.fx_px)
+    codes = None
     if own.sigma_px * own.noise > 0:
-        codes = uniform_codes(context.pattern_stream("disparity"), depth.shape)
-        disparity += look_up(codes, scaled_normal(own.sigma_px * own.noise))
+        codes = uniform_codes(context.pattern_stream("disparity"), disparity.shape)
+    return by_bands(
+        disparity,
+        disparity.dtype,
+        lambda seen, without, *drawn: _triangulated(seen, without, own, scale, *drawn),
+        *((lost,) if codes is None else (lost, codes)),
+    )
+
+
+def _triangulated(
+    disparity_px: NDArray[np.float32],
+    lost: NDArray[np.bool_],
+    own: Stereo,
+    scale: float,
+    codes: NDArray[np.uint16] | None = None,
+) -> NDArray[np.float32]:
+    """Return the depth of rows (H, W) by disparity, which is changed in place; 0 where it was 0 or is lost."""
+    product = own.focal_px * own.baseline_m
+    # The left of the image is outside the right eye's.
+    valid = disparity_px * np.float32(scale) <= np.arange(0.5, disparity_px.shape[1], dtype=np.float32)
+    valid &= disparity_px > 0
+    valid &= ~lost
+    if codes is not None:
+        disparity_px += look_up(codes, scaled_normal(own.sigma_px * own.noise))
     if own.step_px > 0:
-        disparity *= np.float32(1 / own.step_px)
-        np.rint(disparity, out=disparity)
-        disparity *= np.float32(own.step_px)
-    valid &= disparity <= np.float32(own.search_px)
-    valid &= disparity >= np.float32(max(product / own.max_m, 1e-6) if own.max_m > 0 else np.inf)
-    return quotient(product, disparity, valid)
+        disparity_px *= np.float32(1 / own.step_px)
+        np.rint(disparity_px, out=disparity_px)
+        disparity_px *= np.float32(own.step_px)
+    valid &= disparity_px <= np.float32(own.search_px)
+    valid &= disparity_px >= np.float32(max(product / own.max_m, 1e-6) if own.max_m > 0 else np.inf)
+    return quotient(product, disparity_px, valid)
 
 
-def _textured(depth_m: NDArray[np.float32], own: Stereo, context: FrameContext, focal_px: float) -> NDArray[np.bool_]:
-    """Return the mask (H, W) of what has contrast enough: the colour's and the projector's variances add up."""
+def _untextured(depth_m: NDArray[np.float32], own: Stereo, context: FrameContext, focal_px: float) -> NDArray[np.bool_]:
+    """Return the mask (H, W) of what has too little contrast: the colour's and the projector's variances add up."""
     import cv2
 
     grey = np.asarray(cv2.cvtColor(context.rgb, cv2.COLOR_RGB2GRAY), np.float32).reshape(depth_m.shape)
     half = max(round(WINDOW_PX * focal_px / own.focal_px / 2 - 0.5), 1)
     window = (2 * half + 1, 2 * half + 1)
     mean = np.asarray(cv2.blur(grey, window), np.float32).reshape(grey.shape)
-    variance = np.asarray(cv2.sqrBoxFilter(grey, cv2.CV_32F, window), np.float32).reshape(grey.shape)
-    variance -= mean * mean
-    np.maximum(variance, 0, out=variance)
-    if own.pattern > 0:
-        lit = quotient(mean * np.float32(own.pattern), depth_m * depth_m, depth_m > 0)
-        variance += lit * lit
+    squares = np.asarray(cv2.sqrBoxFilter(grey, cv2.CV_32F, window), np.float32).reshape(grey.shape)
+    codes = None
     if own.speckle * own.noise > 0:
         codes = uniform_codes(context.pattern_stream("speckle"), depth_m.shape)
-        variance *= look_up(codes, _speckle_squared(own.speckle * own.noise))
-    return variance >= np.float32(own.least_contrast**2)
+
+    def untextured(
+        depth_m: NDArray[np.float32],
+        mean: NDArray[np.float32],
+        variance: NDArray[np.float32],
+        codes: NDArray[np.uint16] | None = None,
+    ) -> NDArray[np.bool_]:
+        variance -= mean * mean
+        np.maximum(variance, 0, out=variance)
+        if own.pattern > 0:
+            depth, known = without_void(depth_m)
+            lit = quotient(mean * np.float32(own.pattern), depth * depth, known)
+            variance += np.square(lit, out=lit)
+        if codes is not None:
+            variance *= look_up(codes, _speckle_squared(own.speckle * own.noise))
+        return variance < np.float32(own.least_contrast**2)
+
+    return by_bands(depth_m, np.dtype(np.bool_), untextured, mean, squares, *(() if codes is None else (codes,)))
 
 
 @lru_cache(maxsize=8)

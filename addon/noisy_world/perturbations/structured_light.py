@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A structured-light camera such as the first Kinect: disparity in eighths, a window, and the projector's shadow."""
 
+import math
 from dataclasses import dataclass
 from typing import Literal
 
@@ -17,7 +18,6 @@ from ._shifted import shifted_places, taken
 from ._void import quotient, without_void
 
 LEAST_JUMP_PX = 1.0  # of disparity: less is one surface; chosen
-WHOLE = 0.9999  # of a window: all of it but for rounding
 
 
 @dataclass(frozen=True)
@@ -58,38 +58,54 @@ def apply(depth_m: NDArray[np.float32], parameters: StructuredLight, context: Fr
     own = filled(parameters, DEVICES)
     scale = camera.fx_px / own.focal_px  # this image's pixels in one of the device's
     product = own.focal_px * own.baseline_m
-    depth, valid = without_void(depth_m)
-    disparity = quotient(product, depth, valid)
-    lit = disparity * (valid & ~shadowed(disparity * np.float32(scale)))
-    lit = _matched(lit, own, scale)
+    lit = by_bands(depth_m, np.dtype(np.float32), lambda band: quotient(product, *without_void(band)))
+    lit[shadowed(lit, scale)] = 0
+    _drop_unmatched(lit, own, scale)
     if own.shift_px * own.noise > 0:
-        places = shifted_places(context.pattern_stream("place"), depth.shape, own.shift_px * own.noise * scale)
+        places = shifted_places(context.pattern_stream("place"), lit.shape, own.shift_px * own.noise * scale)
         lit = taken(lit, *places)
-    valid &= lit > 0
+    codes = None
     if own.sigma_px * own.noise > 0:
-        codes = uniform_codes(context.pattern_stream("disparity"), depth.shape)
+        codes = uniform_codes(context.pattern_stream("disparity"), lit.shape)
+    return by_bands(
+        depth_m,
+        np.dtype(np.float32),
+        lambda depth, shown, *drawn: _triangulated(depth, shown, own, *drawn),
+        *((lit,) if codes is None else (lit, codes)),
+    )
+
+
+def _triangulated(
+    depth_m: NDArray[np.float32],
+    lit: NDArray[np.float32],
+    own: StructuredLight,
+    codes: NDArray[np.uint16] | None = None,
+) -> NDArray[np.float32]:
+    """Return the depth of rows (H, W) by the disparity that they show, which is changed in place."""
+    valid = (depth_m > 0) & (depth_m < np.inf)
+    valid &= lit > 0
+    if codes is not None:
         lit += look_up(codes, scaled_normal(own.sigma_px * own.noise))
     if own.step_px > 0:
         # The published code adds half a step before rounding and leaves it there; here it is taken off again.
-        for band in bands(lit):
-            _rounded(band, own.step_px)
+        _round(lit, own.step_px)
     valid &= lit > 0
-    measured = quotient(product, lit, valid)
+    measured = quotient(own.focal_px * own.baseline_m, lit, valid)
     measured[(measured < np.float32(own.min_m)) | (measured > np.float32(own.max_m))] = 0
     return measured
 
 
-def _rounded(band: NDArray[np.float32], step_px: float) -> None:
+def _round(disparity_px: NDArray[np.float32], step_px: float) -> None:
     """Round disparity to steps and half a step, in place."""
-    band *= np.float32(1 / step_px)
-    band += np.float32(0.5)
-    np.rint(band, out=band)
-    band -= np.float32(0.5)
-    band *= np.float32(step_px)
+    disparity_px *= np.float32(1 / step_px)
+    disparity_px += np.float32(0.5)
+    np.rint(disparity_px, out=disparity_px)
+    disparity_px -= np.float32(0.5)
+    disparity_px *= np.float32(step_px)
 
 
-def _matched(disparity_px: NDArray[np.float32], own: StructuredLight, scale: float) -> NDArray[np.float32]:
-    """Return disparity (H, W), 0 where too little of the window shows the pixel's own surface.
+def _drop_unmatched(disparity_px: NDArray[np.float32], own: StructuredLight, scale: float) -> None:
+    """Clear, in place, disparity (H, W) where too little of the window shows the pixel's own surface.
 
     Of two surfaces with the mean m and the variance v, the pixel's own, d, has the share v / (v + (d - m)^2), and they
     are (v + (d - m)^2) / |d - m| apart.
@@ -98,43 +114,49 @@ def _matched(disparity_px: NDArray[np.float32], own: StructuredLight, scale: flo
 
     half = round(own.window_px * scale / 2 - 0.5)
     if half < 1 or own.least_share <= 0:
-        return disparity_px
+        return
     window = (2 * half + 1, 2 * half + 1)
-    count = _blurred((disparity_px > 0).astype(np.float32), window)
-    mean = _blurred(disparity_px, window)
-    squares = np.asarray(cv2.sqrBoxFilter(disparity_px, cv2.CV_32F, window), np.float32).reshape(disparity_px.shape)
-    least = np.float32(own.least_share)
+    size = disparity_px.shape
+    known = (disparity_px > 0).view(np.uint8)
+    count = np.asarray(cv2.boxFilter(known, cv2.CV_32S, window, normalize=False), np.int32).reshape(size)
+    mean = np.asarray(cv2.blur(disparity_px, window), np.float32).reshape(size)
+    squares = np.asarray(cv2.sqrBoxFilter(disparity_px, cv2.CV_32F, window), np.float32).reshape(size)
     # v < s (v + o^2) and v + o^2 > o j hold for no o up to (1 - s) j; less, as the window's share is rounded.
     sure_px = np.float32((1 - own.least_share - 1e-3) * LEAST_JUMP_PX)
-
-    def kept(
-        own_px: NDArray[np.float32], mean: NDArray[np.float32], squares: NDArray[np.float32], count: NDArray[np.float32]
-    ) -> NDArray[np.float32]:
-        weight = 1 / np.maximum(count, np.float32(1e-6))  # means are over what is known
-        mean = np.multiply(mean, weight, dtype=np.float32)
-        off = np.abs(own_px - mean)
-        # The others have enough: with all of the window known, one that is less far off has a share of at least that.
-        asked = np.flatnonzero((off > sure_px) | (count < WHOLE))
-        off, known, middle = np.take(off, asked), np.take(count, asked), np.take(mean, asked)
-        variance = np.take(squares, asked) * np.take(weight, asked)
-        variance -= middle * middle
-        np.maximum(variance, 0, out=variance)
-        spread = off * off
-        spread += variance
-        # share = count * variance / spread where the two are apart, else count
-        variance *= known
-        two = spread > off * np.float32(LEAST_JUMP_PX)
-        result = own_px.copy()
-        result.reshape(-1)[asked] *= np.where(two, variance >= least * spread, known >= least)
-        return result
-
-    return by_bands(disparity_px, disparity_px.dtype, kept, mean, squares, count)
+    # The others have enough: with all of the window known, one that is less far off has a share of at least that.
+    for own_px, *others in zip(*map(bands, (disparity_px, mean, squares, count)), strict=True):
+        asked = (np.abs(own_px - others[0]) > sure_px) | (others[2] < math.prod(window))
+        asked = np.flatnonzero(asked & (own_px > 0))
+        mean_px, squares_px, counted = (other.reshape(-1).take(asked) for other in others)
+        known = (counted * (1.0 / math.prod(window))).astype(np.float32)
+        kept = _enough(own_px.reshape(-1).take(asked), mean_px, squares_px, known, own.least_share)
+        own_px.reshape(-1)[asked[~kept]] = 0
 
 
-def _blurred(image: NDArray[np.float32], window: tuple[int, int]) -> NDArray[np.float32]:
-    import cv2
+def _enough(
+    own_px: NDArray[np.float32],
+    mean: NDArray[np.float32],
+    squares: NDArray[np.float32],
+    known: NDArray[np.float32],
+    least_share: float,
+) -> NDArray[np.bool_]:
+    """Return (N,) whether windows show enough of the pixels' own surfaces.
 
-    return np.asarray(cv2.blur(image, window), np.float32).reshape(image.shape)
+    mean, squares: over all of a window, what is unknown as 0. known: which share of it is known, above 0.
+    """
+    weight = np.divide(np.float32(1), known)  # means are over what is known
+    mean = np.multiply(mean, weight, dtype=np.float32)
+    off = np.abs(own_px - mean)
+    variance = squares * weight
+    variance -= mean * mean
+    np.maximum(variance, 0, out=variance)
+    spread = off * off
+    spread += variance
+    # share = known * variance / spread where the two are apart, else known
+    variance *= known
+    two = spread > off * np.float32(LEAST_JUMP_PX)
+    least = np.float32(least_share)
+    return np.where(two, variance >= least * spread, known >= least)
 
 
 PERTURBATION = DepthPerturbation(

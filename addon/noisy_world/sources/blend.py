@@ -12,6 +12,7 @@ from ..core.presets.frame_range import LAST_POSSIBLE, FrameRange, frame_range_pr
 from ..core.presets.preset import CameraSpec, Preset
 from ..core.presets.scene_keys import PathKeys, check_trajectory
 from ..core.schema import ConfigPath, key
+from .bending import check_light_lens
 from .path_files import path_file_of, read_path
 from .scene_files import FileSource
 
@@ -101,6 +102,10 @@ def blend_scene(entry: SceneEntry[BlendKeys], path: Path, parts: tuple[str, ...]
 
     preset, place, spec = entry.preset, entry.place, entry.keys
     given = preset.spec.camera
+    check_light_lens(preset)
+    if spec.compositor == "keep" and given is not None and given.distortion is not None:
+        problem = "is keep, but a compositor works on the image, and camera.distortion bends the light before it"
+        raise place.at("compositor").error(problem, "leave one of them out")
     found = inspect_blend(
         path,
         place,
@@ -130,6 +135,7 @@ def blend_scene(entry: SceneEntry[BlendKeys], path: Path, parts: tuple[str, ...]
         axes or "opencv",
         rendering,
         sampled,
+        preset.place("camera").at("distortion"),
     )
     if max(abs(source.scene_frames[0]), abs(source.scene_frames[-1])) > LAST_POSSIBLE:
         span_s = float(source.stamps_s[-1] - source.stamps_s[0])

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from ..core.channels.surface import Fact
 from ..core.datasets.storage import sha256_of_file
 from ..core.geometry import Intrinsics, nearest_rotation, opencv_from_blender_c2w, pose, rotation_error
+from ..core.optics import Distortion, Optics
 from ..core.planning.simple_source import SimpleSource
 from ..core.planning.source import (
     PERTURBED,
@@ -34,6 +35,7 @@ from ..core.trajectories.frame_request import FrameRequest
 from ..core.trajectories.sensor_paths import SensorPaths
 from ..core.trajectories.trajectory import Axes, Trajectory
 from .beginning import Beginning, beginning_of, check_beginning
+from .bending import lens_of
 from .path_files import sha256_of_path
 
 if TYPE_CHECKING:
@@ -52,6 +54,7 @@ class BlendSource(SimpleSource):
     compositor, depth_alpha: as the preset has them. found: what the scene says of itself. given: the preset's camera;
     None where the scene's own holds. path_file: of the poses, None where the scene's camera moves by itself.
     known_path, axes: what was read of it. rendering: how it is rendered. sampled: whether the preset gives the samples.
+    lens_place: where the preset says the lens.
     """
 
     place: ConfigPath
@@ -65,6 +68,7 @@ class BlendSource(SimpleSource):
     axes: Axes
     rendering: OwnRendering
     sampled: bool
+    lens_place: ConfigPath
 
     @property
     def location(self) -> str:
@@ -86,6 +90,7 @@ class BlendSource(SimpleSource):
             moving=True,
             instants_only=only,
             lit=True,
+            distorts=True,
         )
 
     def _objects(self) -> tuple[SceneObject, ...]:
@@ -101,6 +106,15 @@ class BlendSource(SimpleSource):
         if asked is not None:
             return asked
         return self.found.camera_parameters.intrinsics
+
+    def optics(self, camera: Intrinsics) -> Optics:
+        """Return the lens that its frames show. Raises InputError where it folds over within the image."""
+        return Optics(distortion=self.lens(camera))
+
+    def lens(self, camera: Intrinsics) -> Distortion | None:
+        """Return the lens that light passes. Raises InputError where it folds over, or a pinhole would be too large."""
+        spec = None if self.given is None else self.given.distortion
+        return None if spec is None else lens_of(spec, camera, self.lens_place, cast=False)
 
     def trajectory(self) -> Trajectory:
         """Return the path: the file's, or that of the scene's camera."""
@@ -188,7 +202,7 @@ class BlendSource(SimpleSource):
     ) -> "OwnSceneSession":
         from ..blender.own_scene import OwnSceneSession
 
-        return OwnSceneSession(self.file, paths, camera, options)
+        return OwnSceneSession(self.file, paths, camera, options, lens=self.lens(camera))
 
     def beginning(self, paths: SensorPaths, frames: tuple[int, ...]) -> Beginning | None:
         """Return what a path must not begin with, None where no frame is looked at."""
@@ -199,7 +213,7 @@ class BlendSource(SimpleSource):
 
 
 class SceneSession(Protocol):
-    """A scene in Blender along paths: OwnSceneSession, or one behind a lens."""
+    """A scene in Blender along paths, as OwnSceneSession is."""
 
     def serves(self, paths: SensorPaths, options: RenderOptions) -> bool:
         """Tell whether frames along other paths, with other options, would be those of a session of their own."""

@@ -11,15 +11,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from ..core.geometry import Intrinsics
-from ..core.planning.source import Motion, OwnRendering, RenderedFrame, RenderOptions, SourceCapabilities
+from ..core.planning.source import OwnRendering, RenderOptions, SourceCapabilities
 from ..core.presets.preset import Preset
 from ..core.scenes.mesh_files import imported_format
 from ..core.scenes.scene_object import SceneObject
 from ..core.scratch import ScratchFolder
-from ..core.trajectories.frame_request import FrameRequest
 from ..core.trajectories.sensor_paths import SensorPaths
-from .bending import Bending, overscanned, surfaces_bent
-from .blend_source import PERTURBED_LIGHT, SEEN, PreparedBlend, SceneSession  # noqa: TID253 - it is one itself
+from .bending import check_light_lens
+from .blend_source import PERTURBED_LIGHT, SEEN, PreparedBlend  # noqa: TID253 - it is one itself
 from .imported_meshes import write_lit_file  # noqa: TID253 - with light, it is imported
 from .mesh_source import MeshSource
 
@@ -73,10 +72,9 @@ class LitMeshSource(MeshSource):
         """Prepare to render frames; the file is imported when the first path is opened."""
 
         lens = self.lens(camera)
-        bending = None if lens is None else Bending(overscanned(camera, lens), camera, lens)
 
-        def opened(paths: SensorPaths, options: RenderOptions, closing: contextlib.ExitStack) -> "SceneSession":
-            from ..blender.own_scene import LightLens, OwnSceneFile, OwnSceneSession
+        def opened(paths: SensorPaths, options: RenderOptions, closing: contextlib.ExitStack) -> "OwnSceneSession":
+            from ..blender.own_scene import OwnSceneFile, OwnSceneSession
 
             assert self.mesh_path is not None
             scratch = _room_for(self.mesh_path)
@@ -86,40 +84,10 @@ class LitMeshSource(MeshSource):
             for text in (*notes, *self.trajectory().notes):
                 note(text)
             file = file_of(lit, self.stamps_s.tolist(), OwnSceneFile)
-            if bending is None:
-                return OwnSceneSession(file, paths, camera, options)
-            light = LightLens((camera.width_px, camera.height_px), bending.rgb)
-            return BentLight(OwnSceneSession(file, paths, bending.pinhole, options, lens=light), bending)
+            return OwnSceneSession(file, paths, camera, options, lens=lens)
 
         with contextlib.ExitStack() as closing:
             yield PreparedBlend(opened, self.beginning, closing)
-
-
-@dataclass
-class BentLight:
-    """A lit scene's session of a pinhole that passes light through a lens itself; depth and the rest are bent here."""
-
-    session: "OwnSceneSession"
-    bending: Bending
-
-    def serves(self, paths: SensorPaths, options: RenderOptions) -> bool:
-        """Tell whether frames along other paths, with other options, would be those of a session of their own."""
-        return self.session.serves(paths, options)
-
-    def frame(self, request: FrameRequest) -> RenderedFrame:
-        """Render a frame as the lens shows it."""
-        return surfaces_bent(self.session.frame(request), self.bending)
-
-    def motion(self, here: FrameRequest, there: FrameRequest) -> Motion | None:
-        """Return how what is seen moves: None, as nothing moves in the file of a mesh."""
-        return self.session.motion(here, there)
-
-    def __enter__(self) -> "BentLight":
-        self.session.__enter__()
-        return self
-
-    def __exit__(self, *error: object) -> None:
-        self.session.__exit__(*error)
 
 
 def _room_for(mesh: Path) -> ScratchFolder:
@@ -157,9 +125,7 @@ def lit_mesh(preset: Preset, plain: MeshSource) -> LitMeshSource:
         problem = "is embree, which knows no lights"
         raise preset.place("render.engine").error(problem, "leave light: scene out, or use cycles")
     camera = preset.spec.mesh_camera
-    if camera.distortion is not None and camera.distortion.undistort:
-        place = preset.place("camera").at("distortion").at("undistort")
-        raise place.error("is true, but light before a view transform is not undistorted", "leave it out")
+    check_light_lens(preset)
     samples = render_spec.samples if "samples" in given else LIT_SAMPLES
     rendering = OwnRendering(engine, samples, camera.near_m, camera.far_m)
     return LitMeshSource(**{item.name: getattr(plain, item.name) for item in fields(plain)}, rendering=rendering)

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.bending import Bending
 from ..core.datasets.registration import Registration
 from ..core.geometry import Intrinsics
 from ..core.optics import Distortion, Optics
-from .bending import Bending
 
 
 @dataclass(frozen=True)

@@ -7,13 +7,14 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.bending import Bending, overscanned
 from ..core.geometry import Intrinsics
 from ..core.optics import Distortion
 from ..core.planning.source import RenderedFrame, RenderOptions
 from ..core.scenes.mesh import Mesh
 from ..core.trajectories.frame_request import FrameRequest
 from ..core.trajectories.sensor_paths import SensorPaths
-from .bending import Bending, BentSession, overscanned
+from .bending import BentSession
 from .rectification import Rectification
 
 

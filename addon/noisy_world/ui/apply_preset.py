@@ -224,9 +224,10 @@ def _apply_path(panel: Any, preset: Preset) -> None:
 def _apply_camera(panel: Any, preset: Preset) -> None:
     panel.lens_source = "SCENE" if preset.spec.camera is None else "GIVEN"
     panel.recorded_camera = "RECORDED" if preset.spec.camera is None else "GIVEN"
-    if shown(panel).loads:
+    source = shown(panel)
+    if source.distorts and not source.own_distortion:
         take_distortion(panel, preset.spec.mesh_camera.distortion)
-    if preset.spec.camera is None and shown(panel).lens_field:
+    if preset.spec.camera is None and source.lens_field:
         return
     for name, field in CAMERA.items():
         set_value(panel, name, getattr(preset.spec.mesh_camera, field))

@@ -131,9 +131,9 @@ def camera_of(panel: Any) -> dict[str, Any]:
 
 
 def _lens(panel: Any) -> dict[str, Any]:
-    """Return the lens that meshes are seen through; a recording's is said of its scene."""
+    """Return the lens of the camera; a recording's is said of its scene."""
     source = shown(panel)
-    return distortion_of(panel, rendered=True) if source.distorts and source.loads else {}
+    return distortion_of(panel, rendered=source.loads) if source.distorts and not source.own_distortion else {}
 
 
 def _path(path: str, folder: Path | None) -> str:

@@ -169,7 +169,7 @@ class NOISYWORLD_PT_camera(PanelSection, bpy.types.Panel):
         """Draw it."""
         layout, panel = self.fields(context), panel_of(context.scene)
         source = shown(panel)
-        if source.distorts and not source.loads:
+        if source.own_distortion:
             draw_distortion(layout, panel, rendered=False)
         if source.lens_field:
             layout.prop(panel, source.lens_field)
@@ -181,8 +181,8 @@ class NOISYWORLD_PT_camera(PanelSection, bpy.types.Panel):
             column = layout.column(align=True)
             for name in names:
                 column.prop(panel, name)
-        if source.distorts and source.loads:
-            draw_distortion(layout, panel, rendered=True)
+        if source.distorts and not source.own_distortion:
+            draw_distortion(layout, panel, rendered=source.loads)
         if source.loads and own_object(context.scene, "camera") is None:
             layout.operator("noisy_world.set_camera", icon="CAMERA_DATA")
 

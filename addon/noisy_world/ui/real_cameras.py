@@ -71,7 +71,8 @@ def use_camera(panel: Any, name: str, *, electronics: bool) -> str:
     """
     place = ConfigPath(PANEL, "camera")
     camera = parse(CameraSpec, with_device({"camera": {"device": name}}, ConfigPath(PANEL))["camera"], place)
-    if not shown(panel).gives_lens(panel):
+    source = shown(panel)
+    if not source.gives_lens(panel):
         raise InputError(PANEL, "this scene's own camera is used", where="camera", remedy="choose to give one here")
     steps = parse_steps([{DEVICE: name}], place, registry()) if electronics else ()
     rolls = panel.engine == EMBREE
@@ -79,7 +80,7 @@ def use_camera(panel: Any, name: str, *, electronics: bool) -> str:
     with notify_once():
         for field in INTRINSICS:
             set_value(panel, field, getattr(camera, CAMERA[field]))
-        if shown(panel).loads:
+        if source.distorts and not source.own_distortion:
             take_distortion(panel, camera.distortion)
         for step in steps:
             if step not in left:

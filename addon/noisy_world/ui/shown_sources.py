@@ -30,7 +30,8 @@ class ShownSource(ABC):
     source: its name in presets. files: the keys of a scene that name files, relative to the preset. loads: whether a
     mesh of it is loaded into this file, along the panel's trajectory. lens_field, render_field: the properties that say
     whether the panel gives intrinsics, and engine and samples, or the source; "" where the panel always does. distorts:
-    whether its frames can be shown through a lens that distorts. carries: whether its camera can carry an IMU.
+    whether its frames can be shown through a lens that distorts, and own_distortion, whether that is said of its scene
+    rather than of the camera. carries: whether its camera can carry an IMU.
     """
 
     source: ClassVar[str]
@@ -39,6 +40,7 @@ class ShownSource(ABC):
     lens_field: ClassVar[str] = ""
     render_field: ClassVar[str] = ""
     distorts: ClassVar[bool] = False
+    own_distortion: ClassVar[bool] = False
     carries: ClassVar[bool] = True
 
     def shows(self, keys: Any) -> bool:
@@ -157,6 +159,7 @@ class _ThisScene(ShownSource):
     files = ("blend",)
     lens_field = "lens_source"
     render_field = "render_source"
+    distorts = True
 
     def has_path(self, panel: Any) -> bool:
         return not this_scene.follows(panel)
@@ -219,7 +222,7 @@ class _Footage(ShownSource):
 class _Recording(_Footage):
     source = "sequence"
     files = ("sequence",)
-    distorts = True
+    distorts = own_distortion = True
 
     def entry(self, panel: Any, place: ConfigPath) -> dict[str, Any]:
         defaults = {item.name: item.default for item in fields(RecordingKeys)}

@@ -13,12 +13,14 @@ from ..blender.still import render_stills
 from ..blender.still_process import StillRequest
 from ..core.datasets.provenance import render_seed
 from ..core.errors import InputError
+from ..core.optics import Distortion
 from ..core.perturbing.execution import split_motion
 from ..core.planning.source import RenderedFrame
 from ..core.presets.preset import EngineName
+from ..sources.bending import lens_of
 from . import excluded, footage, this_scene, world
 from .described import EMBREE
-from .document import PANEL, engine_of, intrinsics_of, motion_of, recorded
+from .document import PANEL, engine_of, intrinsics_of, motion_of, preset_of, recorded
 from .paths import clean_poses, clean_stamps_s, deviated_poses
 from .properties import panel_of
 from .source_fields import ITEMS
@@ -103,7 +105,19 @@ def own_still(scene: bpy.types.Scene, index: int) -> OwnStill:
         seed=render_seed(panel.seed),
         keep_compositor=panel.compositing == "keep",
         depth_alpha=panel.depth_alpha,
+        lens=_lens(panel),
     )
+
+
+def _lens(panel: Any) -> Distortion | None:
+    """Return the lens that distorts what the panel's camera sees. Raises InputError where it cannot."""
+    if panel.lens_source != "GIVEN" or not panel.distorts:
+        return None
+    preset = preset_of(panel)
+    assert preset.spec.camera is not None, "the panel gives it"
+    assert preset.spec.camera.distortion is not None, "it distorts"
+    place = preset.place("camera").at("distortion")
+    return lens_of(preset.spec.camera.distortion, intrinsics_of(panel), place, cast=False)
 
 
 def _engine(panel: Any) -> EngineName:

@@ -54,7 +54,7 @@ class CameraSpec:
         choices={name: Choice(item.label, item.meaning) for name, item in CAMERA_DEVICES.items()},
         identity="meaning",
     )
-    distortion: DistortionSpec | None = key("the lens that meshes are seen through, where it distorts", default=None)
+    distortion: DistortionSpec | None = key("the lens of what is rendered, where it distorts", default=None)
 
     @property
     def intrinsics(self) -> Intrinsics:
