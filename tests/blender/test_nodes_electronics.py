@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import cv2
 import numpy as np
+import pytest
 from cases import cases
 from group_tools import IDENTIFIERS, by_groups, keep_written, levels_apart, picture, step_of
 from many_settings import image, records, run
@@ -16,9 +17,14 @@ from noisy_world.core.perturbing.earlier_frames import EarlierFrame, small_light
 from noisy_world.core.perturbing.execution import ColourWork, perturb_colour
 from noisy_world.core.perturbing.kinds import FrameContext
 from noisy_world.core.perturbing.lit import on_light
+from noisy_world.core.trajectories.frame_request import Shutter
 
 STAMP_S = 0.35
-BOTH = [("auto_exposure", {"light_stops": -2, "lag_s": 0.1}), ("white_balance", {"severity": 5, "warmth_stops": 0.5})]
+BOTH = [
+    ("auto_exposure", {"light_stops": -2, "lag_s": 0.1}),
+    ("flicker", {"modulation": 0.5, "readout_ms": 15.0}),
+    ("white_balance", {"severity": 5, "warmth_stops": 0.5}),
+]
 GIVEN = {
     "grey world": [("white_balance", {"severity": 5, "lag_s": 0.0})],
     "late and wrong": [("white_balance", {"strength": 0.4, "lag_s": 0.5, "warmth_stops": 1.2, "tint_stops": -0.6})],
@@ -28,7 +34,15 @@ GIVEN = {
         ("auto_exposure", {"light_stops": 2, "min_ms": 10, "max_ms": 10, "max_gain_db": 0}),
         ("white_balance", {"warmth_stops": -3, "strength": 0.0}),
     ],
+    "lamps": [("flicker", {"severity": 5, "readout_ms": 31.0})],
+    "lamps at the automatic's exposure": [
+        ("auto_exposure", {"light_stops": 1, "max_ms": 7.0}),
+        ("flicker", {"mains_hz": 60, "modulation": 1.0}),
+        ("white_balance", {}),
+    ],
 }
+SHUTTERS = [Shutter(0.001, 0.003, 0.037, direction) for direction in ("down", "up", "left", "right")]
+SHUTTERS += [Shutter(-0.02, 0.0, 0.03), Shutter.centred(0.013), Shutter.centred(0.02)]
 
 
 def where():
@@ -78,15 +92,34 @@ def test_nodes_are_their_references_on_light_of_any_brightness():
         assert not np.allclose(made[name], light, rtol=0.05), name
 
 
+@cases("shutter", SHUTTERS)
+def test_bands_lie_where_the_shutter_has_its_lines(shutter):
+    light = np.full((37, 53, 3), 0.3, np.float32)
+    light[5:9, 5:9] = 100.0
+    given = {"mains_hz": 50, "modulation": 0.9, "readout_ms": 12.0, "exposure_ms": 2.0}
+    work = ColourWork.of((step_of("flicker", **given),), replace(where(), shutter=shutter))
+    with Compositor((53, 37), {"x": steps_of([("flicker", given)])}, 53, lit=True) as compositor:
+        made = compositor.evaluate(light, {"x": (7, IDENTIFIERS)}, decided={"x": decided_by(work)})[0]["x"]
+    wanted = on_light(work, light)
+    assert np.allclose(made, wanted, rtol=1e-3, atol=1e-6)
+    assert np.allclose(wanted, light, rtol=1e-4) == (shutter.exposure_s == 0.02), "two whole turns of the lamps"
+
+
 def test_an_artist_keys_what_the_automatics_would_decide(tmp_path):
     """By closed form: light times two to the power of the stops."""
     light = picture(20, 30) ** np.float32(2.2)
     light[5:10, 5:10] = 20.0
     gains = {"Red Gain": 1.5, "Green Gain": -0.25, "Blue Gain": -2.0}
+    lamps = {"Swing": 0.5, "Phase": 7.25, "Bands Down": 1.5, "Bands Across": -2.0}
     nodes = {"exposed": ("auto_exposure", {"Exposure": -3.0}), "balanced": ("white_balance", gains)}
+    nodes |= {"lit": ("flicker", lamps)}
     found = by_groups(nodes, light, tmp_path)
     assert np.allclose(found["exposed"], light / 8, rtol=1e-5)
     assert np.allclose(found["balanced"], light * 2.0 ** np.array(list(gains.values())), rtol=1e-5)
+    down, across = (np.arange(20) + 0.5) / 20 - 0.5, (np.arange(30) + 0.5) / 30 - 0.5
+    turns = 7.25 + 1.5 * down[:, None] - 2.0 * across
+    wave = 1 + 0.5 * np.cos(2 * np.pi * turns)
+    assert np.allclose(found["lit"], light * wave[..., None], rtol=1e-4)
 
 
 def test_where_nothing_was_seen_the_group_shows_what_follows_mid_grey():
@@ -99,16 +132,19 @@ def test_where_nothing_was_seen_the_group_shows_what_follows_mid_grey():
     assert levels_apart(made, np.clip(perturb_colour(step, rgb, None, context), 0, 1))[0] < 0.05
 
 
-def test_a_dataset_of_both_backends_has_equal_frames(tmp_path):
+def test_a_dataset_of_both_backends_has_equal_frames_and_noise_of_equal_strength(tmp_path):
+    """Noise is drawn by each backend itself, at the gain that auto-exposure told both."""
+    noisy = [*BOTH, ("sensor_noise", {"severity": 4})]
     path = write_world(
         tmp_path / "world",
         frames=3,
-        size=(16, 12),
+        size=(64, 48),
         render={"engine": "embree"},
         output={"layout": "replica", "image": "png"},
         settings=[
-            {"name": backend, "backend": backend, "perturb": [{name: values} for name, values in BOTH]}
-            for backend in ("reference", "compositor")
+            {"name": name + end, "backend": name, "stream": "one", "perturb": [{kind: given} for kind, given in steps]}
+            for name in ("reference", "compositor")
+            for end, steps in (("", BOTH), ("_noisy", noisy))
         ],
     )
     run(path, tmp_path / "out")
@@ -118,8 +154,15 @@ def test_a_dataset_of_both_backends_has_equal_frames(tmp_path):
             for backend in ("reference", "compositor")
         )
         assert np.abs(arrays - nodes).max() <= 1
+        strength = [
+            (cv2.imread(str(image(tmp_path / "out", f"{backend}_noisy", "frame", frame))) - arrays).std()
+            for backend in ("reference", "compositor")
+        ]
+        assert strength[0] > 5
+        assert strength[1] == pytest.approx(strength[0], rel=0.1)
     told = [
         [each["perturbed"]["camera"] for each in records(tmp_path / "out", name)]
-        for name in ("reference", "compositor")
+        for name in ("reference", "compositor", "reference_noisy", "compositor_noisy")
     ]
     assert told[0] == told[1]
+    assert told[2] == told[3]

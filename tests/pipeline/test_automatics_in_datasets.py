@@ -19,7 +19,7 @@ from srgb import linear
 from worlds import write_world
 
 import noisy_world
-from noisy_world.core.errors import InputError, InterruptedRunError
+from noisy_world.core.errors import InterruptedRunError
 from noisy_world.core.presets.preset import read_preset
 from noisy_world.core.progress import PlainProgress
 from noisy_world.perturb import frames
@@ -165,9 +165,3 @@ def test_a_recipe_makes_the_same_frames(tmp_path):
                 found = opened[name][index]
                 written = recipe.out / name / f"results/frame{index:06d}.png"
                 assert np.array_equal(found.rgb, cv2.imread(str(written))[..., ::-1])
-
-
-def test_the_compositor_is_refused_by_name(tmp_path):
-    path = world(tmp_path / "world", render={"backend": "compositor"})
-    with pytest.raises(InputError, match="phone: flicker has no node group for the compositor"):
-        make_plan(read_preset(path))

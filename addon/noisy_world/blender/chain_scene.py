@@ -59,6 +59,7 @@ def make_chain(
         now=now,
         intrinsics=intrinsics,
         camera_state_at=camera_state_at,
+        lit=lit,
     )
     if tree != old:
         _remove_unused(children)

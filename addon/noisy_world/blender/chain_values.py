@@ -3,6 +3,7 @@
 
 import json
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from typing import Any, TypeAlias
 
 import bpy
@@ -37,12 +38,13 @@ def set_values(
     now: int | None,
     intrinsics: Intrinsics | None = None,
     camera_state_at: CameraStateAt | None = None,
+    lit: bool = False,
 ) -> None:
     """Set the sockets of a chain, and key them over `frames` where they change.
 
     A socket is set only where its value is another than we gave it last, and never where a user has linked or keyed it.
     now: the current scene frame, by default the first. intrinsics: of the camera, if known. stance_at: how it stands
-    and moves; without it, its sockets are left alone.
+    and moves; without it, its sockets are left alone. lit: the chain is of a lit scene.
     """
     if BUILT_AS not in tree:
         tree[BUILT_AS] = _structure(tree)
@@ -54,7 +56,8 @@ def set_values(
         node = tree.nodes.get(step_node(step))
         if node is None:  # a user has removed it
             continue
-        each = list(_values(step, frames, identifiers, index_of, intrinsics, camera_state_at=camera_state_at))
+        shown = partial(shown_values, step, identifiers=identifiers, intrinsics=intrinsics, lit=lit)
+        each = list(_values(step, frames, identifiers, index_of, shown, camera_state_at=camera_state_at))
         for name in dict.fromkeys(name for _, sockets in each for name in sockets):
             socket = node.inputs[name]
             path = socket.path_from_id("default_value")
@@ -95,7 +98,7 @@ def _values(
     frames: Sequence[int],
     identifiers: Identifiers,
     index_of: IndexOf | None,
-    intrinsics: Intrinsics | None,
+    shown: Callable[..., dict[str, Any]],
     *,
     camera_state_at: CameraStateAt | None,
 ) -> Iterator[tuple[int, Any]]:
@@ -106,7 +109,7 @@ def _values(
         index = k if index_of is None else index_of(k)
         severity = step.severity_of(step.context(FrameContext(index, identifiers)))
         if severity not in by_severity:
-            by_severity[severity] = shown_values(step, index, identifiers, scene_frame=index, intrinsics=intrinsics)
+            by_severity[severity] = shown(index=index, scene_frame=index)
         values = by_severity[severity]
         if camera_state_at is not None:
             values = values | camera_state_values(step, severity, camera_state_at(index))

@@ -267,6 +267,7 @@ class Compositor:
                 intrinsics=self._intrinsics,
                 camera_state=camera_state_of(motion),
                 decided=decided.get(step_node(step)),
+                lit=self._lit,
             )
             notes.append(note)
         flat = {

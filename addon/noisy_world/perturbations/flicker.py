@@ -9,6 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.linear_light import decoded, encoded
+from ..core.node_graphs.graph import Socket
+from ..core.node_graphs.groups import Canvas
+from ..core.perturbing.by_frame import ByFrame, FrameValue
 from ..core.perturbing.kinds import ColourPerturbation, FrameContext
 from ..core.schema import key
 from ..core.trajectories.frame_request import Shutter
@@ -86,6 +89,35 @@ def apply(rgb: NDArray[np.float32], parameters: Flicker, context: FrameContext) 
     return by_bands(rgb, rgb.dtype, lambda band, own: encoded(decoded(band) * own), light[:, None, None])
 
 
+def bands_of(parameters: Flicker, context: FrameContext) -> Mapping[str, float]:
+    """Return what a frame's lines are lit by, as its node group is told: see `build`."""
+    shutter, lamps_hz = shutter_of(parameters, context), 2 * parameters.mains_hz
+    middle_s = shutter.opens_s + (shutter.exposure_s + shutter.readout_s) / 2
+    turns = math.fmod((context.stamp_s or 0.0) * lamps_hz, 1.0) + middle_s * lamps_hz
+    bands = lamps_hz * shutter.readout_s * (1 if shutter.direction in ("down", "right") else -1)
+    down = shutter.direction in ("down", "up")
+    return {
+        "swing": parameters.modulation * float(np.sinc(lamps_hz * shutter.exposure_s)),
+        "phase": (turns + phase_of(context) / (2 * math.pi)) % 1.0,
+        "bands_down": bands if down else 0.0,
+        "bands_across": 0.0 if down else bands,
+    }
+
+
+def build(canvas: Canvas, given: Mapping[str, Socket], _served: Mapping[str, float]) -> Socket:
+    """Light by 1 + swing cos(2 pi (phase + bands from the middle))."""
+    graph = canvas.graph
+    with graph.section("Bands"):
+        share = graph.node("CompositorNodeImageCoordinates", {"Image": canvas.image}).out("Normalized", "vector")
+        down = graph.math("MULTIPLY_ADD", 0.5 - share.y, given["bands_down"], given["phase"])
+        turns = graph.math("MULTIPLY_ADD", share.x - 0.5, given["bands_across"], down)
+    with graph.section("Lamps"):
+        wave = graph.math("COSINE", graph.math("FRACT", turns) * (2 * math.pi))
+        factor = graph.math("MULTIPLY_ADD", wave, given["swing"], 1.0)
+    with graph.section("Light"):
+        return canvas.image * graph.vector(factor, factor, factor)
+
+
 PERTURBATION = ColourPerturbation(
     name="flicker",
     label="Flicker",
@@ -98,4 +130,21 @@ PERTURBATION = ColourPerturbation(
     temporals=("fixed", "fresh"),
     on_light=True,
     decides=decides,
+    build=build,
+    linear=True,
+    by_frame=ByFrame(
+        {
+            "swing": FrameValue("How much of its mean the light goes up and down", 0.2, -1.0, 1.0),
+            "phase": FrameValue(
+                "Turns of the lamps' light at the image's middle; with keys that rise they go on", 0.0, -1e6, 1e6
+            ),
+            "bands_down": FrameValue(
+                "Turns of the lamps' light while lines are read from top to bottom; below 0 upwards", 2.0, -2e4, 2e4
+            ),
+            "bands_across": FrameValue(
+                "Turns of the lamps' light while lines are read from left to right; below 0 leftwards", 0.0, -2e4, 2e4
+            ),
+        },
+        bands_of,
+    ),
 )

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The noise of an image sensor, from light to numbers: photons, dark current, reading, gain, black level and bits."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -8,12 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.linear_light import decoded, encoded
+from ..core.node_graphs.group_inputs import SEEDS
+from ..core.perturbing.by_frame import ByFrame
 from ..core.perturbing.kinds import ColourPerturbation, FrameContext
 from ..core.schema import key
 from ..core.streams import stream
 from ._bands import by_bands
 from ._grain import grain
 from ._quantiles import CODES, look_up, scaled_normal, uniform_codes
+from ._sensor_nodes import build
 
 MS_PER_S = 1000.0
 FEW = 8.0  # mean number of electrons below which Poisson's law itself is drawn; chosen
@@ -80,9 +84,8 @@ class SensorNoise:
 
 def apply(rgb: NDArray[np.float32], parameters: SensorNoise, context: FrameContext) -> NDArray[np.float32]:
     """Take (H, W, 3) with a sensor."""
-    decided = context.decided
-    seconds = decided.get("exposure_ms", parameters.exposure_ms) / MS_PER_S
-    gain = 10.0 ** ((parameters.gain_db + decided.get("gain_db", 0.0)) / 20.0)
+    seconds = exposure_ms(parameters, context) / MS_PER_S
+    gain = 10.0 ** (gain_db(parameters, context) / 20.0)
     full_at = 2.0**parameters.headroom_stops if context.lit else 1.0
     white_electrons = parameters.full_well_electrons / gain
     drawn = _Drawn(parameters, context, rgb.shape[:2])
@@ -102,6 +105,27 @@ def apply(rgb: NDArray[np.float32], parameters: SensorNoise, context: FrameConte
         return encoded(np.maximum(light, np.float32(0)))
 
     return by_bands(rgb, rgb.dtype, taken, hot, *drawn.fields)
+
+
+def exposure_ms(parameters: SensorNoise, context: FrameContext) -> float:
+    """Return for how long the dark current gathers in a frame."""
+    return context.decided.get("exposure_ms", parameters.exposure_ms)
+
+
+def gain_db(parameters: SensorNoise, context: FrameContext) -> float:
+    """Return all gain of a frame."""
+    return parameters.gain_db + context.decided.get("gain_db", 0.0)
+
+
+def told(parameters: SensorNoise, context: FrameContext) -> Mapping[str, float]:
+    """Return the parameters that its node group is told for a frame. Where hot pixels are has a seed of its own."""
+    hot = stream(int(context.identifiers[0]), "sensor_noise", "hot pixels", parameters.sensor, "compositor")
+    return {
+        "gain_db": gain_db(parameters, context),
+        "exposure_ms": exposure_ms(parameters, context),
+        "headroom_stops": parameters.headroom_stops if context.lit else 0.0,
+        "sensor": int(hot.integers(SEEDS)),
+    }
 
 
 def numbers_of(electrons: NDArray[np.float32], parameters: SensorNoise, white_electrons: float) -> NDArray[np.float32]:
@@ -225,4 +249,7 @@ PERTURBATION = ColourPerturbation(
     temporals=("fresh", "fixed"),
     grain=True,
     on_light=True,
+    build=build,
+    linear=True,
+    by_frame=ByFrame({}, told),
 )

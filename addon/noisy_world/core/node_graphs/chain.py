@@ -154,22 +154,25 @@ def socket_values(
     intrinsics: Intrinsics | None = None,
     camera_state: CameraState | None = None,
     decided: FrameContext | None = None,
+    lit: bool = False,
 ) -> tuple[dict[str, Any], dict[str, Any]]:
     """Return the values of a bare group's sockets for a frame of a sequence, by name, and a note for the provenance.
 
     scene_frame: the frame of Blender's scene while this frame is evaluated. intrinsics: of the camera, if
     known. camera_state: how it stands and moves; None leaves its sockets alone. decided: the step's context of the
-    frame with what automatics decided; None where no earlier frames are known, as `without_frames` says.
+    frame with what automatics decided; None where no earlier frames are known, as `without_frames` says. lit: the chain
+    is of a lit scene.
     """
     context = step.context(FrameContext(index, identifiers))
     severity = step.severity_of(context)
     note = step.note(context, severity)
     values: dict[str, Any] = {"Enabled": severity != 0}
     perturbation = step.perturbation
-    if severity != 0 and perturbation.by_frame is not None:
-        values |= _frame_values(step, severity, decided or without_frames(context))
+    told = {} if severity == 0 else _told(step, severity, replace(decided or without_frames(context), lit=lit))
+    if not perturbation.has_parameter_sockets:
+        values |= {socket_name(name): value for name, value in told.items()}
     elif severity != 0:
-        parameters = step.parameters(severity)
+        parameters = replace(step.parameters(severity), **told)
         if intrinsics is not None and perturbation.by_camera is not None:
             parameters = replace(parameters, **perturbation.by_camera(intrinsics))
         for item in fields(parameters):
@@ -187,14 +190,15 @@ def socket_values(
     return values, note
 
 
-def _frame_values(step: Step[ColourPerturbation], severity: float | None, context: FrameContext) -> dict[str, float]:
-    """Return the values that a step's group is told for a frame, by their sockets' names."""
+def _told(step: Step[ColourPerturbation], severity: float | None, context: FrameContext) -> dict[str, float]:
+    """Return what a step's group is told for a frame, by name: values, or parameters."""
     by_frame = step.perturbation.by_frame
-    assert by_frame is not None, "its group is told"
+    if by_frame is None:
+        return {}
     if step.perturbation.decides is not None and context.read_decided is None:
         ((_, context, _),) = deciding(((step, context, severity),))
     made = by_frame.of(step.parameters(severity), context)
-    return {socket_name(name): float(made[name]) for name in by_frame.values}
+    return dict(made) if not by_frame.values else {name: float(made[name]) for name in by_frame.values}
 
 
 def camera_state_values(
@@ -219,13 +223,14 @@ def shown_values(
     scene_frame: int = 0,
     intrinsics: Intrinsics | None = None,
     decided: FrameContext | None = None,
+    lit: bool = False,
 ) -> dict[str, Any]:
     """Return what `socket_values` does for a group that people see: by its Severity, where that decides all the same.
 
     Only whole levels go by the severity, as the table's values are exact there.
     """
     values, note = socket_values(
-        step, index, identifiers, scene_frame=scene_frame, intrinsics=intrinsics, decided=decided
+        step, index, identifiers, scene_frame=scene_frame, intrinsics=intrinsics, decided=decided, lit=lit
     )
     table = step.perturbation.group_severities
     if not table or not values["Enabled"]:

@@ -190,7 +190,7 @@ def _parameters(
 
     With severity, the switch by which those of its table override it.
     """
-    if perturbation.by_frame is not None:
+    if not perturbation.has_parameter_sockets:
         return {name: graph.input(item) for name, item in frame_inputs(perturbation).items()}, None
     inputs = parameter_inputs(perturbation, served)
     always = [name for name in inputs if name not in perturbation.severities]
@@ -202,7 +202,7 @@ def _parameters(
 
 def _in_pixels_and_degrees(perturbation: ColourPerturbation, name: str, value: Socket, canvas: Canvas) -> Socket:
     """Return a parameter as a perturbation builds on it: sizes in pixels of the image, angles in degrees."""
-    unit = "" if perturbation.by_frame is not None else unit_of(perturbation, name)
+    unit = unit_of(perturbation, name) if perturbation.has_parameter_sockets else ""
     return value * canvas.scale if unit == "px" else value * (180 / math.pi) if unit == "deg" else value
 
 

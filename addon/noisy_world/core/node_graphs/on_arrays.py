@@ -301,7 +301,8 @@ def _filter(_properties: Values, values: Values) -> Held:
 def _crop(_properties: Values, values: Values) -> Held:
     width, height = (int(number(values[side])) for side in ("Width", "Height"))
     size = size_of(values["Image"])
-    x, y, z = (whole(part, size)[:height, :width] for part in triple(values["Image"]))
+    left, low = (int(number(values.get(name, 0))) for name in "XY")
+    x, y, z = (whole(part, size)[low : low + height, left : left + width] for part in triple(values["Image"]))
     return x, y, z
 
 

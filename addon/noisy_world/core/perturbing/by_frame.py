@@ -28,7 +28,8 @@ class ByFrame:
     """All that a group is told for a frame.
 
     values: by name, as parameters are named; the group has a socket for each, and none for parameters, since these
-    decide them. of: parameters; the frame's context -> each value.
+    decide them. Without any, the sockets are those of parameters, and some of these are told. of: parameters; the
+    frame's context -> each value, or each parameter that is told.
     """
 
     values: Mapping[str, FrameValue]

@@ -240,7 +240,7 @@ class ColourPerturbation(Perturbation):
     anything is encoded, so on lit frames it acts on light too, and takes and gives what is brighter than 1.
     looks_back_s: parameters -> how many seconds of earlier frames it asks its context for. decides: what it sets by
     these; the contexts of its own and of later steps of the setting hold it. by_frame: what the group is told for each
-    frame in place of parameters, which it then has no sockets for.
+    frame, in place of parameters or of some of them.
 
     Raises ValueError for another stage, for temporals of what is repeatable, and where it looks back and is repeatable.
     """
@@ -265,14 +265,19 @@ class ColourPerturbation(Perturbation):
     by_frame: ByFrame | None = None
 
     @property
+    def has_parameter_sockets(self) -> bool:
+        """Whether its node group has sockets for its parameters, not for what they decide in a frame."""
+        return self.by_frame is None or not self.by_frame.values
+
+    @property
     def group_severities(self) -> Mapping[str, Sequence[float]]:
         """The table of severities that its node group has."""
-        return {} if self.by_frame is not None else self.severities
+        return self.severities if self.has_parameter_sockets else {}
 
     @property
     def group_temporals(self) -> tuple[Temporal, ...]:
         """How its node group's pattern may change; () where it draws none itself."""
-        return () if self.by_frame is not None else self.temporals
+        return self.temporals if self.has_parameter_sockets else ()
 
     @property
     def acts_on_light(self) -> bool:
