@@ -15,6 +15,7 @@ from noisy_world.evaluation.analysis.run_table import SETTING, tidy_runs
 from noisy_world.evaluation.analysis.tables import analyse
 from noisy_world.evaluation.report.analysed import curves_of, table_of, with_interval
 from noisy_world.evaluation.report.evaluated import opening
+from noisy_world.evaluation.report.figures.ranking import numbered_decades
 from noisy_world.evaluation.report.findings import found_of, ranking_picture, sentences
 from noisy_world.evaluation.report.headline import headline_table
 from noisy_world.evaluation.report.reading import read_results
@@ -183,3 +184,16 @@ def test_intervals_are_shown_from_five_on(tmp_path):
         assert ("[-0." in markdown_table(table_of("differences", analyses["differences"]), 40)) is shown
         assert analyses["differences"]["low"].notna().any()  # the file has them
         assert any("Dotted lines" in picture.about for picture in curves_of(analyses)[0]) is shown
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "numbered"),
+    [
+        (0.8, 60.0, [1.0, 10.0]),
+        (0.5, 5e3, [1.0, 10.0, 100.0, 1e3]),
+        (0.2, 1.3e5, [1.0, 100.0, 1e4]),
+        (0.002, 200.0, [0.01, 1.0, 100.0]),
+    ],
+)
+def test_a_long_scale_is_numbered_at_every_second_power_of_ten(low, high, numbered):
+    assert numbered_decades(low, high) == pytest.approx(numbered)

@@ -77,9 +77,16 @@ def _limits(panels: Sequence[RankPanel]) -> tuple[float, float]:
     return low / 1.15, high * (high / low) ** 0.62
 
 
+def numbered_decades(low: float, high: float) -> list[float]:
+    """Return where the scale is numbered: powers of ten with 1 among them, so few that their numbers stand apart."""
+    first, last = math.ceil(math.log10(low)), math.floor(math.log10(high))
+    step = 1 if last - first <= 3 else 2
+    return [10.0**power for power in range(first, last + 1) if power % step == 0]
+
+
 def _panel(axes: "Axes", panel: RankPanel, low: float, high: float, rows: int) -> None:
     """Draw a panel; rows: for how many bars it has room, so that those of all panels are equally thick."""
-    from matplotlib.ticker import LogLocator
+    from matplotlib.ticker import FixedLocator
 
     axes.set_xscale("log")
     axes.set_xlim(low, high)
@@ -91,7 +98,7 @@ def _panel(axes: "Axes", panel: RankPanel, low: float, high: float, rows: int) -
         _bar(axes, row, bar, high)
     axes.set_yticks(range(len(bars)), [shortened(bar.label, 30) for bar in bars])
     axes.tick_params(axis="y", length=0)
-    axes.xaxis.set_major_locator(LogLocator(10.0, (1.0,)))
+    axes.xaxis.set_major_locator(FixedLocator(numbered_decades(low, high)))
     axes.xaxis.set_major_formatter("\u00d7 {x:g}")
     axes.minorticks_off()
     axes.spines["left"].set_visible(False)
