@@ -100,6 +100,7 @@ class OwnSceneSession:
         if file.keep_compositor and scene.compositing_node_group is None:
             problem = f"the scene {scene.name!r} has no compositor"
             raise InputError(file.path, problem, where="compositor: keep", remedy="leave the key out, or add them")
+        self.blurs = scene.render.use_motion_blur
         make_repeatable(scene, options, sampled=file.sampled, keep_compositor=file.keep_compositor)
         blocks = blocks_of(scene)
         masked = may_be_seen_through(blocks)
@@ -134,16 +135,17 @@ class OwnSceneSession:
         """Render a frame."""
         rgb = depth_m = seen_m = light = None
         others: dict[str, NDArray[Any]] = {}
-        if self._colour is not None:
+        depth_asked = request.looks_at("depth")
+        if self._colour is not None and (request.looks_at("rgb") or (depth_asked and not self._apart)):
             rgb, depth_m, light = self._colour.render(request)
         at = self._file.at(request.time_s)[0]
         if self._depth is not None and self._images.needs:
             seen_m, surface = self._depth.render(request.rgb_c2w, at)
             others = self._images.of(surface)
-        if self._depth is not None and self._apart:
+        if self._depth is not None and self._apart and depth_asked:
             same = seen_m is not None and np.array_equal(request.rgb_c2w, request.depth_c2w)
             depth_m = seen_m if same else self._depth.render(request.depth_c2w, at)[0]
-        behind_m = None if self._seen is None else self._seen.render(request.rgb_c2w, at)[0]
+        behind_m = None if self._seen is None or not depth_asked else self._seen.render(request.rgb_c2w, at)[0]
         frame = RenderedFrame(rgb, depth_m, others, light=light, behind_glass_m=behind_m)
         return frame if self._bending is None else surfaces_bent(frame, self._bending)
 

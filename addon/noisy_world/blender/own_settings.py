@@ -9,7 +9,7 @@ from .render import muted_output
 from .typed import cycles as cycles_of
 
 BLENDER_NAMES = {"cycles": "CYCLES", "eevee": "BLENDER_EEVEE", "workbench": "BLENDER_WORKBENCH"}
-CONTROLLED = ("cycles.seed", "cycles.samples", "eevee.taa_render_samples")
+CONTROLLED = ("cycles.seed", "cycles.samples", "eevee.taa_render_samples", "render.use_motion_blur")
 """Properties of a scene that are set here, whatever animates them."""
 
 
@@ -30,6 +30,8 @@ def make_repeatable(scene: bpy.types.Scene, options: RenderOptions, *, sampled: 
     render.dither_intensity = 0.0
     render.use_stamp = False
     render.use_border = False
+    if options.instants:
+        render.use_motion_blur = False
     render.threads_mode = "FIXED" if options.threads else "AUTO"
     if options.threads:
         render.threads = options.threads

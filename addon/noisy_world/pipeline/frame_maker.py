@@ -295,6 +295,7 @@ def render_options(plan: Plan, render: Render, *, judging: bool = False, threads
         first_frames=needed_frames,
         through_glass=any(sequence.setting.needs_depth for sequence in render.sequences),
         depth_camera=_own_depth_camera(render),
+        instants=bool(render.exposure),
     )
 
 

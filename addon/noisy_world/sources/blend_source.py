@@ -213,7 +213,9 @@ class BlendSource(SimpleSource):
 
 
 class SceneSession(Protocol):
-    """A scene in Blender along paths, as OwnSceneSession is."""
+    """A scene in Blender along paths, as OwnSceneSession is. blurs: whether motion blur is set up in it."""
+
+    blurs: bool
 
     def serves(self, paths: SensorPaths, options: RenderOptions) -> bool:
         """Tell whether frames along other paths, with other options, would be those of a session of their own."""
@@ -251,13 +253,14 @@ class PreparedBlend:
 
     def open(self, paths: SensorPaths, options: RenderOptions, note: Callable[[str], None]) -> "OpenBlend":
         """Return the scene ready to be rendered along the paths. Raises MissingDependencyError where it cannot be."""
-        del note  # all is said already
         session = self.session
         if session is None or not session.serves(paths, options):
             self.session = None
             self.closing.close()
             session = self.opened(paths, options, self.closing)
             self.closing.enter_context(session)
+            if options.instants and session.blurs:
+                note("motion blur is set up in the .blend, and off where a setting exposes its frames itself")
             self.session = session
         return OpenBlend(session, self.beginning(paths, options.first_frames))
 

@@ -24,6 +24,7 @@ from .source import (
     RenderOptions,
     SceneLight,
     SourceFrame,
+    depth_behind_glass,
     light_of,
     motion_between,
 )
@@ -61,9 +62,10 @@ class ExposedSource:
             rgb, depth_m = None if once.rgb is None else as_float(once.rgb), once.depth_m
         notes, rays = self._notes(request, taken), around.colour_rays or None
         if rgb is None or around.light is None:
-            return ExposedFrame(rgb, depth_m, colour_rays=rays, exposure=notes)
+            return ExposedFrame(rgb, depth_m, colour_rays=rays, behind_glass_m=around.behind_m, exposure=notes)
         light = replace(around.light, rgb=np.maximum(decoded(rgb), np.float32(0)))
-        return ExposedFrame(light.show(light.rgb), depth_m, colour_rays=rays, light=light, exposure=notes)
+        seen = {"light": light, "behind_glass_m": around.behind_m}
+        return ExposedFrame(light.show(light.rgb), depth_m, colour_rays=rays, exposure=notes, **seen)
 
     def _notes(self, request: FrameRequest, taken: Mapping[str, int]) -> Notes:
         """Return what was done to a frame, with the poses of its lines where a step tells them."""
@@ -93,6 +95,7 @@ class _Around:
     """What a source shows around the moment of a request.
 
     colour_rays: how many have been cast for colour. light: of the last lit frame; None where no frame was lit.
+    behind_m: depth behind panes of the last frame whose depth was looked at; None where there are none.
     """
 
     def __init__(self, opened: OpenSource, render: Render, request: FrameRequest, rays: RequestedRays) -> None:
@@ -101,6 +104,7 @@ class _Around:
         self._request = request
         self._rays = rays
         self.light: SceneLight | None = None
+        self.behind_m: NDArray[np.float32] | None = None
         self._whole: tuple[float, TakenImages] | None = None  # the last frame of which all images were taken, and when
         self.colour_rays = 0
 
@@ -112,6 +116,8 @@ class _Around:
         if isinstance(frame, RenderedFrame) and frame.colour_rays is not None:
             self.colour_rays += frame.colour_rays
         taken: TakenImages = frame
+        if (behind_m := depth_behind_glass(frame)) is not None:
+            self.behind_m = behind_m
         if (light := light_of(frame)) is not None:
             self.light, taken = light, _TakenLight(encoded(light.rgb), frame.depth_m)
         if channels is None:

@@ -179,6 +179,7 @@ class RenderOptions:
     channels: what they give, by name. threads: 0 for as many as the machine has. first_frames: the first frames of the
     path; a source refuses a path where all of them see nothing, unless there are none here. through_glass: whether
     depth is needed of what is seen through panes, too. depth_camera: that of depth; None where it is colour's.
+    instants: whether frames are of instants, whatever blur a scene has set up, as an exposure is made of them.
     """
 
     near_m: float
@@ -192,6 +193,7 @@ class RenderOptions:
     first_frames: tuple[int, ...] = ()
     through_glass: bool = False
     depth_camera: Intrinsics | None = None
+    instants: bool = False
 
     @property
     def rgb(self) -> bool:

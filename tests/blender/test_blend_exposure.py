@@ -1,0 +1,137 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Exposure of a scene of a .blend whose camera and things move: against the mean light of many instants."""
+
+import json
+import math
+import sys
+import threading
+
+import numpy as np
+import pytest
+
+bpy = pytest.importorskip("bpy", reason="bpy is not installed")
+
+from own_scenes import new_scene, save
+from shard_workers import workers_here
+
+from noisy_world.core.planning.exposed import open_render
+from noisy_world.core.planning.source_paths import source_paths
+from noisy_world.core.presets.preset import read_preset
+from noisy_world.core.progress import PlainProgress
+from noisy_world.pipeline.frame_maker import render_options
+from noisy_world.pipeline.run import Run
+from noisy_world.planning import make_plan
+
+BLUR = {"camera_motion_blur": {"shutter_ms": 40}}
+
+
+@pytest.fixture(scope="module")
+def hall(tmp_path_factory):
+    """A folder with a .blend of a shaded wall and a ball that moves before a camera that moves."""
+    return hall_in(tmp_path_factory.mktemp("hall"))
+
+
+def hall_in(folder, *, still=False):
+    """Write it. still: the camera does not move."""
+    scene = new_scene(samples=1)
+    if still:
+        bpy.data.objects["Rig"].animation_data_clear()
+    scene.render.use_motion_blur = True
+    scene.cycles.use_denoising = False
+    glow = bpy.data.materials.new("glow")
+    nodes, links = glow.node_tree.nodes, glow.node_tree.links
+    place, emission = nodes.new("ShaderNodeTexCoord"), nodes.new("ShaderNodeEmission")
+    links.new(place.outputs["Generated"], emission.inputs["Color"])
+    links.new(emission.outputs[0], nodes["Material Output"].inputs[0])
+    for name in ("Wall", "Ball"):
+        bpy.data.objects[name].data.materials.append(glow)
+    save(folder)
+    return folder
+
+
+def plan_path(hall, *perturb, **keys):
+    document = {
+        "scenes": [{"name": "hall", "blend": "hall.blend", "frames": "1:4"}],
+        "settings": [{"name": "exposed", "perturb": list(perturb)}] if perturb else [{"name": "clean"}],
+        **keys,
+    }
+    path = hall / "preset.yaml"
+    path.write_text(json.dumps(document))
+    return path
+
+
+def plan_of(hall, *perturb, **keys):
+    return make_plan(read_preset(plan_path(hall, *perturb, **keys)))
+
+
+def exposed(hall, *perturb, index=1, **keys):
+    """A frame of a setting, and how it was said to be made."""
+    plan, notes = plan_of(hall, *perturb, **keys), []
+    (render,) = plan.renders
+    sensors = source_paths(plan, render)
+    with render.scene.source.prepare(render.camera, notes.append) as prepared:
+        opened = open_render(prepared, render, sensors, render_options(plan, render), notes.append)
+        return opened.frame(sensors.request(index)), notes
+
+
+def instants(hall, times_s, *, index=1, **keys):
+    """The frames some seconds after one of the path, each an instant, one by one; and the scene's frame of each."""
+    plan = plan_of(hall, BLUR, **keys)
+    (render,) = plan.renders
+    sensors = source_paths(plan, render)
+    with render.scene.source.prepare(render.camera, print) as prepared:
+        opened = prepared.open(sensors, render_options(plan, render), print)
+        for time_s in times_s:
+            frame = opened.frame(sensors.request(index).after(float(time_s)))
+            yield frame, bpy.data.scenes["Scene"].frame_current_final
+
+
+def psnr(image, true):
+    return -10 * math.log10(np.mean((image - true) ** 2))
+
+
+def test_blur_of_camera_and_things_is_the_mean_light_of_256_instants(hall):
+    frame, notes = exposed(hall, BLUR)
+    assert "motion blur is set up in the .blend, and off where a setting exposes its frames itself" in notes
+    times_s = ((np.arange(256) + 0.5) / 256 - 0.5) * 0.04
+    mean, at = 0.0, []
+    for made, scene_frame in instants(hall, times_s):
+        mean = mean + made.light.rgb / 256.0
+        at.append(scene_frame)
+    (sharp, _), (before, _) = instants(hall, [0.0, -0.02])
+    assert np.abs(np.array(at) - (2 + times_s * 25)).max() < 1e-5
+    assert psnr(frame.rgb, sharp.rgb) < 40
+    true = np.clip(mean, 0, None).astype(np.float32)
+    assert psnr(frame.light.rgb, true) > 50
+    np.testing.assert_array_equal(frame.depth_m, sharp.depth_m)
+    assert np.abs(before.depth_m - sharp.depth_m).max() > 0.1
+    assert 7 <= frame.exposure[0]["moments"] <= 15
+
+
+def test_a_ball_that_moves_before_a_still_camera_is_blurred_too(tmp_path):
+    hall = hall_in(tmp_path / "still", still=True)
+    frame, _ = exposed(hall, BLUR)
+    (sharp, _), *parts = instants(hall, [0.0, *(((np.arange(64) + 0.5) / 64 - 0.5) * 0.04)])
+    true = sum(np.clip(made.light.rgb, 0, None) for made, _ in parts) / 64
+    assert psnr(frame.light.rgb, true) > 50
+    assert psnr(sharp.light.rgb, true) < 40
+    # The ball goes .24 m in a frame of 1/25 s; the focal length is 50 mm of 36, of 48 pixels.
+    goes_px = 48 * 50 / 36 * 0.24 / sharp.depth_m.min()
+    assert frame.exposure[0]["moments"] == 2 * math.ceil(goes_px / 2) + 1, "an odd number, one a pixel or more"
+
+
+def test_a_dataset_is_the_same_by_shards_in_any_order_and_of_a_frame_alone(hall, tmp_path):
+    path = plan_path(hall, BLUR, output={"layout": "replica", "image": "png"})
+    one = images_made(path, tmp_path / "one")
+    backwards = workers_here(path, tmp_path / "two", order=lambda shards: shards[::-1])
+    assert len(one) == 8
+    assert images_made(path, tmp_path / "two", jobs=2, workers=backwards) == one
+    alone = images_made(path, tmp_path / "alone", frames=slice(2, 3))
+    assert {name: one[name.replace("000000", "000002")] for name in alone} == alone
+
+
+def images_made(path, out, *, frames=None, **several):
+    """The bytes of the images of a dataset that is made, by name."""
+    plan = make_plan(read_preset(path), frames)
+    Run(plan, out, progress=PlainProgress(sys.stderr), stop=threading.Event(), **several).make_dataset()
+    return {image.name: image.read_bytes() for image in (out / "exposed" / "hall").glob("results/*.png")}
