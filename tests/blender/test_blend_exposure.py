@@ -11,13 +11,17 @@ import pytest
 
 bpy = pytest.importorskip("bpy", reason="bpy is not installed")
 
+from cases import cases
 from own_scenes import new_scene, save
 from shard_workers import workers_here
 
+from noisy_world.blender.read_lines import bands_of
+from noisy_world.core.errors import InputError
 from noisy_world.core.planning.exposed import open_render
 from noisy_world.core.planning.source_paths import source_paths
 from noisy_world.core.presets.preset import read_preset
 from noisy_world.core.progress import PlainProgress
+from noisy_world.core.trajectories.frame_request import Shutter
 from noisy_world.pipeline.frame_maker import render_options
 from noisy_world.pipeline.run import Run
 from noisy_world.planning import make_plan
@@ -31,13 +35,13 @@ def hall(tmp_path_factory):
     return hall_in(tmp_path_factory.mktemp("hall"))
 
 
-def hall_in(folder, *, still=False):
-    """Write it. still: the camera does not move."""
+def hall_in(folder, *, still=False, denoised=False):
+    """Write it. still: the camera does not move. denoised: it is set up so."""
     scene = new_scene(samples=1)
     if still:
         bpy.data.objects["Rig"].animation_data_clear()
     scene.render.use_motion_blur = True
-    scene.cycles.use_denoising = False
+    scene.cycles.use_denoising = denoised
     glow = bpy.data.materials.new("glow")
     nodes, links = glow.node_tree.nodes, glow.node_tree.links
     place, emission = nodes.new("ShaderNodeTexCoord"), nodes.new("ShaderNodeEmission")
@@ -74,9 +78,22 @@ def exposed(hall, *perturb, index=1, **keys):
         return opened.frame(sensors.request(index)), notes
 
 
-def instants(hall, times_s, *, index=1, **keys):
-    """The frames some seconds after one of the path, each an instant, one by one; and the scene's frame of each."""
-    plan = plan_of(hall, BLUR, **keys)
+def exposed_after(hall, seconds, *perturb, **keys):
+    """What a setting's exposure is some seconds after the second frame."""
+    plan = plan_of(hall, *perturb, **keys)
+    (render,) = plan.renders
+    sensors = source_paths(plan, render)
+    with render.scene.source.prepare(render.camera, print) as prepared:
+        opened = open_render(prepared, render, sensors, render_options(plan, render), print)
+        return opened.frame(sensors.request(1).after(seconds))
+
+
+def instants(hall, times_s, exposure=BLUR, *, index=1, **keys):
+    """The frames some seconds after one of the path, each an instant, one by one; and the scene's frame of each.
+
+    exposure: of a setting, whose samples these have.
+    """
+    plan = plan_of(hall, exposure, **keys)
     (render,) = plan.renders
     sensors = source_paths(plan, render)
     with render.scene.source.prepare(render.camera, print) as prepared:
@@ -118,6 +135,87 @@ def test_a_ball_that_moves_before_a_still_camera_is_blurred_too(tmp_path):
     # The ball goes .24 m in a frame of 1/25 s; the focal length is 50 mm of 36, of 48 pixels.
     goes_px = 48 * 50 / 36 * 0.24 / sharp.depth_m.min()
     assert frame.exposure[0]["moments"] == 2 * math.ceil(goes_px / 2) + 1, "an odd number, one a pixel or more"
+
+
+def rolling(**values):
+    return {"rolling_shutter": {"readout_ms": 40, **values}}
+
+
+@cases("direction", ["down", "up", "right", "left"])
+def test_lines_are_those_of_single_renders(hall, direction):
+    """Down over all rows, which sees camera and ball go; else over a third of them."""
+    frame, _ = exposed(hall, rolling(direction=direction), camera=SMALL)
+    upright = direction in ("right", "left")
+    image, depth_m = (np.swapaxes(part, 0, 1) if upright else part for part in (frame.light.rgb, frame.depth_m))
+    count = len(image)
+    lines = range(0, count, 1 if direction == "down" else 3)
+    order = [count - 1 - line if direction in ("up", "left") else line for line in lines]
+    times_s = [((place + 0.5) / count - 0.5) * 0.04 for place in order]
+    errors, moved = [], []
+    for line, (made, _) in zip(lines, instants(hall, times_s, rolling(), camera=SMALL), strict=True):
+        single, single_m = (np.swapaxes(part, 0, 1) if upright else part for part in (made.light.rgb, made.depth_m))
+        errors.append(np.square(image[line] - single[line]).mean())
+        np.testing.assert_allclose(depth_m[line], single_m[line], rtol=1e-6)
+        moved.append(single_m[line])
+    assert -10 * math.log10(np.mean(errors) + 1e-12) > 65
+    ((sharp, _),) = instants(hall, [0.0], rolling(), camera=SMALL)
+    still = np.swapaxes(sharp.light.rgb, 0, 1) if upright else sharp.light.rgb
+    assert psnr(image[list(lines)], still[list(lines)]) < 40
+
+
+SMALL = {"width": 23, "height": 17, "fx": 30.0, "fy": 30.0, "cx": 11.2, "cy": 8.1}
+
+
+def test_lines_that_see_the_same_are_rendered_together():
+    slow = bands_of(Shutter.centred(0.0, 0.01), (30, 24), 0.25)
+    assert [band.rows for band in slow] == [slice(start, start + 3) for start in range(0, 24, 3)]
+    assert [band.after_s for band in slow] == pytest.approx((np.arange(8) + 0.5) / 8 * 0.01 - 0.005)
+    (still,) = bands_of(Shutter.centred(0.0, 0.01, "left"), (30, 24), 0.0)
+    assert (still.rows, still.columns) == (slice(0, 24), slice(0, 30))
+    assert still.after_s == pytest.approx(0.0)
+    quick = bands_of(Shutter.centred(0.0, 0.01, "left"), (30, 24), 100.0)
+    assert [band.columns.start for band in quick] == list(range(30))
+    assert quick[0].after_s > quick[-1].after_s
+
+
+def test_lines_are_not_denoised(tmp_path):
+    hall = hall_in(tmp_path / "denoised", denoised=True)
+    frame, notes = exposed(hall, rolling(), camera=SMALL)
+    assert "denoising is off where lines are read one after another, as it needs whole frames" in notes
+    ((plain, _),) = instants(hall, [-0.02 + 0.5 / 17 * 0.04], rolling(), camera=SMALL)
+    np.testing.assert_allclose(frame.light.rgb[0], plain.light.rgb[0], atol=1e-4)
+
+
+def test_depth_of_a_global_shutter_is_of_the_stamp_and_lines_are_in_the_record(hall):
+    frame, _ = exposed(hall, rolling(depth="global"), camera=SMALL)
+    ((sharp, _),) = instants(hall, [0.0], rolling(), camera=SMALL)
+    np.testing.assert_array_equal(frame.depth_m, sharp.depth_m)
+    assert psnr(frame.light.rgb, sharp.light.rgb) < 40
+    lines = frame.exposure[0]["lines"]
+    assert [round(lines[name]["after_s"] / 0.04 * 17) for name in ("first", "middle", "last")] == [-8, 0, 8]
+
+
+def test_a_blur_whose_lines_are_read_is_the_mean_of_read_frames(hall):
+    both = [rolling(), {"camera_motion_blur": {"shutter_ms": 10, "most_moments": 3}}]
+    frame, _ = exposed(hall, *both, camera=SMALL)
+    parts = [exposed_after(hall, seconds, rolling(), camera=SMALL) for seconds in (-1 / 300, 0.0, 1 / 300)]
+    true = sum(np.clip(part.light.rgb, 0, None) for part in parts) / 3
+    assert psnr(frame.light.rgb, true) > 80
+
+
+@cases(
+    ("keys", "why"),
+    [
+        ({"render": {"engine": "eevee"}}, "which Cycles alone can render"),
+        (
+            {"camera": {**SMALL, "distortion": {"model": "radial-tangential", "k1": -0.1}}},
+            "a lens that distorts shows other lines",
+        ),
+    ],
+)
+def test_what_cannot_be_read_line_by_line_is_refused(hall, keys, why):
+    with pytest.raises(InputError, match=why):
+        plan_of(hall, rolling(), **keys)
 
 
 def test_a_dataset_is_the_same_by_shards_in_any_order_and_of_a_frame_alone(hall, tmp_path):

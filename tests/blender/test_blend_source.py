@@ -65,7 +65,9 @@ def made(preset, out, **several):
 def test_shards_in_any_order_make_the_same_dataset_and_each_frame_is_rendered_once(hall, tmp_path, monkeypatch):
     rendered = []
     operator = RenderFile.render
-    monkeypatch.setattr(RenderFile, "render", lambda self, layer: rendered.append(layer) or operator(self, layer))
+    monkeypatch.setattr(
+        RenderFile, "render", lambda self, layer, **more: rendered.append(layer) or operator(self, layer, **more)
+    )
     preset = hall / "hall.yaml"
     alone = made(preset, tmp_path / "alone")
     assert len(rendered) == 2  # of two frames in three settings, colour and depth together

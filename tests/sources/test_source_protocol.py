@@ -148,7 +148,12 @@ def test_messages_name_the_key_that_the_source_says(tmp_path, keys, told):
 
 def test_a_blend_with_several_cameras_has_instants_only():
     found = SimpleNamespace(
-        known_path=None, found=SimpleNamespace(camera="a"), _cameras=("a", "b"), rendering=None, _objects=None
+        known_path=None,
+        found=SimpleNamespace(camera="a"),
+        _cameras=("a", "b"),
+        rendering=None,
+        _objects=None,
+        _at_once="",
     )
     capabilities = BlendSource.capabilities.fget(found)
     assert capabilities.instants_only.startswith("2 cameras take turns")

@@ -4,6 +4,7 @@
 The scene is a copy that shows the same objects, so that setting it up costs colour's renderer nothing.
 """
 
+from collections.abc import Callable, Sequence
 from contextlib import nullcontext
 from fractions import Fraction
 
@@ -17,6 +18,7 @@ from ..core.planning.source import RenderOptions
 from .engines import CENTRE_FILTER_PX, FILTER_MIDDLE, sample_plainly
 from .own_settings import CONTROLLED, free_of_animation, rendered_layer
 from .panes import Panes
+from .read_lines import Band, joined
 from .render import FAR_PLANE_TOLERANCE, RenderFile
 from .render_camera import RenderCamera
 from .scene_files import blocks_of
@@ -88,10 +90,7 @@ class DepthScene:
 
     def render(self, c2w: NDArray[np.float64], frame: float) -> tuple[NDArray[np.float32], Surface]:
         """Return the depth (H, W) at a pose and a frame of the scene, in metres, 0 is void, and what else it tells."""
-        set_frame(self._scene, frame)
-        self._camera.place(c2w)
-        with self._volumes.gone(), nullcontext() if self._panes is None else self._panes.gone():
-            passes = self._through() if self._masked else self._once(0)
+        passes = self._passes(c2w, frame)
         depth_m = without_void(passes["Depth.Z"], self._far_m)
         normals = objects = None
         if "normals" in self._facts:
@@ -100,6 +99,24 @@ class DepthScene:
         if "objects" in self._facts:
             objects = np.where(depth_m > 0, passes["Object Index.X"], 0).astype(np.uint16)
         return depth_m, Surface(normals, objects=objects)
+
+    def read(
+        self, bands: Sequence[Band], seen_from: Callable[[Band], tuple[NDArray[np.float64], float]]
+    ) -> NDArray[np.float32]:
+        """Return the depth (H, W) of a frame whose lines are read one after another, each planar along its own axis.
+
+        seen_from: gives the pose at which a band is seen, and the frame of the scene.
+        """
+        passes = joined(bands, self._file.size_px, lambda band: self._passes(*seen_from(band), band))
+        return without_void(passes["Depth.Z"], self._far_m)
+
+    def _passes(
+        self, c2w: NDArray[np.float64], frame: float, band: Band | None = None
+    ) -> dict[str, NDArray[np.float32]]:
+        set_frame(self._scene, frame)
+        self._camera.place(c2w)
+        with self._volumes.gone(), nullcontext() if self._panes is None else self._panes.gone():
+            return self._through(band) if self._masked else self._once(0, band)
 
     def motion(
         self, here_c2w: NDArray[np.float64], here: float, there_c2w: NDArray[np.float64], there: float
@@ -118,22 +135,22 @@ class DepthScene:
             return np.stack([-passes["Vector.Z"], passes["Vector.W"]], axis=-1)
         return np.stack([passes["Vector.X"], -passes["Vector.Y"]], axis=-1)
 
-    def _once(self, seed: int) -> dict[str, NDArray[np.float32]]:
+    def _once(self, seed: int, band: Band | None = None) -> dict[str, NDArray[np.float32]]:
         cycles = cycles_of(self._scene)
         if cycles.seed != seed:
             cycles.seed = seed
             self._scene.update_tag()  # the seed alone would not tell the renderer
-        return self._file.render(self._layer.name)
+        return self._file.render(self._layer.name, band=band)
 
-    def _through(self) -> dict[str, NDArray[np.float32]]:
+    def _through(self, band: Band | None = None) -> dict[str, NDArray[np.float32]]:
         """Return the first surface of each pixel that always stops a ray.
 
         At a surface that is less opaque than the threshold, chance decides whether Cycles' ray goes on, so the farthest
         of several looks is taken, until two show nothing new.
         """
-        farthest, unchanged = self._once(0), 0
+        farthest, unchanged = self._once(0, band), 0
         for seed in range(1, MOST_LOOKS):
-            seen = self._once(seed)
+            seen = self._once(seed, band)
             farther = seen["Depth.Z"] > farthest["Depth.Z"]
             unchanged = 0 if farther.any() else unchanged + 1
             farthest = {name: np.where(farther, seen[name], pixels) for name, pixels in farthest.items()}

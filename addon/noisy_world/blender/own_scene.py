@@ -2,6 +2,7 @@
 """A session on a scene of a .blend: frames rendered as its artist set it up, from any pose."""
 
 from bisect import bisect_right
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -18,12 +19,14 @@ from ..core.geometry import Intrinsics
 from ..core.optics import Distortion
 from ..core.planning.bent_frames import surfaces_bent
 from ..core.planning.source import Motion, RenderedFrame, RenderOptions, SceneLight
-from ..core.trajectories.frame_request import FrameRequest
+from ..core.planning.travel import travel_px
+from ..core.trajectories.frame_request import AT_ONCE, FrameRequest, Shutter
 from ..core.trajectories.sensor_paths import SensorPaths
 from .depth_scene import DepthScene, may_be_seen_through, set_frame, without_void
 from .engines import FILTER_MIDDLE
 from .own_settings import make_repeatable, rendered_layer
 from .panes import Panes
+from .read_lines import Band, bands_of, joined, whole
 from .render import RenderFile
 from .render_camera import RenderCamera
 from .scene_camera import show_frame
@@ -36,6 +39,7 @@ from .typed import cycles as cycles_of
 from .volumes import Volumes
 
 COMPOSITE = "Composite"  # the layer of what the compositor makes
+LOOKS = 33  # poses at which the path is looked at while lines are read; chosen, as for a blur
 BRIGHTEST = 65504.0  # light that a half-float holds
 
 
@@ -100,7 +104,7 @@ class OwnSceneSession:
         if file.keep_compositor and scene.compositing_node_group is None:
             problem = f"the scene {scene.name!r} has no compositor"
             raise InputError(file.path, problem, where="compositor: keep", remedy="leave the key out, or add them")
-        self.blurs = scene.render.use_motion_blur
+        self.blurs, self.denoises = scene.render.use_motion_blur, cycles_of(scene).use_denoising
         make_repeatable(scene, options, sampled=file.sampled, keep_compositor=file.keep_compositor)
         blocks = blocks_of(scene)
         masked = may_be_seen_through(blocks)
@@ -111,18 +115,18 @@ class OwnSceneSession:
         if "objects" in facts:
             show_numbers(blocks)
         self._motion: DepthScene | None = None
-        self._motion_scene = partial(
-            DepthScene, scene, intrinsics, options, alpha=file.depth_alpha, masked=masked, moving=True
-        )
+        self._glance: DepthScene | None = None  # at how far things are, before lines are read
+        self._seen_by = intrinsics
+        self._depth_scene = partial(DepthScene, scene, intrinsics, options, alpha=file.depth_alpha, masked=masked)
         # Copied before colour's cameras and file settings are made.
         self._apart = options.depth and not together
         self._depth = None
         if self._apart or facts:
-            self._depth = DepthScene(scene, intrinsics, options, alpha=file.depth_alpha, masked=masked, facts=facts)
+            self._depth = self._depth_scene(facts=facts)
         panes = Panes(blocks)
         self._seen = None
         if options.through_glass and panes.any:
-            self._seen = DepthScene(scene, intrinsics, options, alpha=file.depth_alpha, masked=masked, panes=panes)
+            self._seen = self._depth_scene(panes=panes)
         self._colour = (
             _Colour(scene, file, intrinsics, options, depth=together, bending=self._bending) if options.rgb else None
         )
@@ -132,7 +136,9 @@ class OwnSceneSession:
         return self._served == _served(paths, options)
 
     def frame(self, request: FrameRequest) -> RenderedFrame:
-        """Render a frame."""
+        """Render a frame, at once or line by line as the request says."""
+        if request.rays.readout is not None:
+            return self._read(request, request.rays.readout)
         rgb = depth_m = seen_m = light = None
         others: dict[str, NDArray[Any]] = {}
         depth_asked = request.looks_at("depth")
@@ -149,20 +155,57 @@ class OwnSceneSession:
         frame = RenderedFrame(rgb, depth_m, others, light=light, behind_glass_m=behind_m)
         return frame if self._bending is None else surfaces_bent(frame, self._bending)
 
+    def _read(self, request: FrameRequest, readout: Shutter) -> RenderedFrame:
+        """Render a frame whose lines are read one after another, each at its own moment."""
+        at_once, size_px = replace(request, rays=AT_ONCE), (self._seen_by.width_px, self._seen_by.height_px)
+        depth_scene, behind = self._depth if self._apart else None, self._seen
+        bands = bands_of(readout, size_px, self._travel_px(at_once, readout))
+        rolls = request.rays.depth_rolls
+        of_depth = bands if rolls else [whole(size_px)]
+
+        def seen_from(band: Band) -> tuple[NDArray[np.float64], float]:
+            there = at_once.after(band.after_s)
+            return there.depth_c2w, self._file.at(there.time_s)[0]
+
+        rgb = depth_m = behind_m = light = None
+        depth_asked = request.looks_at("depth")
+        if self._colour is not None and (request.looks_at("rgb") or (depth_asked and depth_scene is None)):
+            rgb, depth_m, light = self._colour.read(at_once, bands)
+            if not rolls and depth_m is not None:
+                depth_m = self._colour.render(at_once)[1]
+        if depth_scene is not None and depth_asked:
+            depth_m = depth_scene.read(of_depth, seen_from)
+        if behind is not None and depth_asked:
+            behind_m = behind.read(of_depth, seen_from)
+        return RenderedFrame(rgb, depth_m, light=light, behind_glass_m=behind_m)
+
+    def _travel_px(self, request: FrameRequest, readout: Shutter) -> float:
+        """Return how far anything goes on the image while it is read, at most."""
+        times_s = np.sort(readout.line_times_s(LOOKS))
+        first, *_, last = (request.after(float(time_s)) for time_s in times_s)
+        if self._glance is None:
+            self._glance = self._depth or self._depth_scene()
+        depth_m = self._glance.render(request.rgb_c2w, self._file.at(request.time_s)[0])[0]
+        camera = self._seen_by
+        way_px = travel_px(depth_m, request.rgb_c2w, request.poses_after(times_s)[0], camera, camera)
+        moved = self.motion(first, last)
+        return way_px if moved is None else max(way_px, float(np.nanmax(np.hypot(*np.moveaxis(moved[0], -1, 0)))))
+
     def motion(self, here: FrameRequest, there: FrameRequest) -> Motion | None:
         """Return how what the colour camera sees moves between two frames; None where they show the same moment."""
         first, second = (self._file.at(request.time_s)[0] for request in (here, there))
         if first == second:
             return None
         if self._motion is None:
-            self._motion = self._motion_scene()
+            self._motion = self._depth_scene(moving=True)
         back = self._motion.motion(there.rgb_c2w, second, here.rgb_c2w, first)
         moved = self._motion.motion(here.rgb_c2w, first, there.rgb_c2w, second)
         return (moved, back) if self._bending is None else (self._bending.motion(moved), self._bending.motion(back))
 
     def close(self) -> None:
         """Remove the scratch files."""
-        for part in (self._colour, self._depth, self._motion, self._seen):
+        glance = None if self._glance is self._depth else self._glance
+        for part in (self._colour, self._depth, self._motion, self._seen, glance):
             if part is not None:
                 part.close()
 
@@ -218,6 +261,17 @@ class _Colour:
 
     def render(self, request: FrameRequest) -> tuple[NDArray[np.float32], NDArray[np.float32] | None, SceneLight]:
         """Return colour (H, W, 3), display-encoded; depth (H, W) in metres or None; and colour before the display."""
+        return self._made(self._passes(request))
+
+    def read(
+        self, request: FrameRequest, bands: Sequence[Band]
+    ) -> tuple[NDArray[np.float32], NDArray[np.float32] | None, SceneLight]:
+        """Return the same of a frame whose lines are read one after another."""
+        return self._made(
+            joined(bands, self._render.size_px, lambda band: self._passes(request.after(band.after_s), band))
+        )
+
+    def _passes(self, request: FrameRequest, band: Band | None = None) -> dict[str, NDArray[np.float32]]:
         at, camera = self._file.at(request.time_s)
         render_camera = self._render_cameras[camera]
         if self._follows:
@@ -227,7 +281,11 @@ class _Colour:
             # What is keyed of the scene itself, such as exposure, is not the renderer's to evaluate.
             (show_frame if self._scene.animation_data is not None else set_frame)(self._scene, at)
             render_camera.place(request.rgb_c2w)
-        passes = self._render.render(self._layer)
+        return self._render.render(self._layer, band=band)
+
+    def _made(
+        self, passes: dict[str, NDArray[np.float32]]
+    ) -> tuple[NDArray[np.float32], NDArray[np.float32] | None, SceneLight]:
         rgba = np.stack([passes[f"Combined.{name}"] for name in "RGBA"], axis=-1)
         if self._bending is not None:
             rgba = self._bending.rgb(rgba)

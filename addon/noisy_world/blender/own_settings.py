@@ -32,6 +32,8 @@ def make_repeatable(scene: bpy.types.Scene, options: RenderOptions, *, sampled: 
     render.use_border = False
     if options.instants:
         render.use_motion_blur = False
+    if options.read_lines:
+        cycles_of(scene).use_denoising = False
     render.threads_mode = "FIXED" if options.threads else "AUTO"
     if options.threads:
         render.threads = options.threads

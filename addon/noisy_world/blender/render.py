@@ -14,6 +14,7 @@ from ..core.channels.surface import Fact, Surface
 from ..core.errors import StorageError
 from ..core.planning.source import RenderedFrame
 from ..core.scratch import ScratchFolder
+from .read_lines import Band, bordered
 from .scratch_images import write_plain_floats
 from .typed import camera_of, override
 
@@ -44,7 +45,7 @@ class RenderFile:
     ) -> None:
         """Prepare the scene. size_px: width, height of the frames, which stand at the left top of the image."""
         self._scene = scene
-        self._crop = (slice(size_px[1]), slice(size_px[0]))
+        self.size_px = size_px
         self._scratch = ScratchFolder(bytes_per_pixel * size_px[0] * size_px[1])
         self.folder = self._scratch.path
         self._path = self.folder / "frame.exr"
@@ -55,18 +56,25 @@ class RenderFile:
         render.use_placeholder = False
         write_plain_floats(render.image_settings)
 
-    def render(self, layer: str, size_px: tuple[int, int] | None = None) -> dict[str, NDArray[np.float32]]:
+    def render(
+        self, layer: str, size_px: tuple[int, int] | None = None, *, band: Band | None = None
+    ) -> dict[str, NDArray[np.float32]]:
         """Render the scene as it is, and return a layer's channels (H, W) by pass and channel, such as "Depth.Z".
 
-        size_px: width, height of this frame, where they are not those that were given.
+        size_px: width, height of this frame, where they are not those that were given. band: the lines of it that are
+        rendered and returned; None for all.
         Raises StorageError where the scratch file could not be written, for instance on a full disk.
         """
         import OpenEXR  # needed only for rendering
 
         self._path.unlink(missing_ok=True)
-        problem = ""
+        problem, crop = "", (slice(0), slice(0))
         try:
-            with muted_output(), override(scene=self._scene):
+            with (
+                bordered(self._scene, size_px or self.size_px, band) as crop,
+                muted_output(),
+                override(scene=self._scene),
+            ):
                 bpy.ops.render.render(write_still=True)
         except RuntimeError as error:  # Blender reports in this way that it could not write
             problem = str(error).strip().splitlines()[-1]
@@ -75,7 +83,6 @@ class RenderFile:
                 f"Blender could not write its scratch file: {problem or 'no file came'}", file=self._path
             )
         with OpenEXR.File(str(self._path), separate_channels=True) as file:
-            crop = self._crop if size_px is None else (slice(size_px[1]), slice(size_px[0]))
             named = {tuple(name.rsplit(".", 2)): item.pixels[crop] for name, item in file.channels().items()}
         return {".".join(name[1:]): pixels for name, pixels in named.items() if name[0] == layer}
 

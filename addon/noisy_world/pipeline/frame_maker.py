@@ -296,6 +296,7 @@ def render_options(plan: Plan, render: Render, *, judging: bool = False, threads
         through_glass=any(sequence.setting.needs_depth for sequence in render.sequences),
         depth_camera=_own_depth_camera(render),
         instants=bool(render.exposure),
+        read_lines=any(step.perturbation.rays for step in render.exposure),
     )
 
 

@@ -89,9 +89,17 @@ class BlendSource(SimpleSource):
             objects=self._objects,
             moving=True,
             instants_only=only,
+            casts_rays=not (at_once := self._at_once),
+            at_once=at_once,
             lit=True,
             distorts=True,
         )
+
+    @property
+    def _at_once(self) -> str:
+        if self.compositor == "keep":
+            return "reads line after line, and the .blend's compositor is for whole frames"
+        return lines_of(self.rendering.engine, bent=self.given is not None and self.given.distortion is not None)
 
     def _objects(self) -> tuple[SceneObject, ...]:
         return self.found.objects
@@ -212,10 +220,21 @@ class BlendSource(SimpleSource):
         return beginning_of(paths, frames, path, unseen=unseen, place=where, remedy="look at the path")
 
 
+def lines_of(engine: str, *, bent: bool) -> str:
+    """Return why the lines of a scene's frames cannot be rendered each at its own moment; "" where they can."""
+    if engine != "cycles":
+        return "reads line after line, which Cycles alone can render of a scene with lights"
+    return "reads line after line, and a lens that distorts shows other lines" if bent else ""
+
+
 class SceneSession(Protocol):
-    """A scene in Blender along paths, as OwnSceneSession is. blurs: whether motion blur is set up in it."""
+    """A scene in Blender along paths, as OwnSceneSession is.
+
+    blurs, denoises: whether motion blur and denoising are set up in it.
+    """
 
     blurs: bool
+    denoises: bool
 
     def serves(self, paths: SensorPaths, options: RenderOptions) -> bool:
         """Tell whether frames along other paths, with other options, would be those of a session of their own."""
@@ -261,6 +280,8 @@ class PreparedBlend:
             self.closing.enter_context(session)
             if options.instants and session.blurs:
                 note("motion blur is set up in the .blend, and off where a setting exposes its frames itself")
+            if options.read_lines and session.denoises:
+                note("denoising is off where lines are read one after another, as it needs whole frames")
             self.session = session
         return OpenBlend(session, self.beginning(paths, options.first_frames))
 

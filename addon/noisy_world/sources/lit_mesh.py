@@ -18,7 +18,7 @@ from ..core.scenes.scene_object import SceneObject
 from ..core.scratch import ScratchFolder
 from ..core.trajectories.sensor_paths import SensorPaths
 from .bending import check_light_lens
-from .blend_source import PERTURBED_LIGHT, SEEN, PreparedBlend  # noqa: TID253 - it is one itself
+from .blend_source import PERTURBED_LIGHT, SEEN, PreparedBlend, lines_of  # noqa: TID253 - it is one itself
 from .imported_meshes import write_lit_file  # noqa: TID253 - with light, it is imported
 from .mesh_source import MeshSource
 
@@ -42,9 +42,12 @@ class LitMeshSource(MeshSource):
     @property
     def capabilities(self) -> SourceCapabilities:
         """Rendered frames from any pose, by settings of its own."""
+        at_once = lines_of(self.rendering.engine, bent=self.distortion is not None)
         return replace(
             super().capabilities,
             own=self.rendering,
+            casts_rays=not at_once,
+            at_once=at_once,
             surface=SEEN,
             objects=lambda: self._objects,
             lit=True,

@@ -307,8 +307,10 @@ def _check_exposure(
         raise scene.error(problem, "take that setting out", "render a mesh")
     bent = [step.perturbation.name for step in setting.exposure if step.perturbation.rays]
     if bent and not scene.source.capabilities.casts_rays:
-        problem = f"{setting.name}: {bent[0]} casts rays of its own, which this scene does not do"
-        raise scene.error(problem, "take that setting out", Message("use ", PresetKey("render.engine", "embree")))
+        why = scene.source.capabilities.at_once
+        problem = f"{setting.name}: {bent[0]} {why or 'casts rays of its own, which this scene does not do'}"
+        other = () if why else (Message("use ", PresetKey("render.engine", "embree")),)
+        raise scene.error(problem, "take that setting out", *other)
     apart = [step.perturbation for step in moving if step.perturbation.apply is not None]
     if lone := next((item.name for item in apart if not item.continuous), ""):
         problem = f"{setting.name}: {exposing} looks between the poses, but {lone} moves each pose by itself"

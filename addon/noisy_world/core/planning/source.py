@@ -153,8 +153,9 @@ class SourceCapabilities:
     pixel sees, for normals and the like. objects: returns the objects that it shows; None where they are a mesh's
     own. moving: whether anything but the camera may move. instants_only: why it has nothing between its frames; ""
     where it answers requests for any time. lit: its frames have scene-linear light before a view transform
-    (`light_of`). casts_rays: whether it gives the rays that a request asks for. distorts: whether its frames pass the
-    lens that a preset's camera has. depth_cameras: whether depth may have another camera than colour.
+    (`light_of`). casts_rays: whether it gives the rays that a request asks for. at_once: why it does not, where there
+    is more to say. distorts: whether its frames pass the lens that a preset's camera has. depth_cameras: whether depth
+    may have another camera than colour.
     """
 
     rendered: bool
@@ -168,6 +169,7 @@ class SourceCapabilities:
     instants_only: str = ""
     lit: bool = False
     casts_rays: bool = False
+    at_once: str = ""
     distorts: bool = False
     depth_cameras: bool = False
 
@@ -180,6 +182,7 @@ class RenderOptions:
     path; a source refuses a path where all of them see nothing, unless there are none here. through_glass: whether
     depth is needed of what is seen through panes, too. depth_camera: that of depth; None where it is colour's.
     instants: whether frames are of instants, whatever blur a scene has set up, as an exposure is made of them.
+    read_lines: whether lines of a frame are read one after another, so that nothing may look at its neighbours.
     """
 
     near_m: float
@@ -194,6 +197,7 @@ class RenderOptions:
     through_glass: bool = False
     depth_camera: Intrinsics | None = None
     instants: bool = False
+    read_lines: bool = False
 
     @property
     def rgb(self) -> bool:
