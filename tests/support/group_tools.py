@@ -49,7 +49,7 @@ def keep_group(name):
 def keep_written(chains):
     """Make what the generator evaluates for these chains stay in the file, for the same reason."""
     for steps in chains.values():
-        ensure_group(build_written(steps)).use_fake_user = True
+        ensure_group(build_written(steps, apart=True)).use_fake_user = True
 
 
 def by_nodes(name, image, frames=(0,), *, reference_width=None, identifiers=IDENTIFIERS, depth_m=None, **values):

@@ -83,3 +83,18 @@ def test_what_is_evaluated_takes_the_frame_as_it_is(name):
     assert [item.name for item in graph.outputs] == ["Image", "Bytes"]
     assert [item.name for item in graph.inputs if item.name.endswith(": Encoded")] == []
     assert "CompositorNodeConvertColorSpace" not in idnames(graph)
+
+
+def test_several_steps_may_stay_groups_each_with_a_name_of_its_own():
+    """Two of a kind that are built otherwise may not take each other's place in a file."""
+    steps = parse_steps(
+        [{"gaussian_blur": {"sigma_px": 1.0}}, {"gaussian_blur": {"sigma_px": 30.0}}, {"fog": {"severity": 3}}],
+        ConfigPath("test"),
+        registry(),
+    )
+    whole, apart = (build_written(steps, apart=each) for each in (False, True))
+    parts = [node.group for node in apart.nodes if node.group is not None and " " in node.group.name]
+    assert len({part.name for part in parts}) == len({part.stamp for part in parts}) >= 2
+    assert len(apart.nodes) < 20 < len(whole.nodes)
+    assert [item.name for item in apart.inputs] == [item.name for item in whole.inputs]
+    assert len(build_written(steps[:1], apart=True).nodes) == len(build_written(steps[:1]).nodes)

@@ -70,17 +70,20 @@ def build_chain(name: str, steps: Sequence[Step[ColourPerturbation]], *, lit: bo
     return graph
 
 
-def build_written(steps: Sequence[Step[ColourPerturbation]], *, lit: bool = False) -> Graph:
+def build_written(steps: Sequence[Step[ColourPerturbation]], *, lit: bool = False, apart: bool = False) -> Graph:
     """Describe what the generator evaluates: the same chain for an encoded frame, without groups inside it.
 
     Inputs are Image, Depth where a step asks for it, Reference Width, and each step's, named by `socket_of`. Outputs
     are Image, and Bytes: the bytes of red, green and blue as one whole number, red the lowest. lit: for scene-linear
-    light of any brightness, which has no bytes.
+    light of any brightness, which has no bytes. apart: each of several steps stays a group, without groups inside:
+    Blender makes them in far less time, as its own time for each change of a group grows with the group.
     """
     groups = [
         build_group(step.perturbation, capacity_of(step), bare=True, lit=lit or passes)
         for step, passes in zip(steps, _pass_bright(steps), strict=True)
     ]
+    if apart and len(groups) > 1:
+        groups = [_apart(group) for group in groups]
     names = ", ".join(group.name for group in groups)
     graph = Graph(f"{'Lit' if lit else 'Written'}: {names}", "Perturbations of colour as the generator evaluates them")
     image = graph.input(IMAGE_INPUT)
@@ -99,6 +102,13 @@ def build_written(steps: Sequence[Step[ColourPerturbation]], *, lit: bool = Fals
     if not lit:
         graph.output("Bytes", _one_number(result), "float", "Its bytes in one number")
     return flat(graph)
+
+
+def _apart(group: Graph) -> Graph:
+    """Return a step's group without groups inside, which stays one; its name tells it from others of its kind."""
+    found = flat(group)
+    found.name, found.alone = f"{group.name} {group.stamp[:12]}", True
+    return found
 
 
 def _pass_bright(steps: Sequence[Step[ColourPerturbation]]) -> list[bool]:

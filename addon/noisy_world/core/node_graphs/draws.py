@@ -64,9 +64,9 @@ def pooled(
         streams = tuple(step.stream for step in steps)
         equal.setdefault((what, None if None in streams else streams), []).append(name)
     for (_, streams), names in equal.items():
-        graph = build_written(chains[names[0]], lit=lit)
-        parted = divided(graph) if streams and len(names) > 1 else None
-        yield tuple(names), parted or graph
+        steps = chains[names[0]]
+        parted = divided(build_written(steps, lit=lit)) if streams and len(names) > 1 else None
+        yield tuple(names), parted or build_written(steps, lit=lit, apart=True)
 
 
 _ZERO: Mapping[str, Any] = {"float": 0.0, "vector": (0.0, 0.0, 0.0), "color": (0.0, 0.0, 0.0, 1.0)}
