@@ -35,24 +35,23 @@ def travel_px(
     """
     height, width = depth_m.shape
     known_m = np.where(depth_m > 0, depth_m, np.float32(VOID_M))
-    u, v = _on_grid(width, height)
-    count = u.size
-    u, v = (np.concatenate(both) for both in zip((u, v), _nearest(known_m), strict=True))
-    seen_m = known_m[v, u].astype(np.float64)
-    if lens is None:
-        local = np.stack([(u - depth_camera.cx_px) / depth_camera.fx_px, (v - depth_camera.cy_px) / depth_camera.fy_px])
-    else:
-        rays = lens_rays(depth_camera, lens)
-        local = np.stack([rays.right[v, u], rays.down[v, u]])
-    points = np.concatenate([local * seen_m, seen_m[None]])
+    places = _on_grid(width, height), _nearest(known_m)
+    seen = [known_m[v, u].astype(np.float64) for u, v in places]
+    parts = [_points(seen_m, u, v, depth_camera, lens) for seen_m, (u, v) in zip(seen, places, strict=True)]
+    seen_m, points = np.concatenate(seen), np.concatenate(parts, axis=1)
+    away_m = np.linalg.norm(points, axis=0)
     world = depth_c2w[:3, :3] @ points + depth_c2w[:3, 3:]
     placed = c2w[:, :3, :3].transpose(0, 2, 1) @ (world - c2w[:, :3, 3:])
-    before = placed[:, 2] > NEAREST * seen_m
-    placed[:, 2] = np.where(before, placed[:, 2], 1.0)
+    if lens is not None and lens_rays(camera, lens).forward is not None:
+        before = np.linalg.norm(placed, axis=1) > NEAREST * away_m
+    else:
+        before = placed[:, 2] > NEAREST * seen_m
+        placed[:, 2] = np.where(before, placed[:, 2], 1.0)
     at_u, at_v = projected(placed.transpose(0, 2, 1), camera, lens)
     before &= (np.abs(at_u - width / 2) < 1.5 * width) & (np.abs(at_v - height / 2) < 1.5 * height)
     step_px = np.hypot(np.diff(at_u, axis=0), np.diff(at_v, axis=0))
     way_px = np.where(before[1:] & before[:-1], step_px, 0.0).sum(axis=0)
+    count = seen[0].size
     grid_px, nearest_px = (float(part.max(initial=0.0)) for part in (way_px[:count], way_px[count:]))
     return nearest_px if nearest_px > MISSED * grid_px else grid_px
 
@@ -68,7 +67,7 @@ def _on_grid(width: int, height: int) -> tuple[NDArray[np.intp], NDArray[np.intp
 
 
 def _nearest(depth_m: NDArray[np.float32]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Return columns and rows (N,) of the nearest pixel of each cell of the grid."""
+    """Return columns and rows (N,) of the nearest pixel of each cell of the grid that is not all void."""
     height, width = depth_m.shape
     across, down = (
         np.unique(np.linspace(0, size, count).round().astype(np.intp)).tolist()
@@ -81,4 +80,25 @@ def _nearest(depth_m: NDArray[np.float32]) -> tuple[NDArray[np.intp], NDArray[np
         for at in [int(depth_m[top:bottom, left:right].argmin())]
     ]
     u, v = np.array(found, np.intp).T
-    return u, v
+    known = depth_m[v, u] < VOID_M
+    return u[known], v[known]
+
+
+def _points(
+    seen_m: NDArray[np.float64], u: NDArray[np.intp], v: NDArray[np.intp], camera: Intrinsics, lens: Distortion | None
+) -> NDArray[np.float64]:
+    """Return where pixels (N,) see something at planar depths (N,), (3, N) in the camera's axes.
+
+    Where a lens sees sideways there is no planar depth: what is there is taken to be as far as the nearest of the rest.
+    """
+    if lens is None:
+        local = np.stack([(u - camera.cx_px) / camera.fx_px, (v - camera.cy_px) / camera.fy_px])
+        return np.concatenate([local * seen_m, seen_m[None]])
+    rays = lens_rays(camera, lens)
+    local = np.stack([rays.right[v, u], rays.down[v, u]])
+    if rays.forward is None:
+        return np.concatenate([local * seen_m, seen_m[None]])
+    deep, forward = rays.is_deep[v, u], rays.forward[v, u]
+    away_m = np.divide(seen_m, forward, out=np.full(seen_m.shape, np.inf), where=deep)
+    away_m[~deep] = away_m.min(initial=VOID_M)
+    return np.concatenate([local, forward[None]]) * away_m
