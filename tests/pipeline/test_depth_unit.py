@@ -362,7 +362,7 @@ def test_a_longer_path_that_changes_what_is_between_frames_does_not_grow(tmp_pat
     longer = poses_at(np.arange(COUNT + 2) / RATE_HZ)
     longer[-1, 2, 3] += 0.2  # so that the curve through the poses is another one between the last that were there
     write_replica(tmp_path / "world/traj.txt", longer)
-    with pytest.raises(StorageError, match="between the poses of box, which rig.depth looks at, lies otherwise now"):
+    with pytest.raises(StorageError, match=r"between the poses of box, which rig\.depth looks at, lies otherwise now"):
         run(preset, tmp_path / "out")
     assert content(tmp_path / "out") == before
 
