@@ -20,6 +20,7 @@ from written import run
 pytest.importorskip("embreex", reason="embreex is not installed: make .venv/.extras brings it")
 
 import noisy_world
+from noisy_world.core.datasets.dataset_state import read_dataset_state
 from noisy_world.core.errors import InputError, StorageError
 from noisy_world.core.geometry import Intrinsics
 from noisy_world.core.presets.preset import read_preset
@@ -65,8 +66,7 @@ def test_depth_is_warped_by_a_file_beside_the_preset_wherever_the_program_runs(t
         "name": "warp.txt",
         "sha256": hashlib.sha256((tmp_path / "world/tables/warp.txt").read_bytes()).hexdigest(),
     }
-    identity = json.loads((tmp_path / "out/manifest.json").read_text())
-    (step,) = identity["settings"]["warped"]["steps"]
+    (step,) = read_dataset_state(tmp_path / "out").identity["settings"]["warped"]["steps"]
     assert step["parameters"]["warp"] == {"sha256": wanted["sha256"]}
     line = json.loads((tmp_path / "out/warped/box/frames.jsonl").read_text().splitlines()[0])
     (note,) = line["perturbed"]["depth"]
