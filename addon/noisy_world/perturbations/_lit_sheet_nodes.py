@@ -347,7 +347,8 @@ def _ellipse(
 ) -> Socket:
     """Return what a streak hides, as `_round_streaks` says.
 
-    away, run: right and down, pixels; how far it is, and is spread. squares: of the particle's radius, and of its blurred one.
+    away, run: right and down, pixels: how far it is, and how far it is spread. squares: of the particle's radius, and
+    of its blurred one.
     """
     area, radius = squares
     # Never quite at rest, so that it has a direction.

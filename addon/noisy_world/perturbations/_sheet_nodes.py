@@ -9,7 +9,7 @@ and large ones have sheets of their own, which fall at their own speeds.
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from typing import TypeAlias
 
 from ..core.node_graphs.camera import CameraSockets
@@ -122,6 +122,31 @@ def seen_through_sheets(
 
     shared: as for the shells. speed_m_s: of fall, by sizes.
     """
+    camera = canvas.camera
+    assert camera is not None
+    assert canvas.seed is not None
+    assert canvas.key is not None
+    # In a group of their own: Blender makes a large group slowly.
+    graph = Graph("Streaks in the World", "How much light passes the particles in sheets of the air")
+    sockets = {f"Speed {number}": speed_m_s[sizes] for number, sizes in enumerate(SIZES, start=1)}
+    sockets |= {name: shared[name] for name in (*_SHARED, *_FRAME)}
+    sockets |= {"Seed": canvas.seed, "Frame": canvas.key, "Wind": given["wind_m_s"]}
+    sockets |= {f"Camera {item.name}": getattr(camera, item.name) for item in fields(camera)}
+    inside = {name: graph.input(_input(name, socket)) for name, socket in sockets.items()}
+    own = CameraSockets(*(inside[f"Camera {item.name}"] for item in fields(camera)))
+    there = replace(canvas, graph=graph, camera=own, seed=inside["Seed"], key=inside["Frame"])
+    speeds = {sizes: inside[f"Speed {number}"] for number, sizes in enumerate(SIZES, start=1)}
+    graph.output("Seen", _seen(there, inside["Wind"], inside, speeds), "float", "Share of the light that passes")
+    return canvas.graph.group(graph, sockets, name=graph.name).out("Seen", "float")
+
+
+def _input(name: str, socket: Socket) -> GroupInput:
+    default = 0.0 if socket.kind == "float" else 0 if socket.kind == "int" else (0.0, 0.0, 0.0)
+    return GroupInput(name, socket.kind, default, "As the group around has it")
+
+
+def _seen(canvas: Canvas, wind_m_s: Socket, shared: Mapping[str, Socket], speed_m_s: Mapping[Sizes, Socket]) -> Socket:
+    """Return what `seen_through_sheets` does, inside its group."""
     graph, camera = canvas.graph, canvas.camera
     assert camera is not None
     with graph.section("Rays"):
@@ -140,7 +165,7 @@ def seen_through_sheets(
         part, seen = _sheet_graph(), graph.math("MULTIPLY", 1.0, 1.0)
     for number, sizes in enumerate(SIZES):
         with graph.section(f"Sheets {number + 1}"):
-            blown_m_s = graph.vector(given["wind_m_s"], 0.0, speed_m_s[sizes] * -1.0)
+            blown_m_s = graph.vector(wind_m_s, 0.0, speed_m_s[sizes] * -1.0)
             own = inputs | _of_sizes(canvas, blown_m_s, shared, seen_along, sizes)
             key = graph.math("FLOOR", canvas.random_value(FIRST_PURPOSE + number) * KEYS) * AXES
             own["Key"] = graph.math("MULTIPLY_ADD", seen_along.level, 2.0, seen_along.aside) + key
@@ -223,6 +248,8 @@ _SHARED = {
     "Aperture": "Metres",
     "Focus": "Metres",
 }
+
+_FRAME = ("Height", "Width", "Scale", "Count", "Gusts", "Exposure", "Time", "Turning")
 
 _INPUTS = _SHARED | {
     "Ahead": "How many slabs are nearer",
