@@ -11,7 +11,7 @@ pytest.importorskip("embreex", reason="embreex is not installed: pip install '.[
 
 from analytic import look_at
 from cases import cases
-from ray_tools import polygons
+from ray_tools import OPTIONS, polygons
 from shutters import CAMERA, coloured_room, moved, paths, psnr_db, room_session
 from srgb import encoded, linear
 
@@ -19,24 +19,25 @@ from noisy_world.core.geometry import Intrinsics
 from noisy_world.core.perturbing.exposing import SceneAround
 from noisy_world.core.perturbing.reading import parse_steps
 from noisy_world.core.planning.exposed import ExposedSource
-from noisy_world.core.optics import PINHOLE
+from noisy_world.core.optics import PINHOLE, Distortion, Optics
 from noisy_world.core.planning.travel import travel_px
 from noisy_world.core.schema import ConfigPath
 from noisy_world.core.trajectories.sensor_paths import SensorPaths
 from noisy_world.core.trajectories.trajectory import Trajectory
 from noisy_world.perturbations import registry
 from noisy_world.perturbations.camera_motion_blur import CameraMotionBlur, apply, moment_count, openness
+from noisy_world.rays.session import RaySession
 
 SHUTTER_S = 0.016
 SPEED = {"linear": 12.0, "rotation": 12.0, "roll": 12.0, "vibration": 1.0}  # blurs of 5 to 20 pixels
 
 
-def blurred(session, sensors, *more, camera=CAMERA, **parameters):
+def blurred(session, sensors, *more, camera=CAMERA, optics=PINHOLE, **parameters):
     """The frame of the path's middle pose, as a render exposes it."""
     blur = {"camera_motion_blur": {"shutter_ms": 1000 * SHUTTER_S, **parameters}}
     steps = parse_steps([*more, blur], ConfigPath("test"), registry())
     scene = SimpleNamespace(source=SimpleNamespace(capabilities=SimpleNamespace(moving=False)))
-    render = SimpleNamespace(exposure=steps, camera=camera, measured_camera=camera, scene=scene, optics=PINHOLE)
+    render = SimpleNamespace(exposure=steps, camera=camera, measured_camera=camera, scene=scene, optics=optics)
     return ExposedSource(session, render).frame(sensors.request(len(sensors) // 2))
 
 
@@ -118,11 +119,13 @@ def test_depth_is_of_the_moment_that_is_asked_for():
         assert np.array_equal(same.rgb, session.frame(still.request(2)).rgb)
 
 
-def test_blur_and_rolling_shutter_are_one_exposure_of_each_row():
+@pytest.mark.parametrize("lens", [None, Distortion("radial-tangential", (-0.28, 0.07, 2e-3, -1e-3))])
+def test_blur_and_rolling_shutter_are_one_exposure_of_each_row_behind_a_lens_too(lens):
     sensors = paths("rotation", 81, 2000.0, SPEED["rotation"])
     readout = {"readout_ms": 12.0, "direction": "down"}
-    with room_session(sensors, mesh=coloured_room(smooth=True)) as session:
-        made = blurred(session, sensors, {"rolling_shutter": readout})
+    room = coloured_room(smooth=True)
+    with RaySession(room, sensors, CAMERA, OPTIONS, lens) as session:
+        made = blurred(session, sensors, {"rolling_shutter": readout}, optics=Optics(distortion=lens))
         true = np.empty((CAMERA.height_px, CAMERA.width_px, 3))
         for row in range(0, CAMERA.height_px, 5):
             middle_s = 0.012 * ((row + 0.5) / CAMERA.height_px - 0.5)

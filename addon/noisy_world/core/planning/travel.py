@@ -35,17 +35,36 @@ def travel_px(
     seen_m = depth_m[np.ix_(down, across)].astype(np.float64).ravel()
     u, v = (values.ravel() for values in np.meshgrid(across, down))
     seen_m[seen_m == 0.0] = VOID_M
-    if lens is None:
-        local = np.stack([(u - depth_camera.cx_px) / depth_camera.fx_px, (v - depth_camera.cy_px) / depth_camera.fy_px])
-    else:
-        rays = lens_rays(depth_camera, lens)
-        local = np.stack([rays.right[v, u], rays.down[v, u]])
-    points = np.concatenate([local * seen_m, seen_m[None]])
+    points = _points(seen_m, u, v, depth_camera, lens)
+    away_m = np.linalg.norm(points, axis=0)
     world = depth_c2w[:3, :3] @ points + depth_c2w[:3, 3:]
     placed = c2w[:, :3, :3].transpose(0, 2, 1) @ (world - c2w[:, :3, 3:])
-    before = placed[:, 2] > NEAREST * seen_m
-    placed[:, 2] = np.where(before, placed[:, 2], 1.0)
+    if lens is not None and lens_rays(camera, lens).forward is not None:
+        before = np.linalg.norm(placed, axis=1) > NEAREST * away_m
+    else:
+        before = placed[:, 2] > NEAREST * seen_m
+        placed[:, 2] = np.where(before, placed[:, 2], 1.0)
     at_u, at_v = projected(placed.transpose(0, 2, 1), camera, lens)
     before &= (np.abs(at_u - width / 2) < 1.5 * width) & (np.abs(at_v - height / 2) < 1.5 * height)
     step_px = np.hypot(np.diff(at_u, axis=0), np.diff(at_v, axis=0))
     return float(np.where(before[1:] & before[:-1], step_px, 0.0).sum(axis=0).max(initial=0.0))
+
+
+def _points(
+    seen_m: NDArray[np.float64], u: NDArray[np.intp], v: NDArray[np.intp], camera: Intrinsics, lens: Distortion | None
+) -> NDArray[np.float64]:
+    """Return where pixels (N,) see something at planar depths (N,), (3, N) in the camera's axes.
+
+    Where a lens sees sideways there is no planar depth: what is there is taken to be as far as the nearest of the rest.
+    """
+    if lens is None:
+        local = np.stack([(u - camera.cx_px) / camera.fx_px, (v - camera.cy_px) / camera.fy_px])
+        return np.concatenate([local * seen_m, seen_m[None]])
+    rays = lens_rays(camera, lens)
+    local = np.stack([rays.right[v, u], rays.down[v, u]])
+    if rays.forward is None:
+        return np.concatenate([local * seen_m, seen_m[None]])
+    deep, forward = rays.is_deep[v, u], rays.forward[v, u]
+    away_m = np.divide(seen_m, forward, out=np.full(seen_m.shape, np.inf), where=deep)
+    away_m[~deep] = away_m.min()
+    return np.concatenate([local, forward[None]]) * away_m
