@@ -94,6 +94,18 @@ def test_moments_are_odd_bounded_and_of_the_blur():
     assert [moment_count(50, CameraMotionBlur(most_moments=most)) for most in (1, 2, 3, 4)] == [1, 1, 3, 3]
 
 
+def test_a_pole_between_the_pixels_of_the_grid_is_not_missed():
+    """A camera that goes sideways: what is z away goes f s / z on the image."""
+    depth_m = np.full((180, 320), 4.0, np.float32)
+    depth_m[:, 166] = 0.4
+    camera = Intrinsics(320, 180, 300.0, 300.0, 159.5, 89.5)
+    path = np.tile(np.eye(4), (33, 1, 1))
+    path[:, 0, 3] = np.linspace(-0.01, 0.01, 33)
+    assert travel_px(depth_m, np.eye(4), path, camera, camera) == pytest.approx(300 * 0.02 / 0.4, rel=1e-6)
+    depth_m[:, 166] = 4.0
+    assert travel_px(depth_m, np.eye(4), path, camera, camera) == pytest.approx(300 * 0.02 / 4.0, rel=1e-6)
+
+
 def test_what_is_brighter_than_white_stays_so_in_the_mean():
     # A lamp of sixteen times white for one of three moments: encoded by sRGB's curve, which goes on above 1.
     lamp, dark = np.float32(1.055 * 16 ** (1 / 2.4) - 0.055), np.float32(0)
@@ -113,6 +125,7 @@ def test_depth_is_of_the_moment_that_is_asked_for():
             made = blurred(session, sensors, depth=depth, stamp=stamp)
             there = session.frame(sensors.at(after_s * SHUTTER_S))
             np.testing.assert_array_equal(made.depth_m, there.depth_m)
+            assert made.exposure[0]["moments"] % 2 == 1  # depth's own moment is none of light
         still = SensorPaths(Trajectory(np.repeat(sensors.rgb.c2w[:1], 5, axis=0), np.arange(5.0)))
         same = blurred(session, still)
         assert same.exposure[0]["moments"] == 1
