@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A frame at half its size as nodes, for what is only a mean or is blurred widely: a quarter of the pixels."""
+"""A frame at half its size or less as nodes, for what is only a mean or is blurred widely: a quarter of the pixels."""
 
 from dataclasses import dataclass, replace
 
@@ -16,20 +16,20 @@ class Halved:
     extra: Socket
 
 
-def halved(canvas: Canvas, image: Socket, extra: Socket, on: Socket) -> Halved:
-    """Return an image, and a number at each pixel, at half the frame's size: means of four pixels.
+def halved(canvas: Canvas, image: Socket, extra: Socket, on: Socket, times: int = 1) -> Halved:
+    """Return an image, and a number at each pixel, of half the frame's size, so many times: each the mean of four.
 
     on: 1 where they are wanted; otherwise they are one pixel, and cost nothing.
     """
-    graph = canvas.graph
-    sides = [
-        graph.math("MULTIPLY_ADD", graph.math("MAXIMUM", graph.math("ROUND", side * 0.5), 1.0) - 1.0, on, 1.0)
-        for side in (canvas.width_px, canvas.height_px)
-    ]
-    both = with_extra(image, extra)
-    small = sampled(both, share_of(graph, graph.vector(*sides)))
-    made = replace(canvas, image=small, width_px=sides[0], height_px=sides[1], scale=canvas.scale * 0.5)
-    return Halved(made, extra_of(small))
+    graph, small = canvas.graph, with_extra(image, extra)
+    for _ in range(times):
+        sides = [
+            graph.math("MULTIPLY_ADD", graph.math("MAXIMUM", graph.math("ROUND", side * 0.5), 1.0) - 1.0, on, 1.0)
+            for side in (canvas.width_px, canvas.height_px)
+        ]
+        small = sampled(small, share_of(graph, graph.vector(*sides)))
+        canvas = replace(canvas, image=small, width_px=sides[0], height_px=sides[1], scale=canvas.scale * 0.5)
+    return Halved(canvas, extra_of(small))
 
 
 def with_extra(image: Socket, extra: Socket) -> Socket:

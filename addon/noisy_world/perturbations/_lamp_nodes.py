@@ -48,12 +48,13 @@ def lamp_light_nodes(
         arrives = graph.math("DIVIDE", fourth / (fourth + 1.0), graph.math("MULTIPLY_ADD", small.extra, DIFFUSE, 1.0))
         lit_up = 1.0 - graph.math("EXPONENT", small.extra * -2.0)
         bright = small.canvas.image * graph.vector(arrives, arrives, arrives)
-        blocks = blocks_of(small.canvas, on)
-        lamps = blocks.means(with_extra(bright, luminance * arrives * lit_up))
+        smaller = halved(small.canvas, bright, luminance * arrives * lit_up, on)
+        blocks = blocks_of(smaller.canvas, on)
+        lamps = blocks.means(smaller.canvas.image)
         lamps = with_extra(lamps * graph.vector(*[blocks.inside] * 3), extra_of(lamps) * blocks.inside)
     with graph.section("Lamps: their light around them"):
         half = graph.math("TANGENT", view_deg * (math.pi / 360))
-        focal = small.canvas.width_px * 0.5 / half / blocks.side
+        focal = smaller.canvas.width_px * 0.5 / half / blocks.side
         strength = graph.vector(*[given["lamps"] * scattering] * 3)
         total: Value = (0.0, 0.0, 0.0)
         of_air: Value = 0.0
