@@ -72,7 +72,8 @@ def test_success_is_as_the_page_says(runs):
 
 def test_what_late_depth_costs_where_it_is_misread(runs):
     stats = pytest.importorskip("scipy.stats", reason="the extra evaluate is not installed")
-    logs = {setting: np.log(of_it["paper.ate_m"]) for setting, of_it in runs.loc["orb_slam3_misread"].groupby("setting")}
+    misread = runs.loc["orb_slam3_misread"]
+    logs = {setting: np.log(of_it["paper.ate_m"]) for setting, of_it in misread.groupby("setting")}
     text = re.search(r"5 frames late are (.+?) times clean, 20 frames (.+?)\n", PAGE)
     for said, setting in zip(text.groups(), ("desync_5", "desync_20"), strict=True):
         found = stats.ttest_ind(logs[setting], logs["clean"], equal_var=False)
