@@ -228,7 +228,10 @@ class Camera:
         )
 
     def motion(self, sequence: Sequence, frame: int) -> CameraMotion | None:
-        """Return how the camera moves at a frame of a sequence: its frames show the path's at an unchanged rate."""
+        """Return how the camera moves at a frame of a sequence: its frames show the path's at an unchanged rate.
+
+        Where the view has cut to another camera, that one is at rest: no camera flew from the one to the other.
+        """
         if self.path is None:
             return None
         before = max(frame - 1, 0)
@@ -236,4 +239,6 @@ class Camera:
         if not self.path.known[rows].all():
             return None
         first, earlier, now = self.path.c2w[rows]
-        return motion_between(first, earlier, now, float(self.path.stamps_s[frame] - self.path.stamps_s[before]))
+        cut = self.path.cuts_between(rows[1], rows[2])
+        seconds = 0.0 if cut else float(self.path.stamps_s[frame] - self.path.stamps_s[before])
+        return motion_between(first, earlier, now, seconds)

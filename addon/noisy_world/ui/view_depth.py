@@ -74,6 +74,9 @@ def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     """Draw what the view in use does not show as it is written, and the button."""
     if not lacks_depth(context) or not (names := reading_depth(context.scene)):
         return
-    text = f"This view has no depth, so it does not show {enumerated(names)} as in the dataset; EEVEE's has one"
-    write(layout, context, text, "ERROR")
+    text = f"This view has no depth, so it does not show {enumerated(names)} as in the dataset"
+    if _stays_workbench(context.scene):
+        write(layout, context, f"{text}; Preview Frame does", "ERROR")
+        return
+    write(layout, context, f"{text}; EEVEE's has one", "ERROR")
     layout.operator(ShowByEevee.bl_idname, icon="SHADING_RENDERED")
