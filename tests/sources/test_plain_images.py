@@ -76,6 +76,17 @@ def test_what_needs_depth_or_poses_says_so_in_a_line(tmp_path):
             make_plan(read_preset(path, [change]))
 
 
+def test_a_folder_of_images_that_is_no_sequence_is_told_how_it_is_read(tmp_path):
+    plates(tmp_path / "plates")
+    path = preset_of(tmp_path)
+    document = json.loads(path.read_text())
+    del document["scenes"][0]["layout"]
+    path.write_text(json.dumps(document))
+    told = r"is no sequence; .* or nerfstudio, or read it as plain images by scenes\.layout: images$"
+    with pytest.raises(InputError, match=told):
+        make_plan(read_preset(path))
+
+
 def test_what_is_no_folder_of_images_is_one_line(tmp_path):
     place = ConfigPath("preset", "scenes.0")
     (tmp_path / "plates").mkdir()

@@ -26,7 +26,6 @@ from noisy_world.ui import (
     scene_copy,
     shown_motion,
     stills,
-    view_depth,
     apply_preset,
     described,
     paths,
@@ -35,37 +34,6 @@ from noisy_world.ui import (
 from noisy_world.ui.generate import run_of
 
 pytestmark = pytest.mark.usefixtures("add_on")
-
-
-@pytest.fixture
-def hall(tmp_path):
-    """A lit room of a floor and a cube that moves, seen by a camera on a parent that turns."""
-    bpy.ops.wm.read_factory_settings(use_empty=True)
-    scene = bpy.context.scene
-    bpy.ops.mesh.primitive_plane_add(size=8)
-    bpy.ops.mesh.primitive_cube_add(location=(0, 0, 1))
-    cube = bpy.context.object
-    cube.keyframe_insert("location", frame=1)
-    cube.location.x = 1.0
-    cube.keyframe_insert("location", frame=5)
-    sun = bpy.data.objects.new("Sun", bpy.data.lights.new("Sun", "SUN"))
-    rig = bpy.data.objects.new("Rig", None)
-    camera = bpy.data.objects.new("Mine", bpy.data.cameras.new("Mine"))
-    for item in (sun, rig, camera):
-        scene.collection.objects.link(item)
-    camera.parent, camera.location, camera.rotation_euler = rig, (0, -5, 2), (math.radians(80), 0, 0)
-    rig.keyframe_insert("rotation_euler", frame=1)
-    rig.rotation_euler.z = 0.4
-    rig.keyframe_insert("rotation_euler", frame=5)
-    scene.camera = camera
-    scene.render.engine = "CYCLES"
-    scene.cycles.samples = 2
-    scene.render.resolution_x, scene.render.resolution_y = 40, 30
-    scene.frame_start, scene.frame_end, scene.frame_step = 1, 5, 2
-    item = settings()
-    item.mesh_source, item.scene_name, item.output_folder = "SCENE", "hall", str(tmp_path / "out")
-    item.image, item.depth_scale_per_m = "png", 1000.0
-    return scene
 
 
 def names():
@@ -300,35 +268,6 @@ def test_stereo_is_refused_in_a_line_for_this_scene_and_left_out_of_a_mesh(hall,
     assert bpy.ops.noisy_world.load_scene() == bpy.ops.noisy_world.load_trajectory() == {"FINISHED"}
     assert stills.rendered(hall, 0).rgb.shape == (16, 16, 3)
     assert hall.render.use_multiview
-
-
-def test_a_view_of_an_engine_that_gives_no_depth_is_shown_by_eevee(hall):
-    space = next(area for area in bpy.context.window.screen.areas if area.type == "VIEW_3D").spaces.active
-    at = SimpleNamespace(scene=hall, space_data=space)
-    space.shading.type = "RENDERED"
-    assert view_depth.lacks_depth(at)
-    bpy.ops.noisy_world.add_step(perturbation="fog")
-    assert view_depth.reading_depth(hall) == ()
-    bpy.ops.noisy_world.add_step(perturbation="fog_depth")
-    assert view_depth.reading_depth(hall) == ("Fog by Depth",)
-    view_depth.show_by_eevee(hall, space.shading)
-    assert (space.shading.type, space.shading.use_scene_lights, space.shading.use_scene_world) == ("MATERIAL", 1, 1)
-    assert hall.render.engine == "CYCLES"
-    assert not view_depth.lacks_depth(at)
-
-
-def test_a_view_of_workbench_offers_no_button_that_cannot_be_pressed(hall, monkeypatch):
-    space = next(area for area in bpy.context.window.screen.areas if area.type == "VIEW_3D").spaces.active
-    at = SimpleNamespace(scene=hall, space_data=space)
-    space.shading.type, said, buttons = "RENDERED", [], []
-    bpy.ops.noisy_world.add_step(perturbation="fog_depth")
-    monkeypatch.setattr(view_depth, "write", lambda _layout, _context, text, _icon: said.append(text))
-    layout = SimpleNamespace(operator=lambda name, **_: buttons.append(name))
-    for engine in ("CYCLES", "BLENDER_WORKBENCH"):
-        hall.render.engine = engine
-        view_depth.draw(layout, at)
-    assert [text.rpartition("; ")[2] for text in said] == ["EEVEE's has one", "Preview Frame does"]
-    assert buttons == ["noisy_world.show_by_eevee"]
 
 
 def test_a_scene_whose_unit_is_no_metre_is_told_when_its_path_is_loaded(hall):

@@ -209,7 +209,10 @@ def read_recording(
     Raises InputError where files are missing or wrong, where its own stamps say another rate, and where there is
     nothing to undistort or register.
     """
-    stored = find_sequence(folder, rate_hz, poses)
+    from .image_source import has_images
+
+    plain = Message("read it as plain images by ", PresetKey("scenes.layout", "images")) if has_images(folder) else ""
+    stored = find_sequence(folder, rate_hz, poses, otherwise=plain)
     own_hz = None if stored.stamps_path is None else stored.rate_hz
     if rate_hz is not None and own_hz is not None and not abs(rate_hz / own_hz - 1) <= RATE_TOLERANCE:
         problem = f"is {rate_hz:g} Hz, but {stored.stamps_path} says {own_hz:.6g} Hz"
