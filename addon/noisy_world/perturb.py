@@ -267,8 +267,9 @@ def _perturbed_frames(
     optics: what its cameras have beyond one pinhole.
     """
     from .core.datasets.registration import Registration  # noqa: PLC0415
+    from .core.planning.metering import light_seen  # noqa: PLC0415
     from .pipeline.clean_frame import Camera, CleanFrame  # noqa: PLC0415
-    from .pipeline.earlier import EarlierFrames, light_seen  # noqa: PLC0415
+    from .pipeline.earlier import EarlierFrames  # noqa: PLC0415
     from .pipeline.made_frame import SequenceMaker  # noqa: PLC0415
     from .sources.recording import RecordedFrame  # noqa: PLC0415
 

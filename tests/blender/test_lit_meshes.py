@@ -16,6 +16,7 @@ from noisy_world.core.errors import InputError
 from noisy_world.core.geometry import Intrinsics
 from noisy_world.core.lens import lens_rays
 from noisy_world.core.optics import Distortion
+from noisy_world.core.planning.exposed import open_render
 from noisy_world.core.planning.source import RenderOptions
 from noisy_world.core.planning.source_paths import source_paths
 from noisy_world.core.presets.preset import check_document
@@ -107,16 +108,18 @@ LENS = {"model": "radial-tangential", "k1": -0.3, "k2": 0.05, "p1": 0.002, "p2":
 SEEN_BY = {"width": SIDE, "height": SIDE, "fx": SIDE * 0.7, "fy": SIDE * 0.7, "cx": SIDE / 2, "cy": SIDE / 2 - 1}
 
 
-def lit_preset(tmp_path, distortion):
+def lit_preset(tmp_path, distortion, *perturb, speed_m=0.0, samples=64):
     write_floor(tmp_path / "floor.glb", 2000.0)
-    poses = np.repeat(EYE[None], 2, axis=0)
+    poses = np.repeat(EYE[None], 4, axis=0)
+    poses[:, 2, 3] += speed_m * np.arange(4)
     (tmp_path / "path.txt").write_text("\n".join(" ".join(map(str, pose.ravel())) for pose in poses))
     scene = {"name": "floor", "mesh": "floor.glb", "light": "scene", "trajectory": "path.txt"}
     document = {
         "scenes": [scene],
         "camera": {**SEEN_BY, "distortion": distortion},
-        "render": {"samples": 64},
-        "output": {"layout": "tum", "modalities": ["rgb", "depth", "normal", "instance"]},
+        "render": {"samples": samples},
+        "settings": [{"name": "seen", "perturb": list(perturb)}],
+        "output": {"layout": "tum", "modalities": ["rgb", "depth", *([] if perturb else ["normal", "instance"])]},
     }
     return check_document(document, tmp_path / "preset.yaml")
 
@@ -138,6 +141,23 @@ def test_through_a_lens_it_follows_lamberts_law_and_no_border_is_missing(tmp_pat
     ratio = frame.light.rgb[..., 1] / (0.8 / np.pi * 2000.0 / 683.0 * HEIGHT_M / away_m**3)
     assert abs(ratio.mean() - 1) < 0.01
     assert np.abs(ratio - 1).max() < 0.03
+
+
+def test_its_lines_behind_a_lens_are_read_one_after_another(tmp_path):
+    """The camera leaves the floor by 0.3 m a frame, looking down: each line is as far as it is by then."""
+    plan = make_plan(lit_preset(tmp_path, LENS, {"rolling_shutter": {"readout_ms": 40}}, speed_m=0.3, samples=4))
+    (render,) = plan.renders
+    sensors = source_paths(plan, render)
+    with render.scene.source.prepare(render.camera, print) as prepared:
+        options = render_options(plan, render)
+        opened = prepared.open(sensors, options, print)
+        frame = open_render(prepared, render, sensors, options, print).frame(sensors.request(1))
+        times_s = ((np.arange(SIDE) + 0.5) / SIDE - 0.5) * 0.04
+        singles = [opened.frame(sensors.request(1).after(float(time_s))) for time_s in times_s]
+    rate_hz = 1 / np.diff(sensors.rgb.stamps_s)[0]
+    np.testing.assert_allclose(frame.depth_m, np.repeat((3.3 + 0.3 * rate_hz * times_s)[:, None], SIDE, 1), rtol=1e-5)
+    rows = np.stack([single.light.rgb[row] for row, single in enumerate(singles)])
+    assert -10 * np.log10(np.mean(np.square(frame.light.rgb - rows)) + 1e-12) > 65
 
 
 def test_a_lit_mesh_is_not_undistorted(tmp_path):

@@ -34,6 +34,26 @@ def test_depth_of_a_plane_is_exact_and_no_border_is_missing(lens):
         assert np.abs(bending.depth_m(seen_m) / true_m - 1).max() < 1e-6
 
 
+@cases("lens", [LENS, FISHEYE])
+def test_a_line_needs_few_of_the_pinholes_and_is_the_same_plane(lens):
+    """Of a plane in closed form, and of a picture the whole has: each line alone is the whole image's."""
+    pinhole = overscanned(CAMERA, lens)
+    bending, normal = Bending(pinhole, CAMERA, lens), [0.2, -0.1, 1.0]
+    seen_m = plane(pinhole.ray_directions(), normal, 2.5).astype(np.float32)
+    true_m = plane(lens_directions(CAMERA, lens), normal, 2.5)
+    picture = np.random.default_rng(0).uniform(size=(*seen_m.shape, 4)).astype(np.float32)
+    whole = bending.rgb(picture)
+    for rows, columns in (
+        (slice(0, 1), slice(0, 160)),
+        (slice(60, 61), slice(0, 160)),
+        (slice(0, 120), slice(159, 160)),
+    ):
+        down, across, part = bending.part(rows, columns)
+        assert (down.stop - down.start) * (across.stop - across.start) < 0.4 * seen_m.size
+        np.testing.assert_allclose(part.depth_m(seen_m[down, across]), true_m[rows, columns], rtol=1e-6)
+        np.testing.assert_allclose(part.rgb(picture[down, across]), whole[rows, columns], atol=1e-6)
+
+
 def test_between_two_surfaces_there_is_nothing():
     pinhole = overscanned(CAMERA, LENS)
     bending = Bending(pinhole, CAMERA, LENS)

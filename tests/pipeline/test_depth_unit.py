@@ -218,6 +218,18 @@ def test_the_shadow_of_an_edge_is_as_wide_as_two_views_differ(tmp_path, near_m, 
     assert {round(near_m, 3), round(far_m, 3)} <= set(np.round(measured, 3))
 
 
+def test_a_turned_sensors_depth_is_that_of_its_pixels_middles(tmp_path):
+    """On a wall that colour faces, two metres away, however its depth is measured."""
+    depth = {**CAMERA, "rotation_euler_deg": [2.0, -4.0, 3.0], "registered": True}
+    preset = world(tmp_path / "world", depth, count=1)
+    two_planes(tmp_path / "world", 1.0, 2.0, -8.9)
+    write_replica(tmp_path / "world/traj.txt", look_at([0, 0, 0], [0, 1, 0])[None])
+    run(preset, tmp_path / "out")
+    steps = steps_of(tmp_path / "out", "clean", 0)
+    assert np.mean(steps > 0) > 0.3
+    assert np.abs(steps[steps > 0] / SCALE - 2.0).max() <= 1 / SCALE
+
+
 def test_of_two_surfaces_on_one_pixel_the_nearer_counts(tmp_path):
     """Looking past an edge from the other side, both planes fall on the same pixels of colour."""
     camera = {"width": 320, "height": 24, "fx": 300.0, "fy": 300.0, "cx": 159.5, "cy": 11.5}
@@ -341,6 +353,18 @@ def test_what_cannot_be_is_refused_in_one_line(tmp_path, depth, keys, message):
     with pytest.raises(InputError, match=message) as caught:
         make_plan(read_preset(world(tmp_path, {**PLACE, **depth}, **keys)))
     assert "\n" not in str(caught.value)
+
+
+def test_a_longer_path_that_changes_what_is_between_frames_does_not_grow(tmp_path):
+    preset = world(tmp_path / "world", {"delay_ms": 4})
+    run(preset, tmp_path / "out")
+    before = content(tmp_path / "out")
+    longer = poses_at(np.arange(COUNT + 2) / RATE_HZ)
+    longer[-1, 2, 3] += 0.2  # so that the curve through the poses is another one between the last that were there
+    write_replica(tmp_path / "world/traj.txt", longer)
+    with pytest.raises(StorageError, match=r"between the poses of box, which rig\.depth looks at, lies otherwise now"):
+        run(preset, tmp_path / "out")
+    assert content(tmp_path / "out") == before
 
 
 def test_a_recording_has_no_place_for_a_sensor(raw, tmp_path):

@@ -1,8 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """`noisy-world view` and `noisy-world video`: read back by Rerun's own reader and by OpenCV."""
 
+import os
 import re
 import sys
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -204,3 +206,48 @@ def test_what_cannot_be_is_refused_in_a_line(tmp_path, capsys, monkeypatch):
         assert line in capsys.readouterr().err
     assert (tmp_path / "there.rrd").read_bytes() == b"mine"
     assert not list(tmp_path.glob("*.mp4"))
+
+
+def test_what_cannot_be_written_is_refused_in_a_line(tmp_path, capsys):
+    pytest.importorskip("rerun", reason="rerun is not installed")
+    out = dataset(tmp_path, "replica")
+    (tmp_path / "file").write_text("mine")
+    capsys.readouterr()
+    before = sorted(tmp_path.rglob("*"))
+    for main, entry, words in (
+        (video_command.main, VIDEO, [out, tmp_path / "file/walk.mp4", "--only", "noisy/box"]),
+        (video_command.main, VIDEO, [out, tmp_path / "file/sheet.png", "--sheet", "1"]),
+        (view_command.main, VIEW, [out, "--save", tmp_path / "file/walk.rrd"]),
+    ):
+        assert main([*map(str, words)], entry) != 0
+        said = capsys.readouterr().err
+        assert re.search(r"file/\w+\.\w+: cannot be written: .+; mend that, or name another place\n$", said)
+        assert said.count("\n") == 1
+    assert sorted(tmp_path.rglob("*")) == before
+
+
+def test_a_viewer_needs_a_display_and_is_found_beside_this_python(tmp_path, capsys, monkeypatch):
+    rerun = pytest.importorskip("rerun", reason="rerun is not installed")
+    out = dataset(tmp_path, "replica")
+    monkeypatch.setattr(sys, "platform", "linux")
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+    assert view_command.main([str(out)], VIEW) == 1
+    assert "needs a display, and there is none here; set DISPLAY, or write a recording by --save" in (
+        capsys.readouterr().err
+    )
+    monkeypatch.setenv("DISPLAY", ":9")
+    monkeypatch.setenv("PATH", "/nowhere")
+    found = []
+
+    def spawn(_stream, **_options):
+        found.append(os.environ["PATH"].split(os.pathsep)[0])
+        raise RuntimeError("it is tired\nand says more")
+
+    monkeypatch.setattr(rerun.RecordingStream, "spawn", spawn)
+    capsys.readouterr()
+    assert view_command.main([str(out)], VIEW) == 1
+    said = capsys.readouterr().err
+    assert "Rerun cannot open its viewer: it is tired; mend that, or write a recording by --save" in said
+    assert said.count("\n") == 1
+    assert found == [str(Path(sys.executable).parent)]

@@ -11,7 +11,7 @@ pytest.importorskip("embreex", reason="embreex is not installed: pip install '.[
 
 from analytic import look_at
 from cases import cases
-from ray_tools import polygons
+from ray_tools import OPTIONS, polygons
 from shutters import CAMERA, coloured_room, moved, paths, psnr_db, room_session
 from srgb import encoded, linear
 
@@ -19,24 +19,25 @@ from noisy_world.core.geometry import Intrinsics
 from noisy_world.core.perturbing.exposing import SceneAround
 from noisy_world.core.perturbing.reading import parse_steps
 from noisy_world.core.planning.exposed import ExposedSource
-from noisy_world.core.optics import PINHOLE
+from noisy_world.core.optics import PINHOLE, Distortion, Optics
 from noisy_world.core.planning.travel import travel_px
 from noisy_world.core.schema import ConfigPath
 from noisy_world.core.trajectories.sensor_paths import SensorPaths
 from noisy_world.core.trajectories.trajectory import Trajectory
 from noisy_world.perturbations import registry
 from noisy_world.perturbations.camera_motion_blur import CameraMotionBlur, apply, moment_count, openness
+from noisy_world.rays.session import RaySession
 
 SHUTTER_S = 0.016
 SPEED = {"linear": 12.0, "rotation": 12.0, "roll": 12.0, "vibration": 1.0}  # blurs of 5 to 20 pixels
 
 
-def blurred(session, sensors, *more, camera=CAMERA, **parameters):
+def blurred(session, sensors, *more, camera=CAMERA, optics=PINHOLE, **parameters):
     """The frame of the path's middle pose, as a render exposes it."""
     blur = {"camera_motion_blur": {"shutter_ms": 1000 * SHUTTER_S, **parameters}}
     steps = parse_steps([*more, blur], ConfigPath("test"), registry())
     scene = SimpleNamespace(source=SimpleNamespace(capabilities=SimpleNamespace(moving=False)))
-    render = SimpleNamespace(exposure=steps, camera=camera, measured_camera=camera, scene=scene, optics=PINHOLE)
+    render = SimpleNamespace(exposure=steps, camera=camera, measured_camera=camera, scene=scene, optics=optics)
     return ExposedSource(session, render).frame(sensors.request(len(sensors) // 2))
 
 
@@ -93,6 +94,18 @@ def test_moments_are_odd_bounded_and_of_the_blur():
     assert [moment_count(50, CameraMotionBlur(most_moments=most)) for most in (1, 2, 3, 4)] == [1, 1, 3, 3]
 
 
+def test_a_pole_between_the_pixels_of_the_grid_is_not_missed():
+    """A camera that goes sideways: what is z away goes f s / z on the image."""
+    depth_m = np.full((180, 320), 4.0, np.float32)
+    depth_m[:, 166] = 0.4
+    camera = Intrinsics(320, 180, 300.0, 300.0, 159.5, 89.5)
+    path = np.tile(np.eye(4), (33, 1, 1))
+    path[:, 0, 3] = np.linspace(-0.01, 0.01, 33)
+    assert travel_px(depth_m, np.eye(4), path, camera, camera) == pytest.approx(300 * 0.02 / 0.4, rel=1e-6)
+    depth_m[:, 166] = 4.0
+    assert travel_px(depth_m, np.eye(4), path, camera, camera) == pytest.approx(300 * 0.02 / 4.0, rel=1e-6)
+
+
 def test_what_is_brighter_than_white_stays_so_in_the_mean():
     # A lamp of sixteen times white for one of three moments: encoded by sRGB's curve, which goes on above 1.
     lamp, dark = np.float32(1.055 * 16 ** (1 / 2.4) - 0.055), np.float32(0)
@@ -112,17 +125,20 @@ def test_depth_is_of_the_moment_that_is_asked_for():
             made = blurred(session, sensors, depth=depth, stamp=stamp)
             there = session.frame(sensors.at(after_s * SHUTTER_S))
             np.testing.assert_array_equal(made.depth_m, there.depth_m)
+            assert made.exposure[0]["moments"] % 2 == 1  # depth's own moment is none of light
         still = SensorPaths(Trajectory(np.repeat(sensors.rgb.c2w[:1], 5, axis=0), np.arange(5.0)))
         same = blurred(session, still)
         assert same.exposure[0]["moments"] == 1
         assert np.array_equal(same.rgb, session.frame(still.request(2)).rgb)
 
 
-def test_blur_and_rolling_shutter_are_one_exposure_of_each_row():
+@pytest.mark.parametrize("lens", [None, Distortion("radial-tangential", (-0.28, 0.07, 2e-3, -1e-3))])
+def test_blur_and_rolling_shutter_are_one_exposure_of_each_row_behind_a_lens_too(lens):
     sensors = paths("rotation", 81, 2000.0, SPEED["rotation"])
     readout = {"readout_ms": 12.0, "direction": "down"}
-    with room_session(sensors, mesh=coloured_room(smooth=True)) as session:
-        made = blurred(session, sensors, {"rolling_shutter": readout})
+    room = coloured_room(smooth=True)
+    with RaySession(room, sensors, CAMERA, OPTIONS, lens) as session:
+        made = blurred(session, sensors, {"rolling_shutter": readout}, optics=Optics(distortion=lens))
         true = np.empty((CAMERA.height_px, CAMERA.width_px, 3))
         for row in range(0, CAMERA.height_px, 5):
             middle_s = 0.012 * ((row + 0.5) / CAMERA.height_px - 0.5)

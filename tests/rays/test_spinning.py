@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A spinning lidar in a room of planes, on a path that turns and goes steadily: `noisy-world scan`."""
 
+import re
+
 import numpy as np
 import pytest
 import yaml
@@ -148,6 +150,18 @@ def test_what_is_wrong_is_said_in_one_line(tmp_path, capsys, words, message):
     assert message in said
     assert said.count("\n") == 1
     assert not (folder / "out").exists()
+
+
+def test_where_it_cannot_be_written_is_said_in_one_line(scans, tmp_path, capsys):
+    (tmp_path / "file").write_text("mine")
+    assert scan(scans[0], tmp_path / "file/out") != 0
+    said = capsys.readouterr().err
+    assert re.search(r"file/out: cannot be written: .+; mend that, or name another place\n$", said)
+    assert said.count("\n") == 1
+    with pytest.raises(SystemExit):
+        scan(scans[0], "s3://bucket/scans")
+    assert "s3://bucket/scans is an address, and this is written on this machine" in capsys.readouterr().err
+    assert [path.name for path in tmp_path.iterdir()] == ["file"]
 
 
 def test_a_folder_that_is_there_is_left_alone(scans, capsys):

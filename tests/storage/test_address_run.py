@@ -2,14 +2,18 @@
 """Runs at an address against the same dataset made in a folder and published: cuttings, damage, refusals."""
 
 import json
+import re
 import shutil
+import sys
 import threading
 
 import pytest
 from packed import destination_of, pack_to, put_shard, run_of, write_preset
 
+from noisy_world.cli import generate
+from noisy_world.cli.entry import Entry
 from noisy_world.cli.shard_tasks import ShardOrder, ready_for_shards
-from noisy_world.core.errors import InputError, InterruptedRunError, StorageError
+from noisy_world.core.errors import InputError, InterruptedRunError, MissingDependencyError, StorageError
 from noisy_world.core.presets.preset import read_preset
 from noisy_world.pipeline import address_destination
 from noisy_world.pipeline.address_destination import AddressDestination
@@ -208,6 +212,19 @@ def test_what_is_refused_at_an_address(preset, place, tmp_path):
     with pytest.raises(InputError, match="has no render cellar"):
         put_shard(preset, f"{address}2", scratch, "cellar.000000-000003")
     shutil.rmtree(folder)
+
+
+def test_without_what_writes_the_table_nothing_is_begun(preset, dataset, place, monkeypatch, capsys):
+    folder, address, scratch = place
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    line = r"a packed dataset, in a folder too, needs pyarrow, which is not installed; run: .*\[cloud\]"
+    with pytest.raises(MissingDependencyError, match=line):
+        run_of(preset, address, scratch).make_dataset()
+    with pytest.raises(MissingDependencyError, match=line):
+        pack_to(dataset, address)
+    assert generate.main([str(preset), "--out", address, "--dry-run"], Entry("generate", ("generate",))) == 1
+    assert re.search(line, capsys.readouterr().err)
+    assert not folder.exists() or not list(folder.rglob("*"))
 
 
 def test_a_scratch_folder_of_somebody_else_is_refused(preset, place, tmp_path):

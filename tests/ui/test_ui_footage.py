@@ -99,7 +99,7 @@ def test_plain_images_are_previewed_as_they_are_written(tmp_path):
     item.steps.remove(next(place for place, step in enumerate(item.steps) if step.perturbation == "haze"))
     document.save_preset(item, tmp_path / "plates.yaml")
     item.recorded_layout = "auto"
-    with pytest.raises(RuntimeError, match="or read it as plain images by Scene > Layout: Plain Images"):
+    with pytest.raises(RuntimeError, match="Scene > Layout: Plain Images reads it"):
         bpy.ops.noisy_world.generate()
     apply_preset.open_preset(item, tmp_path / "plates.yaml")
     assert item.recorded_layout == "images"

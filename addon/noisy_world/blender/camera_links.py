@@ -33,7 +33,17 @@ def linkable(scene: bpy.types.Scene) -> list[Place]:
     Those inside groups of the user's own are among them; the chain that the panel keys itself is not.
     """
     tree = scene.compositing_node_group
-    return [] if tree is None else list(_within(tree, {tree.session_uid}))
+    return [] if tree is None else [place for place in groups_within(tree) if _looks_at_camera(place[1])]
+
+
+def _looks_at_camera(node: Any) -> bool:
+    names = {socket.name for socket in node.inputs}
+    return names >= _NAMES or FRAME_RATE in names
+
+
+def groups_within(tree: bpy.types.NodeTree) -> list[Place]:
+    """Return the nodes of our groups in a tree and in groups of the user's own inside it; not the panel's chain."""
+    return list(_within(tree, {tree.session_uid}))
 
 
 def _within(tree: bpy.types.NodeTree, seen: set[int]) -> Iterator[Place]:
@@ -41,8 +51,7 @@ def _within(tree: bpy.types.NodeTree, seen: set[int]) -> Iterator[Place]:
         group = getattr(node, "node_tree", None)
         if group is None:
             continue
-        names = {socket.name for socket in node.inputs}
-        if STAMP in group and (names >= _NAMES or FRAME_RATE in names):
+        if STAMP in group and BUILT_AS not in group:
             yield tree, node
         elif STAMP not in group and BUILT_AS not in group and group.library is None and group.session_uid not in seen:
             seen.add(group.session_uid)

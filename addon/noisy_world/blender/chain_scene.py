@@ -13,7 +13,7 @@ from ..core.node_graphs.graph import Graph
 from ..core.perturbing.contexts import Identifiers
 from ..core.perturbing.kinds import ColourPerturbation
 from ..core.perturbing.steps import Step
-from .chain_values import CameraStateAt, set_values
+from .chain_values import CameraStateAt, DecidedAt, set_values
 from .nodes import adopt, described_as, ensure_group, made_before, remove_group
 from .typed import get_node, get_value, interface, new_node, new_socket, new_tree, set_value
 
@@ -35,6 +35,7 @@ def make_chain(
     now: int | None = None,
     intrinsics: Intrinsics | None = None,
     camera_state_at: CameraStateAt | None = None,
+    decided_at: DecidedAt | None = None,
     lit: bool = False,
 ) -> bpy.types.CompositorNodeTree:
     """Make the node group of a chain with its sockets set, and keyed over `frames` where they change.
@@ -43,8 +44,8 @@ def make_chain(
     with these identifiers. An existing chain of this name is replaced wherever it is used; if it has the same groups,
     only its sockets are changed, which is quick, and a user's own values, keys and links in it stay. now: the current
     scene frame, by default the first. intrinsics: of the camera, if known. stance_at: how it stands and moves at a
-    frame of the sequence; without it, the camera's sockets stay as they are. lit: the scene is lit, so
-    nothing is clipped.
+    frame of the sequence; without it, the camera's sockets stay as they are. decided_at: what automatics
+    decided for it, as `set_values` says. lit: the scene is lit, so nothing is clipped.
     """
     old = made_before(bpy.data.node_groups, name)
     # By number, as a child that is made anew too is gone then.
@@ -59,6 +60,7 @@ def make_chain(
         now=now,
         intrinsics=intrinsics,
         camera_state_at=camera_state_at,
+        decided_at=decided_at,
         lit=lit,
     )
     if tree != old:
@@ -241,12 +243,14 @@ def refresh_chain(
     split: float = 0.0,
     intrinsics: Intrinsics | None = None,
     camera_state_at: CameraStateAt | None = None,
+    decided_at: DecidedAt | None = None,
     lit: bool = False,
 ) -> bpy.types.NodeTree:
     """Make a scene's compositor show steps of colour after its render, with the fewest changes; return the chain.
 
     index_of: the frame of the sequence that a scene frame shows; by default they have equal numbers. intrinsics: of
-    the camera. stance_at: how it stands and moves at a frame of the sequence, if known. lit: the scene is lit.
+    the camera. stance_at: how it stands and moves at a frame of the sequence, if known. decided_at: what automatics
+    decided for it, if known. lit: the scene is lit.
     """
     chain = shown_chain(scene)
     name = adopt(chain) if chain is not None else _free_name(f"Perturbations of {scene.name}")
@@ -261,6 +265,7 @@ def refresh_chain(
         now=scene.frame_current,
         intrinsics=intrinsics,
         camera_state_at=camera_state_at,
+        decided_at=decided_at,
         lit=lit,
     )
     tree = scene.compositing_node_group

@@ -2,7 +2,7 @@
 """The values of a shown chain's sockets, keyed over the timeline; what a user does inside the chain is left alone."""
 
 import json
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from typing import Any, TypeAlias
 
@@ -11,6 +11,7 @@ import numpy as np
 
 from ..core.geometry import Intrinsics
 from ..core.node_graphs.chain import camera_state_values, shown_values, step_node
+from ..core.node_graphs.group_inputs import socket_name
 from ..core.perturbing.contexts import Identifiers
 from ..core.perturbing.kinds import ColourPerturbation, FrameContext
 from ..core.perturbing.steps import Step
@@ -27,6 +28,9 @@ IndexOf: TypeAlias = Callable[[int], int]
 CameraStateAt: TypeAlias = Callable[[int], CameraState]
 """A frame of the sequence -> how the camera stands and moves at it."""
 
+DecidedAt: TypeAlias = Callable[[int], Mapping[str, FrameContext]]
+"""A frame of the sequence -> contexts of its steps with what automatics decided, by `step_node`."""
+
 
 def set_values(
     tree: bpy.types.NodeTree,
@@ -38,13 +42,15 @@ def set_values(
     now: int | None,
     intrinsics: Intrinsics | None = None,
     camera_state_at: CameraStateAt | None = None,
+    decided_at: DecidedAt | None = None,
     lit: bool = False,
 ) -> None:
     """Set the sockets of a chain, and key them over `frames` where they change.
 
     A socket is set only where its value is another than we gave it last, and never where a user has linked or keyed it.
     now: the current scene frame, by default the first. intrinsics: of the camera, if known. stance_at: how it stands
-    and moves; without it, its sockets are left alone. lit: the chain is of a lit scene.
+    and moves; without it, its sockets are left alone. decided_at: what automatics decided; without it, as if all
+    earlier frames were mid-grey. lit: the chain is of a lit scene.
     """
     if BUILT_AS not in tree:
         tree[BUILT_AS] = _structure(tree)
@@ -57,7 +63,10 @@ def set_values(
         if node is None:  # a user has removed it
             continue
         shown = partial(shown_values, step, identifiers=identifiers, intrinsics=intrinsics, lit=lit)
-        each = list(_values(step, frames, identifiers, index_of, shown, camera_state_at=camera_state_at))
+        told_at = None if step.perturbation.by_frame is None else decided_at
+        each = list(
+            _values(step, frames, identifiers, index_of, shown, camera_state_at=camera_state_at, decided_at=told_at)
+        )
         for name in dict.fromkeys(name for _, sockets in each for name in sockets):
             socket = node.inputs[name]
             path = socket.path_from_id("default_value")
@@ -101,16 +110,21 @@ def _values(
     shown: Callable[..., dict[str, Any]],
     *,
     camera_state_at: CameraStateAt | None,
+    decided_at: DecidedAt | None,
 ) -> Iterator[tuple[int, Any]]:
     """Yield scene frames and socket values: those of each frame, or only of the first where all are equal."""
     by_severity: dict[float | None, dict[str, Any]] = {}
     camera_state_at = camera_state_at if step.uses_motion else None
-    for k in frames if step.levels is not None or index_of is not None or camera_state_at is not None else frames[:1]:
+    changes = step.levels is not None or any(item is not None for item in (index_of, camera_state_at, decided_at))
+    for k in frames if changes else frames[:1]:
         index = k if index_of is None else index_of(k)
         severity = step.severity_of(step.context(FrameContext(index, identifiers)))
-        if severity not in by_severity:
-            by_severity[severity] = shown(index=index, scene_frame=index)
-        values = by_severity[severity]
+        if decided_at is not None:
+            values = shown(index=index, scene_frame=index, decided=decided_at(index).get(step_node(step)))
+        else:
+            if severity not in by_severity:
+                by_severity[severity] = shown(index=index, scene_frame=index)
+            values = by_severity[severity]
         if camera_state_at is not None:
             values = values | camera_state_values(step, severity, camera_state_at(index))
         yield k, values | {"Frame Offset": index - k} if "Frame Offset" in values else values
@@ -179,6 +193,20 @@ def is_edited(tree: bpy.types.NodeTree) -> bool:
         for path, value in left_at.items()
         if path not in ours
     )
+
+
+def kept_by_user(tree: bpy.types.NodeTree, steps: Sequence[Step[ColourPerturbation]]) -> list[str]:
+    """Return the sockets for values of each frame that a user has linked or keyed, which therefore stay, by names."""
+    taken = _keyed_paths(tree) - set(json.loads(tree.get(KEYED, "[]")))
+    found: list[str] = []
+    for step in steps:
+        node, by_frame = tree.nodes.get(step_node(step)), step.perturbation.by_frame
+        if node is None or by_frame is None:
+            continue
+        sockets = [node.inputs[socket_name(name)] for name in by_frame.values]
+        own = [item for item in sockets if item.is_linked or item.path_from_id("default_value") in taken]
+        found += [f"{node.name} > {item.name}" for item in own]
+    return found
 
 
 def _sockets(tree: bpy.types.NodeTree) -> Iterator[bpy.types.NodeSocket]:

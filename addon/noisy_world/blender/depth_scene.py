@@ -12,13 +12,14 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.bending import Bending
 from ..core.channels.surface import Fact, Surface
 from ..core.geometry import Intrinsics
 from ..core.planning.source import RenderOptions
 from .engines import CENTRE_FILTER_PX, FILTER_MIDDLE, sample_plainly
 from .own_settings import CONTROLLED, free_of_animation, rendered_layer
 from .panes import Panes
-from .read_lines import Band, joined
+from .read_lines import Band, behind_lens, joined
 from .render import FAR_PLANE_TOLERANCE, RenderFile
 from .render_camera import RenderCamera
 from .scene_files import blocks_of
@@ -101,14 +102,24 @@ class DepthScene:
         return depth_m, Surface(normals, objects=objects)
 
     def read(
-        self, bands: Sequence[Band], seen_from: Callable[[Band], tuple[NDArray[np.float64], float]]
+        self,
+        bands: Sequence[Band],
+        seen_from: Callable[[Band], tuple[NDArray[np.float64], float]],
+        bending: Bending | None = None,
     ) -> NDArray[np.float32]:
         """Return the depth (H, W) of a frame whose lines are read one after another, each planar along its own axis.
 
-        seen_from: gives the pose at which a band is seen, and the frame of the scene.
+        seen_from: gives the pose at which a band is seen, and the frame of the scene. bending: of the lens whose lines
+        they are.
         """
-        passes = joined(bands, self._file.size_px, lambda band: self._passes(*seen_from(band), band))
-        return without_void(passes["Depth.Z"], self._far_m)
+        size_px = self._file.size_px if bending is None else (bending.camera.width_px, bending.camera.height_px)
+
+        def passes_of(band: Band) -> dict[str, NDArray[np.float32]]:
+            needed, part = behind_lens(band, bending)
+            depth_m = without_void(self._passes(*seen_from(band), needed)["Depth.Z"], self._far_m)
+            return {"Depth.Z": depth_m if part is None else part.depth_m(depth_m)}
+
+        return joined(bands, size_px, passes_of)["Depth.Z"]
 
     def _passes(
         self, c2w: NDArray[np.float64], frame: float, band: Band | None = None

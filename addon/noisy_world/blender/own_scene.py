@@ -27,7 +27,7 @@ from .depth_scene import DepthScene, may_be_seen_through, set_frame, without_voi
 from .engines import FILTER_MIDDLE
 from .own_settings import make_repeatable, rendered_layer
 from .panes import Panes
-from .read_lines import Band, bands_of, joined, whole
+from .read_lines import Band, bands_of, behind_lens, joined, whole
 from .render import RenderFile
 from .render_camera import RenderCamera
 from .scene_camera import show_frame
@@ -116,7 +116,7 @@ class OwnSceneSession:
             show_numbers(blocks)
         self._motion: DepthScene | None = None
         self._glance: DepthScene | None = None  # at how far things are, before lines are read
-        self._seen_by = intrinsics
+        self._camera = intrinsics if self._bending is None else self._bending.camera
         self._depth_scene = partial(DepthScene, scene, intrinsics, options, alpha=file.depth_alpha, masked=masked)
         # Copied before colour's cameras and file settings are made.
         self._apart = options.depth and not together
@@ -157,7 +157,8 @@ class OwnSceneSession:
 
     def _read(self, request: FrameRequest, readout: Shutter) -> RenderedFrame:
         """Render a frame whose lines are read one after another, each at its own moment."""
-        at_once, size_px = replace(request, rays=AT_ONCE), (self._seen_by.width_px, self._seen_by.height_px)
+        bending, at_once = self._bending, replace(request, rays=AT_ONCE)
+        size_px = (self._camera.width_px, self._camera.height_px)
         depth_scene, behind = self._depth if self._apart else None, self._seen
         bands = bands_of(readout, size_px, self._travel_px(at_once, readout))
         rolls = request.rays.depth_rolls
@@ -173,10 +174,12 @@ class OwnSceneSession:
             rgb, depth_m, light = self._colour.read(at_once, bands)
             if not rolls and depth_m is not None:
                 depth_m = self._colour.render(at_once)[1]
+                assert depth_m is not None, "it gives depth"
+                depth_m = depth_m if bending is None else bending.depth_m(depth_m)
         if depth_scene is not None and depth_asked:
-            depth_m = depth_scene.read(of_depth, seen_from)
+            depth_m = depth_scene.read(of_depth, seen_from, bending)
         if behind is not None and depth_asked:
-            behind_m = behind.read(of_depth, seen_from)
+            behind_m = behind.read(of_depth, seen_from, bending)
         return RenderedFrame(rgb, depth_m, light=light, behind_glass_m=behind_m)
 
     def _travel_px(self, request: FrameRequest, readout: Shutter) -> float:
@@ -186,8 +189,11 @@ class OwnSceneSession:
         if self._glance is None:
             self._glance = self._depth or self._depth_scene()
         depth_m = self._glance.render(request.rgb_c2w, self._file.at(request.time_s)[0])[0]
-        camera = self._seen_by
-        way_px = travel_px(depth_m, request.rgb_c2w, request.poses_after(times_s)[0], camera, camera)
+        lens = None
+        if self._bending is not None:
+            depth_m, lens = self._bending.depth_m(depth_m), self._bending.lens
+        camera = self._camera
+        way_px = travel_px(depth_m, request.rgb_c2w, request.poses_after(times_s)[0], camera, camera, lens=lens)
         moved = self.motion(first, last)
         return way_px if moved is None else max(way_px, float(np.nanmax(np.hypot(*np.moveaxis(moved[0], -1, 0)))))
 
@@ -266,10 +272,18 @@ class _Colour:
     def read(
         self, request: FrameRequest, bands: Sequence[Band]
     ) -> tuple[NDArray[np.float32], NDArray[np.float32] | None, SceneLight]:
-        """Return the same of a frame whose lines are read one after another."""
-        return self._made(
-            joined(bands, self._render.size_px, lambda band: self._passes(request.after(band.after_s), band))
-        )
+        """Return the same of a frame whose lines are read one after another, all of it behind the lens."""
+        bending = self._bending
+        if bending is None:
+            size_px = self._render.size_px
+            return self._made(joined(bands, size_px, lambda band: self._passes(request.after(band.after_s), band)))
+
+        def passes_of(band: Band) -> dict[str, NDArray[np.float32]]:
+            needed, part = behind_lens(band, bending)
+            assert part is not None, "there is a lens"
+            return self._bent(self._passes(request.after(band.after_s), needed), part)
+
+        return self._of(joined(bands, (bending.camera.width_px, bending.camera.height_px), passes_of))
 
     def _passes(self, request: FrameRequest, band: Band | None = None) -> dict[str, NDArray[np.float32]]:
         at, camera = self._file.at(request.time_s)
@@ -286,9 +300,23 @@ class _Colour:
     def _made(
         self, passes: dict[str, NDArray[np.float32]]
     ) -> tuple[NDArray[np.float32], NDArray[np.float32] | None, SceneLight]:
-        rgba = np.stack([passes[f"Combined.{name}"] for name in "RGBA"], axis=-1)
         if self._bending is not None:
-            rgba = self._bending.rgb(rgba)
+            colours = {name: passes[name] for name in passes if name.startswith("Combined.")}
+            passes = passes | self._bent(colours, self._bending)
+        return self._of(passes)
+
+    def _bent(self, passes: dict[str, NDArray[np.float32]], bending: Bending) -> dict[str, NDArray[np.float32]]:
+        """Return the passes of a pinhole as a lens shows them."""
+        rgba = bending.rgb(np.stack([passes[f"Combined.{name}"] for name in "RGBA"], axis=-1))
+        found = {f"Combined.{name}": rgba[..., place] for place, name in enumerate("RGBA")}
+        if self._depth and "Depth.Z" in passes:
+            found["Depth.Z"] = bending.depth_m(without_void(passes["Depth.Z"], self._far_m))
+        return found
+
+    def _of(
+        self, passes: dict[str, NDArray[np.float32]]
+    ) -> tuple[NDArray[np.float32], NDArray[np.float32] | None, SceneLight]:
+        rgba = np.stack([passes[f"Combined.{name}"] for name in "RGBA"], axis=-1)
         depth_m = without_void(passes["Depth.Z"], self._far_m) if self._depth else None
         return self._shown.encode(rgba), depth_m, SceneLight(light_in(rgba), rgba[..., 3:], self._shown.encode)
 

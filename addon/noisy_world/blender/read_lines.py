@@ -4,12 +4,13 @@
 import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import bpy
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.bending import Bending
 from ..core.trajectories.frame_request import Shutter
 
 BANDS_PER_PX = 32.0  # of what moves most while the image is read: a line is at most 1/64 px off; chosen
@@ -44,6 +45,14 @@ def bands_of(readout: Shutter, size_px: tuple[int, int], travel_px: float) -> li
 def whole(size_px: tuple[int, int]) -> Band:
     """Return all of an image, at the frame's time stamp. size_px: width, height."""
     return Band(slice(0, size_px[1]), slice(0, size_px[0]), 0.0)
+
+
+def behind_lens(band: Band, bending: Bending | None) -> tuple[Band, Bending | None]:
+    """Return what is rendered of a pinhole for a band behind a lens, and what bends it; the band itself without one."""
+    if bending is None:
+        return band, None
+    rows, columns, part = bending.part(band.rows, band.columns)
+    return replace(band, rows=rows, columns=columns), part
 
 
 def joined(

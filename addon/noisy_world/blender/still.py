@@ -13,10 +13,13 @@ from .typed import override
 SCENE = "Noisy World still"
 
 
-def render_stills(scene: bpy.types.Scene, frames: Sequence[int], *, empty: bool = False) -> list[RenderedFrame]:
+def render_stills(
+    scene: bpy.types.Scene, frames: Sequence[int], *, empty: bool = False, longest_px: int | None = None
+) -> list[RenderedFrame]:
     """Render colour and depth of scene frames through the scene's camera, with Cycles and one sample.
 
     empty: whether nothing is seen where there is no surface, as in a mesh's dataset; by default the world is.
+    longest_px: of the longer side, at most; by default as many as the scene has.
 
     Render options are changed only in a copy of the scene, which shares its objects and is removed afterwards. Raises
     StorageError where no scratch file can be written.
@@ -25,6 +28,8 @@ def render_stills(scene: bpy.types.Scene, frames: Sequence[int], *, empty: bool 
     stand_in.name = SCENE
     try:
         _configure(stand_in)
+        if longest_px is not None:
+            _shrink(stand_in.render, longest_px)
         if empty:
             stand_in.world = None
         size_px = stand_in.render.resolution_x, stand_in.render.resolution_y
@@ -47,6 +52,12 @@ def _configure(scene: bpy.types.Scene) -> None:
     scene.render.use_border = False
     for layer in list(scene.view_layers)[1:]:
         layer.use = False
+
+
+def _shrink(render: bpy.types.RenderSettings, longest_px: int) -> None:
+    scale = min(1.0, longest_px / max(render.resolution_x, render.resolution_y))
+    render.resolution_x = max(1, round(render.resolution_x * scale))
+    render.resolution_y = max(1, round(render.resolution_y * scale))
 
 
 def _render(renderer: FrameRenderer, scene: bpy.types.Scene, frame: int) -> RenderedFrame:

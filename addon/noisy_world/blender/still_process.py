@@ -9,7 +9,7 @@ import os
 import re
 import traceback
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from ..core.errors import NoisyWorldError
 from ..core.geometry import Intrinsics
 from ..core.optics import Distortion
+from ..core.planning.metering import light_seen
 from ..core.planning.source import RenderedFrame, SceneLight
 from ..core.progress import JsonProgress
 from ..core.regular_files import open_regular, read_text
@@ -40,23 +41,25 @@ class StillRequest:
     """What is rendered of a scene: frames of the mesh that it shows, or the scene as it is set up.
 
     scene: its name. stills: by the source frame's number; None for a frame of the mesh, through the scene's camera.
-    empty: whether nothing is seen where there is no surface.
+    empty: whether nothing is seen where there is no surface. meter_px: of the longer side at most, where only what a
+    meter sees of each frame is asked for; None for whole frames.
     """
 
     scene: str
     stills: Mapping[int, OwnStill | None]
     empty: bool = False
+    meter_px: int | None = None
 
     def content(self) -> dict[str, Any]:
         """Return it as JSON values."""
         stills = {str(index): None if item is None else _content_of(item) for index, item in self.stills.items()}
-        return {"scene": self.scene, "stills": stills, "empty": self.empty}
+        return {"scene": self.scene, "stills": stills, "empty": self.empty, "meter_px": self.meter_px}
 
     @classmethod
     def of(cls, content: dict[str, Any]) -> "StillRequest":
         """Return the request of such values."""
         stills = {int(index): None if item is None else _still_of(item) for index, item in content["stills"].items()}
-        return cls(content["scene"], stills, content["empty"])
+        return cls(content["scene"], stills, content["empty"], content["meter_px"])
 
 
 def _content_of(still: OwnStill) -> dict[str, Any]:
@@ -84,10 +87,18 @@ def read_frames(folder: Path) -> dict[int, RenderedFrame]:
 
     Light of the open file's scene is shown as that scene shows it.
     """
-    request = _read_request(folder)
-    with open_regular(folder / FRAMES) as file, np.load(file) as held:
-        images = {name: held[name] for name in held.files}
+    request, images = _read_request(folder), _read_images(folder)
     return {index: _frame(request, index, still, images) for index, still in request.stills.items()}
+
+
+def read_metered(folder: Path) -> dict[int, NDArray[np.float32]]:
+    """Return what a meter sees, (h, w, 3), of each frame that `main` has rendered for one, by its number."""
+    return {int(index): light for index, light in _read_images(folder).items()}
+
+
+def _read_images(folder: Path) -> dict[str, NDArray[np.float32]]:
+    with open_regular(folder / FRAMES) as file, np.load(file) as held:
+        return {name: held[name] for name in held.files}
 
 
 def _read_request(folder: Path) -> StillRequest:
@@ -144,14 +155,24 @@ def _render(folder: Path, progress: JsonProgress) -> None:
     bpy.app.handlers.render_stats.append(hear)
     images: dict[str, Any] = {}
     for number, (index, still) in enumerate(request.stills.items(), 1):
-        if still is not None:
-            frame = render_own_still(scene, still)
+        if request.meter_px is not None:
+            images[str(index)] = _metered(scene, index, still, request)
+        elif still is not None:
+            images |= _images_of(index, render_own_still(scene, still))
         else:
-            (frame,) = render_stills(scene, [index], empty=request.empty)
-        images |= _images_of(index, frame)
+            images |= _images_of(index, render_stills(scene, [index], empty=request.empty)[0])
         counted.reach(number, 0.0)
     with (folder / FRAMES).open("wb") as file:
         np.savez(file, **images)
+
+
+def _metered(scene: bpy.types.Scene, index: int, still: OwnStill | None, request: StillRequest) -> NDArray[np.float32]:
+    """Render a frame in as few pixels as a meter needs; return what it sees."""
+    assert request.meter_px is not None, "it is for a meter"
+    if still is None:
+        return light_seen(render_stills(scene, [index], empty=request.empty, longest_px=request.meter_px)[0])
+    small = replace(still, intrinsics=still.intrinsics.shrunk(request.meter_px))
+    return light_seen(render_own_still(scene, small))
 
 
 class _Counted:

@@ -5,10 +5,10 @@ import argparse
 from collections import Counter
 from pathlib import Path
 
-from .arguments import path
 from .ending import ended
 from .entry import Entry
 from .parser import Parser
+from .places import out_path, path
 
 STORAGES = ("mcap", "sqlite3")
 
@@ -21,7 +21,7 @@ def main(arguments: list[str], entry: Entry) -> int:
         "IMU if there is one, and the true poses as transforms.",
     )
     parser.add_argument("sequence", metavar="SEQUENCE", type=path, help="the sequence's folder, which holds mav0")
-    parser.add_argument("out", metavar="OUT", type=path, help="the bag, a folder that is not there yet")
+    parser.add_argument("out", metavar="OUT", type=out_path, help="the bag, a folder that is not there yet")
     parser.add_argument("--storage", choices=STORAGES, default=STORAGES[0], help="what the bag is (default: mcap)")
     options = parser.parse_args(arguments)
     return ended(lambda: _write(options), entry, stopped="nothing was written", needs=["numpy", "cv2"])
@@ -29,19 +29,15 @@ def main(arguments: list[str], entry: Entry) -> int:
 
 def _write(options: argparse.Namespace) -> int:
     """Write the bag beside its place, and move it there when it is whole."""
-    import tempfile
-
+    from ..core.datasets.storage import made_beside
     from ..core.errors import StorageError
     from ..core.extras import need
 
     need(("rosbags",), "ros")
     if options.out.exists():
         raise StorageError("is there already", file=options.out, remedy="choose another folder, or remove it")
-    options.out.absolute().parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(dir=options.out.absolute().parent, prefix=".bag-") as place:
-        made = Path(place) / options.out.name
+    with made_beside(options.out) as made:
         counts = _fill(options.sequence, made, options.storage)
-        made.rename(options.out)
     said = ", ".join(f"{count} {topic}" for topic, count in counts.items())
     print(f"wrote {options.out}: {said}")
     return 0

@@ -10,10 +10,10 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
-from .arguments import path
 from .ending import ended
 from .entry import Entry
 from .parser import Parser
+from .places import out_path, path
 
 ENDING = ".ply"
 
@@ -30,7 +30,9 @@ def parse(arguments: list[str], entry: Entry) -> argparse.Namespace:
     parser = Parser(prog=entry.name, description="Write a mesh as PLY in Replica's layout.")
     known = f"a PLY, glTF, OBJ, USD, FBX or STL file, or {EMBEDDED_ROOM}?seed=0 to {ROOMS - 1}"
     parser.add_argument("mesh", metavar="MESH", type=path, help=known)
-    parser.add_argument("out", metavar="OUT.ply", type=path, help="the file to write; it is replaced if it is there")
+    parser.add_argument(
+        "out", metavar="OUT.ply", type=out_path, help="the file to write; one that is there is replaced"
+    )
     up = "the axis of the file that points up, where that is not what the file declares; y is turned to Z up"
     parser.add_argument("--up", choices=("y", "z"), help=up)
     parser.add_argument("--triangulate", action="store_true", help="cut every polygon into triangles")

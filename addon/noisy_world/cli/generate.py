@@ -122,9 +122,10 @@ def need_packages(plan: "Plan", options: argparse.Namespace, entry: Entry) -> No
 
         embree_version()
     if (address := out_address(options)) is not None:
+        from ..storage.frame_table import need_writer
         from ..storage.open_store import open_store
 
-        open_store(address)
+        need_writer(open_store(address))
     if options.ray is not None:
         need(["ray"], "cluster", for_what="--ray")
 

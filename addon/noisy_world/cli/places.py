@@ -20,6 +20,13 @@ def place(text: str) -> Path | str:
     return text if "://" in text else path(text)
 
 
+def out_path(text: str) -> Path:
+    """Parse the file or folder to write, where an address cannot be taken."""
+    if "://" in text:
+        raise argparse.ArgumentTypeError(f"{text} is an address, and this is written on this machine; name a path")
+    return path(text)
+
+
 def folder(text: str) -> Path:
     """Parse a folder, where an address cannot be taken."""
     if "://" in text:

@@ -7,7 +7,7 @@ import sys
 from .ending import ended
 from .entry import Entry, say
 from .parser import Parser
-from .places import path, place
+from .places import out_path, place
 
 
 def main(arguments: list[str], entry: Entry) -> int:
@@ -18,7 +18,7 @@ def main(arguments: list[str], entry: Entry) -> int:
         "digests of its files. Images are not read; 'noisy-world verify' hashes them.",
     )
     parser.add_argument("dataset", metavar="DATASET", type=place, help="the dataset's folder or address")
-    parser.add_argument("--out", metavar="FILE", type=path, help="the file to write (default: standard output)")
+    parser.add_argument("--out", metavar="FILE", type=out_path, help="the file to write (default: standard output)")
     options = parser.parse_args(arguments)
     return ended(lambda: write(options), entry)
 

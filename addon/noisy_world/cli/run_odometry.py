@@ -10,7 +10,7 @@ from .arguments import add_progress_option
 from .ending import ended
 from .entry import Entry
 from .parser import Parser
-from .places import path
+from .places import out_path, path
 
 if TYPE_CHECKING:
     import threading
@@ -34,7 +34,7 @@ def _parse(arguments: list[str], entry: Entry) -> argparse.Namespace:
         "closes loops.",
     )
     parser.add_argument("dataset", metavar="DATASET", type=path, help="the folder of a dataset, or of a sequence")
-    parser.add_argument("out", metavar="OUT", type=path, help="folder for what is found: a folder a sequence")
+    parser.add_argument("out", metavar="OUT", type=out_path, help="folder for what is found: a folder a sequence")
     parser.add_argument(
         "--only",
         metavar="NAME",

@@ -6,11 +6,12 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, get_args, get_type_hints
 
-from .arguments import add_set_option, number, path, settled
+from .arguments import add_set_option, number, settled
 from .ending import ended
 from .entry import Entry
 from .parser import Parser
 from .part import add_part_options, planned
+from .places import out_path, path
 
 if TYPE_CHECKING:
     import numpy as np
@@ -33,7 +34,7 @@ def main(arguments: list[str], entry: Entry) -> int:
         "times.txt, poses.txt, calib.txt; and SCENE/points/*.ply with the time and the row of each point.",
     )
     parser.add_argument("preset", metavar="PRESET", type=path, help="the preset; its perturbations do not matter")
-    parser.add_argument("out", metavar="OUT", type=path, help="the folder to write, which is not there yet")
+    parser.add_argument("out", metavar="OUT", type=out_path, help="the folder to write, which is not there yet")
     parser.add_argument("--device", metavar="NAME", default="velodyne_vlp16", help="the lidar (default: %(default)s)")
     parser.add_argument(
         "--rate_hz",
@@ -61,8 +62,7 @@ def main(arguments: list[str], entry: Entry) -> int:
 
 def _scan(options: argparse.Namespace) -> int:
     """Write the scans beside their place, and move them there when they are whole."""
-    import tempfile
-
+    from ..core.datasets.storage import made_beside
     from ..core.errors import NoisyWorldError, StorageError
     from ..core.near import did_you_mean
     from ..perturbations.lidar import Lidar
@@ -77,14 +77,11 @@ def _scan(options: argparse.Namespace) -> int:
     for scene in plan.scenes:
         if scene.source.mesh is None or scene.source.capabilities.own is not None:
             raise scene.error("is no mesh, and a lidar needs one for its rays", "name a mesh, or another --scenes")
-    options.out.absolute().parent.mkdir(parents=True, exist_ok=True)
     renders = {render.scene.name: render for render in reversed(plan.renders)}
-    with tempfile.TemporaryDirectory(dir=options.out.absolute().parent, prefix=".scans-") as place:
-        made = Path(place) / options.out.name
-        for scene in plan.scenes:
-            count = _write_scene(plan, renders[scene.name], made / scene.name, options)
-            print(f"{scene.name}: {count} scans")
-        made.rename(options.out)
+    with made_beside(options.out) as made:
+        counts = [_write_scene(plan, renders[scene.name], made / scene.name, options) for scene in plan.scenes]
+    for scene, count in zip(plan.scenes, counts, strict=True):
+        print(f"{scene.name}: {count} scans")
     print(f"wrote {options.out}")
     return 0
 

@@ -8,7 +8,8 @@ from .ending import ended
 from .entry import Entry
 from .parser import Parser
 from .part import add_part_options, planned
-from .places import path
+from .places import out_path, path
+from .video_command import check_free
 
 
 def main(arguments: list[str], entry: Entry) -> int:
@@ -20,7 +21,8 @@ def main(arguments: list[str], entry: Entry) -> int:
         "rendering needs no MuJoCo. The way is checked against the mesh.",
     )
     parser.add_argument("preset", metavar="PRESET", type=path, help="the preset; one of its scenes, by --scenes")
-    parser.add_argument("out", metavar="OUT.txt", type=path, help="the file to write, in TUM's format; it is replaced")
+    written = "the file to write, in TUM's format; one that is there is replaced"
+    parser.add_argument("out", metavar="OUT.txt", type=out_path, help=written)
     parser.add_argument(
         "--roughness",
         metavar="M",
@@ -37,7 +39,7 @@ def main(arguments: list[str], entry: Entry) -> int:
 
 def _simulate(options: argparse.Namespace) -> int:
     """Simulate, and write the file."""
-    from ..core.datasets.storage import write_atomic
+    from ..core.datasets.storage import made_beside
     from ..core.errors import NoisyWorldError
     from ..core.extras import need
     from ..core.trajectories.bodies import BODIES
@@ -47,6 +49,7 @@ def _simulate(options: argparse.Namespace) -> int:
     from ..sources.mesh_source import MeshSource
 
     need(("mujoco",), "simulate")
+    check_free(options.out, overwrite=True)
     plan = planned(options)
     if len(plan.scenes) != 1:
         named = ", ".join(scene.name for scene in plan.scenes)
@@ -70,7 +73,8 @@ def _simulate(options: argparse.Namespace) -> int:
     source.check_room(way.path)
     said = f"{body.kind} of {plan.scenes[0].name}, roughness {options.roughness:g} m, seed {source.path_seed}"
     header = f"# {said}; simulated by MuJoCo {way.version}\n# t tx ty tz qx qy qz qw: camera-to-world, OpenCV axes\n"
-    write_atomic(options.out, (header + tum_text(way.path)).encode(), options.out.absolute().parent)
+    with made_beside(options.out) as made:
+        made.write_bytes((header + tum_text(way.path)).encode())
     if way.held_back:
         print(
             f"the route is faster than the {MOST_M_S[body.kind]:g} m/s that a {body.kind} goes at, so it takes longer"

@@ -47,7 +47,7 @@ def install(options: argparse.Namespace, entry: Entry) -> int:
     from ..evaluation.systems.registry import find_system
     from .missing import blender_problem
 
-    system = find_system(options.install)
+    system = find_system(options.install, "install")
     published = CLONED.get(system.environment)
     if options.source and published is None:
         raise InputError("--source", f"is given, but {system.name} is not built from source", remedy="leave it out")

@@ -120,7 +120,7 @@ def _do(options: argparse.Namespace, entry: Entry) -> int:
     check_success(options.success)
     axis = axis_of(kind, options.parameter, options.mild, options.worst)
     preset = preset_of(_preset(options), axis, _given(options.given, axis.parameter))
-    systems = isolating(find_systems(options.system.split(",")), options.isolate)
+    systems = isolating(find_systems(options.system.split(","), "--system"), options.isolate)
     for system in systems:
         check_system(system)
     out = Path("out") / f"{options.preset.resolve().stem}-thresholds" if options.out is None else options.out

@@ -10,7 +10,7 @@ from .arguments import frame_slice, positive
 from .ending import ended
 from .entry import Entry, say
 from .parser import Parser
-from .places import path, place
+from .places import out_path, place
 
 if TYPE_CHECKING:
     import numpy as np
@@ -37,7 +37,7 @@ def main(arguments: list[str], entry: Entry) -> int:
     parser.add_argument(
         "out",
         metavar="OUT",
-        type=path,
+        type=out_path,
         help="walk.mp4, .avi or .mkv; of several sequences, one each with its name; with --sheet a .png",
     )
     add_part(parser)
@@ -102,7 +102,6 @@ def _write(options: argparse.Namespace) -> int:
         outs = [options.out] if options.sheet or len(parts) == 1 else [_named(options.out, name) for name in parts]
         for out in outs:
             check_free(out, overwrite=options.overwrite)
-        options.out.absolute().parent.mkdir(parents=True, exist_ok=True)
         if options.sheet:
             _write_sheet(opened, parts, options.sheet, options.out)
         else:
@@ -117,19 +116,16 @@ def _named(out: Path, name: str) -> Path:
 
 def _write_one(opened: "Opened", name: str, numbers: list[int], out: Path) -> None:
     """Write the video of a sequence beside its place, and move it there when it is whole."""
-    import tempfile
-
     import numpy as np
 
+    from ..core.datasets.storage import made_beside
     from ..core.datasets.video_files import WRITTEN, write_video
 
     sequence = opened[name]
     gaps_s = np.diff([sequence[number].stamp_s for number in numbers])
     rate_hz = 1 / float(np.median(gaps_s)) if gaps_s.size and (gaps_s > 0).all() else USUAL_HZ
-    with tempfile.TemporaryDirectory(dir=out.absolute().parent, prefix=".video-") as folder:
-        made = Path(folder) / out.name
+    with made_beside(out) as made:
         count = write_video(made, _pictures(opened, name, numbers), rate_hz)
-        made.replace(out)
     code = WRITTEN[out.suffix.lower()]
     print(f"wrote {out}: {count} frames of {name}, {rate_hz:.4g} Hz, {CODECS[code]} ({code})")
 
@@ -169,7 +165,7 @@ def _write_sheet(opened: "Opened", parts: dict[str, list[int]], count: int, out:
     import numpy as np
 
     from ..core.datasets.overview import spread
-    from ..core.datasets.storage import write_atomic
+    from ..core.datasets.storage import made_beside
     from .shown_frames import DepthScale, colour_and_depth_of, fitted, lettered, panes, stacked, words_of
 
     held = colour_and_depth_of(opened)
@@ -184,5 +180,6 @@ def _write_sheet(opened: "Opened", parts: dict[str, list[int]], count: int, out:
         depths = f"   depth {scale.near_m:.2f} to {scale.far_m:.2f} m" if "depth" in held else ""
         rows += [lettered(f"{name}   frames {shown}   {done}{depths}", bands[0].shape[1]), *bands]
     _, data = cv2.imencode(SHEET, np.ascontiguousarray(stacked(rows)[..., ::-1]))
-    write_atomic(out, data.tobytes(), out.absolute().parent)
+    with made_beside(out) as made:
+        made.write_bytes(data.tobytes())
     print(f"wrote {out}: {len(parts)} {'sequence' if len(parts) == 1 else 'sequences'}")

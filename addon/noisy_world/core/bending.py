@@ -6,7 +6,7 @@ image too, and for recordings, of which that is lost.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, TypeAlias
 
@@ -25,11 +25,36 @@ SMOOTH = 1e-3  # of the inverse depth: neighbours that are bent less are one sur
 
 @dataclass(frozen=True)
 class Bending:
-    """Makes images of a lens of a pinhole's. pinhole: the camera of what is given. camera: that of what is made."""
+    """Makes images of a lens of a pinhole's.
+
+    pinhole: the camera of what is given. camera: that of what is made. where: the rows and columns (H, W), float64, of
+    the pinhole's image at which its pixels' rays are; by default they are found.
+    """
 
     pinhole: Intrinsics
     camera: Intrinsics
     lens: Distortion
+    where: tuple[NDArray[np.float64], NDArray[np.float64]] | None = field(default=None, compare=False, repr=False)
+
+    def part(self, rows: slice, columns: slice) -> "tuple[slice, slice, Bending]":
+        """Return what of the pinhole's image a part of the lens's image needs, and what makes the one of the other.
+
+        rows, columns: of the lens's image. Returns rows and columns of the pinhole's, and the bending from the one part
+        to the other, each as an image of its own.
+        """
+        where = tuple(each[rows, columns] for each in self._where)
+        sizes = self.pinhole.height_px, self.pinhole.width_px
+        down, across = (
+            slice(max(math.floor(at.min()) - MARGIN_PX, 0), min(math.floor(at.max()) + MARGIN_PX + 2, size))
+            for at, size in zip(where, sizes, strict=True)
+        )
+        of = Bending(
+            _cut(self.pinhole, down, across),
+            _cut(self.camera, rows, columns),
+            self.lens,
+            (where[0] - down.start, where[1] - across.start),
+        )
+        return down, across, of
 
     def rgb(self, rgb: NDArray[Any]) -> NDArray[Any]:
         """Return colour (H, W, 3) of the type given: four neighbours interpolated. Black where the pinhole saw nothing.
@@ -93,6 +118,8 @@ class Bending:
 
     @cached_property
     def _where(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        if self.where is not None:
+            return self.where
         rays, pinhole = lens_rays(self.camera, self.lens), self.pinhole
         return rays.down * pinhole.fy_px + pinhole.cy_px, rays.right * pinhole.fx_px + pinhole.cx_px
 
@@ -114,6 +141,17 @@ class Bending:
         row, column, _ = self._places
         v, u = self._where
         return np.clip(v - row, 0.0, 1.0), np.clip(u - column, 0.0, 1.0)
+
+
+def _cut(camera: Intrinsics, rows: slice, columns: slice) -> Intrinsics:
+    """Return the camera of a part of an image."""
+    return replace(
+        camera,
+        width_px=columns.stop - columns.start,
+        height_px=rows.stop - rows.start,
+        cx_px=camera.cx_px - columns.start,
+        cy_px=camera.cy_px - rows.start,
+    )
 
 
 def _straight(inverse: NDArray[np.float64], axis: int) -> NDArray[np.bool_]:

@@ -51,6 +51,14 @@ class Intrinsics:
         """(3, 3) float64, pixels: the K of u ~ K x."""
         return np.array([[self.fx_px, 0.0, self.cx_px], [0.0, self.fy_px, self.cy_px], [0.0, 0.0, 1.0]])
 
+    def shrunk(self, longest_px: int) -> "Intrinsics":
+        """Return the same view in an image whose longer side has so many pixels at most."""
+        scale = min(1.0, longest_px / max(self.width_px, self.height_px))
+        width, height = max(1, round(self.width_px * scale)), max(1, round(self.height_px * scale))
+        across, down = width / self.width_px, height / self.height_px
+        axis = ((self.cx_px + 0.5) * across - 0.5, (self.cy_px + 0.5) * down - 0.5)
+        return Intrinsics(width, height, self.fx_px * across, self.fy_px * down, *axis)
+
     def ray_directions(self) -> Float64:
         """(H, W, 3) float64: through every pixel's centre, OpenCV axes, z = 1; times planar depth it is the point."""
         rays = np.ones((self.height_px, self.width_px, 3))

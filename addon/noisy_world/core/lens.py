@@ -20,7 +20,8 @@ Float64: TypeAlias = NDArray[np.float64]
 
 TURNS = 60  # of Newton's method at most; a lens that is regular over the image takes 4 to 8
 EXACT = 1e-13  # of the image plane at 1: 1e-10 px at a focal length of 1000 px
-WIDEST_DEG = 85.0  # from the optical axis; planar depth of what is seen at 90 degrees is 0
+WIDEST_DEG = 85.0  # from the optical axis, of planar depth and of rays (x, y, 1): at 90 degrees depth is 0
+ALL_AROUND_DEG = 180.0  # from the optical axis: no ray goes farther round
 STEPS = 48  # on the way from the axis to a pixel at which the lens is looked at; chosen
 
 
@@ -34,8 +35,27 @@ def straightened(lens: Distortion, x: Float64, y: Float64) -> tuple[Float64, Flo
     return found[0].reshape(np.shape(x)), found[1].reshape(np.shape(y))
 
 
+def directions(lens: Distortion, x: Float64, y: Float64) -> Float64:
+    """Return the rays (..., 3) of length 1 that pass the image plane at z = 1 at (x, y) after an equidistant lens.
+
+    They may lead sideways and back. NaN where none is found.
+    """
+    bent_rad = np.hypot(x, y)
+    angle_rad = _angles(lens, np.ravel(bent_rad), ALL_AROUND_DEG).reshape(np.shape(x))
+    factor = np.divide(np.sin(angle_rad), bent_rad, out=np.ones_like(bent_rad), where=bent_rad > 0)
+    return np.stack([x * factor, y * factor, np.cos(angle_rad)], axis=-1)
+
+
 def _from_angle(lens: Distortion, x: Float64, y: Float64) -> tuple[Float64, Float64]:
     bent_rad = np.hypot(x, y)
+    angle_rad = _angles(lens, bent_rad, WIDEST_DEG)
+    factor = np.tan(angle_rad) / np.where(bent_rad > 0, bent_rad, 1.0)
+    factor[bent_rad == 0] = 1.0
+    return x * factor, y * factor
+
+
+def _angles(lens: Distortion, bent_rad: Float64, widest_deg: float) -> Float64:
+    """Return the angles (N,) from the axis of rays that the lens bends to these; NaN where none below the widest is."""
     angle_rad = bent_rad.copy()
     with np.errstate(all="ignore"):
         for _ in range(TURNS):
@@ -45,10 +65,8 @@ def _from_angle(lens: Distortion, x: Float64, y: Float64) -> tuple[Float64, Floa
             if not np.nanmax(np.abs(step), initial=0.0) > EXACT:
                 break
         left = np.abs(_angle(lens, angle_rad)[0] - bent_rad)
-        good = (left < 10 * EXACT) & (angle_rad >= 0) & (angle_rad < np.radians(WIDEST_DEG))
-        factor = np.where(good, np.tan(angle_rad) / np.where(bent_rad > 0, bent_rad, 1.0), np.nan)
-    factor[bent_rad == 0] = 1.0
-    return x * factor, y * factor
+        good = (left < 10 * EXACT) & (angle_rad >= 0) & (angle_rad < np.radians(widest_deg))
+    return np.where(good, angle_rad, np.nan)
 
 
 def _from_plane(lens: Distortion, x: Float64, y: Float64) -> tuple[Float64, Float64]:
@@ -99,25 +117,35 @@ def _plane(lens: Distortion, x: Float64, y: Float64) -> tuple[Float64, Float64, 
 class LensRays:
     """The rays (right, down, 1) through the centres of an image's pixels, behind a lens.
 
-    right, down: (H, W) float64. radius: of the widest of all rays through the image, on the plane at 1.
+    right, down: (H, W) float64. radius: of the widest of all rays through the image, on the plane at 1. forward:
+    (H, W) float64, where some rays are beyond 85 degrees from the axis: then all have the length 1, this is their part
+    along the axis, and radius is the widest angle, radians.
     """
 
     right: Float64
     down: Float64
     radius: float
+    forward: Float64 | None = None
+
+    @property
+    def is_deep(self) -> NDArray[np.bool_]:
+        """(H, W): whether a pixel has a planar depth, which ends at 85 degrees from the axis."""
+        if self.forward is None:
+            return np.full(self.right.shape, True)
+        return self.forward > np.cos(np.radians(WIDEST_DEG))
 
     def beside(
         self, row: NDArray[np.intp], column: NDArray[np.intp], right_px: Float64, down_px: Float64
-    ) -> tuple[Float64, Float64]:
-        """Return (N, S) each: how much further right and down rays go that pass S places beside each of N pixels.
+    ) -> tuple[Float64, ...]:
+        """Return (N, S) each: how much further right, down and, if that is not 1, forward rays go beside N pixels.
 
-        The lens is taken to be straight within a pixel: what is left is some 1e-4 px.
+        They pass S places beside each. The lens is taken to be straight within a pixel: what is left is some 1e-4 px.
         """
         found: list[Float64] = []
-        for plane in (self.right, self.down):
+        for plane in (self.right, self.down, *([] if self.forward is None else [self.forward])):
             by_row, by_column = (_slope(plane, axis, row, column)[:, None] for axis in (0, 1))
             found.append(by_column * right_px + by_row * down_px)
-        return found[0], found[1]
+        return tuple(found)
 
 
 def _slope(plane: Float64, axis: int, row: NDArray[np.intp], column: NDArray[np.intp]) -> Float64:
@@ -138,6 +166,8 @@ def lens_rays(camera: Intrinsics, lens: Distortion) -> LensRays:
     rays = camera.ray_directions()
     right, down = straightened(lens, rays[..., 0], rays[..., 1])
     if not np.isfinite(right).all() or not np.isfinite(down).all():
+        if lens.model == "equidistant":
+            return _all_around(camera, lens)
         raise ValueError(f"{lens} folds over within {camera}")
     border_x, border_y = straightened(lens, *_border(camera))
     radius = float(np.nanmax(np.hypot(border_x, border_y)))
@@ -146,11 +176,29 @@ def lens_rays(camera: Intrinsics, lens: Distortion) -> LensRays:
     return LensRays(right, down, max(radius, float(np.nanmax(np.hypot(right, down)))))
 
 
+def _all_around(camera: Intrinsics, lens: Distortion) -> LensRays:
+    rays = camera.ray_directions()
+    found = directions(lens, rays[..., 0], rays[..., 1])
+    if not np.isfinite(found).all():
+        raise ValueError(f"{lens} folds over within {camera}")
+    found.setflags(write=False)
+    border = np.arccos(np.clip(directions(lens, *_border(camera))[..., 2], -1.0, 1.0))
+    widest_rad = max(float(np.nanmax(border)), float(np.arccos(found[..., 2].min())))
+    return LensRays(found[..., 0], found[..., 1], widest_rad, found[..., 2])
+
+
 def projected(points: Float64, camera: Intrinsics, lens: Distortion | None) -> tuple[Float64, Float64]:
-    """Return the pixels u and v (...) of points (..., 3), OpenCV axes, before the camera.
+    """Return the pixels u and v (...) of points (..., 3), OpenCV axes, before the camera, or where its lens sees them.
 
     NaN for those that are beside the image of a lens: there its model may lead back into it.
     """
+    if lens is not None and (rays := lens_rays(camera, lens)).forward is not None:
+        aside = np.hypot(points[..., 0], points[..., 1])
+        angle_rad = np.arctan2(aside, points[..., 2])
+        bent_rad = np.where(angle_rad <= rays.radius, _angle(lens, angle_rad)[0], np.nan)
+        factor = np.divide(bent_rad, aside, out=np.where(np.isnan(bent_rad), np.nan, 1.0), where=aside > 0)
+        x, y = points[..., 0] * factor, points[..., 1] * factor
+        return x * camera.fx_px + camera.cx_px, y * camera.fy_px + camera.cy_px
     x, y = points[..., 0] / points[..., 2], points[..., 1] / points[..., 2]
     if lens is not None:
         beside = ~(np.hypot(x, y) <= lens_rays(camera, lens).radius)
@@ -159,17 +207,27 @@ def projected(points: Float64, camera: Intrinsics, lens: Distortion | None) -> t
     return x * camera.fx_px + camera.cx_px, y * camera.fy_px + camera.cy_px
 
 
-def lens_problem(camera: Intrinsics, lens: Distortion) -> str:
-    """Return why no image can be made of a lens, "" where it can: it is regular from the axis to each pixel's edge."""
+def lens_problem(camera: Intrinsics, lens: Distortion, *, all_around: bool = False) -> str:
+    """Return why no image can be made of a lens, "" where it can: it is regular from the axis to each pixel's edge.
+
+    all_around: whether its rays may lead sideways and back, which those of an equidistant one can.
+    """
     x, y = _border(camera)
     across = np.linspace(-0.5, camera.width_px - 0.5, 17)
     down = np.linspace(-0.5, camera.height_px - 0.5, 17)
     inner_x, inner_y = np.meshgrid((across - camera.cx_px) / camera.fx_px, (down - camera.cy_px) / camera.fy_px)
-    right, low = straightened(lens, np.append(x, inner_x), np.append(y, inner_y))
     size = f"the image of {camera.width_px} x {camera.height_px} px"
+    x, y = np.append(x, inner_x.ravel()), np.append(y, inner_y.ravel())
+    share = (np.arange(STEPS) + 1.0)[:, None] / STEPS
+    if all_around and lens.model == "equidistant":
+        angle_rad = _angles(lens, np.hypot(x, y), ALL_AROUND_DEG)
+        if not np.isfinite(angle_rad).all():
+            return f"folds over or sees beyond {ALL_AROUND_DEG:g} degrees from its axis within {size}"
+        sound = _angle(lens, share * angle_rad)[1] > 0
+        return "" if sound.all() else f"folds over within {size}: two rays would meet in one pixel"
+    right, low = straightened(lens, x, y)
     if not np.isfinite(right).all() or not np.isfinite(low).all():
         return f"folds over or sees beyond {WIDEST_DEG:g} degrees from its axis within {size}"
-    share = (np.arange(STEPS) + 1.0)[:, None] / STEPS
     if lens.model == "equidistant":
         sound = _angle(lens, share * np.arctan(np.hypot(right, low)))[1] > 0
     else:

@@ -19,12 +19,13 @@ from ..core.perturbing.execution import ColourWork, DepthWork, Notes
 from ..core.perturbing.kinds import FrameContext
 from ..core.perturbing.lit import acts_on_light, after_light, on_light
 from ..core.planning.exposed import exposure_of
+from ..core.planning.metering import light_seen
 from ..core.planning.plan import Render
 from ..core.planning.sequence import Sequence, ShownSources
 from ..core.planning.source import SceneLight, SourceFrame, depth_behind_glass, light_of
 from ..core.trajectories.motion import CameraMotion, motion_between
 from ..core.trajectories.trajectory import Trajectory
-from .earlier import EarlierFrames, light_seen
+from .earlier import EarlierFrames
 from .stage_timer import DECODING, StageTimer
 
 SKY_BEHIND_GLASS_M = 500.0  # as far away as haze, rain and snow take the sky to be

@@ -8,19 +8,10 @@ from collections.abc import Callable, Hashable
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.perturbing.earlier_frames import EarlierFrame, ReadEarlier, earlier_than, small_light, small_of
+from ..core.perturbing.earlier_frames import EarlierFrame, ReadEarlier, earlier_than
 from ..core.planning.sequence import Sequence
-from ..core.planning.source import SourceFrame, light_of
 
 KEPT = 4096  # small images: 36 MiB at most, more than any frame of 60 Hz looks back; chosen
-
-
-def light_seen(frame: SourceFrame) -> NDArray[np.float32]:
-    """Return what a meter sees of a clean frame, as `small_light`; of a lit one its light."""
-    if (light := light_of(frame)) is not None:
-        return small_of(light.rgb)
-    assert frame.rgb is not None, "colour was not asked for"
-    return small_light(frame.rgb)
 
 
 class EarlierFrames:

@@ -22,6 +22,7 @@ from ..core.errors import InterruptedRunError
 from ..core.geometry import Intrinsics
 from ..core.messages import Message
 from ..core.planning.exposed import open_render
+from ..core.planning.metering import light_seen
 from ..core.planning.plan import Plan, Render
 from ..core.planning.sequence import Sequence
 from ..core.planning.source import OpenSource, OwnRendering, PreparedSource, RenderedFrame, RenderOptions, SourceFrame
@@ -32,7 +33,7 @@ from .clean_files import CleanFiles
 from .clean_frame import Camera, CleanFrame
 from .colour import Colour, colour_of
 from .completed_images import FinishedImages
-from .earlier import EarlierFrames, light_seen
+from .earlier import EarlierFrames
 from .frame_rates import other_rates
 from .frame_writer import FrameWriter, Lost
 from .pairs import OpenPairs, motion_of, view_of

@@ -170,9 +170,13 @@ class FrameWriter:
                 done |= {"camera": dict(image.camera)} if image.camera else {}
             if channel.paired and sequence.paired:
                 done["pairing"] = {"depth_of_frame": sequence.shown(frame).depth_frame}
-            if isinstance(clean, CleanFrame) and clean.exposure:
+            if isinstance(clean, CleanFrame) and clean.exposure and self._tells_exposure(modality):
                 done["exposure"] = clean.exposure
             yield self._record(frame, {name: written.sha256}, done, written.out_of_range)
+
+    def _tells_exposure(self, modality: Modality) -> bool:
+        """Tell whether a frame's record has the exposure of this image: depth may be another frame's."""
+        return not (CHANNELS[modality].paired and "rgb" in self._dataset.format.modalities)
 
     def _depth(self, sequence: Sequence, frame: int, clean: CleanFrame) -> PerturbedImage:
         """Return the depth of a frame that a setting perturbs."""

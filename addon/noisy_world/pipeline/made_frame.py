@@ -122,6 +122,8 @@ class MadeFrame:
                     found["camera"] = dict(decided)
             if channel.paired and self._maker.sequence.paired:
                 found["pairing"] = {"depth_of_frame": self._depth_frame}
+        if exposure := (self._clean_rgb if "rgb" in written.modalities else self._clean_depth).exposure:
+            found["exposure"] = exposure
         return found
 
 

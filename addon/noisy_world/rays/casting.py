@@ -45,31 +45,41 @@ class LineView:
 
     Of the shapes, h is H or 1 and w is W or 1: what all rows or columns share is there once. starts_m: (h, w, 3)
     float64, in the axes of the triangles. axes: (h, w, 3, 3) float64, the camera's axes as columns. right, down: (h, w)
-    float64, where a ray passes the plane at 1 along the optical axis; its lengths are planar depths.
+    float64, where a ray passes the plane at 1 along the optical axis; its lengths are planar depths. forward: (h, w)
+    float64, what is in place of 1 where rays lead sideways and back; None for 1.
     """
 
     starts_m: NDArray[np.float64]
     axes: NDArray[np.float64]
     right: NDArray[np.float64]
     down: NDArray[np.float64]
+    forward: NDArray[np.float64] | None = None
 
     def directions(self, rows: slice) -> NDArray[np.float32]:
         """Return the directions (N, 3) of some rows, one after another; added in float64, rounded once."""
         axes, right, down = (_rows_of(values, rows) for values in (self.axes, self.right, self.down))
-        made = axes[..., 0] * right[..., None] + (axes[..., 1] * down[..., None] + axes[..., 2])
+        ahead = axes[..., 2] if self.forward is None else axes[..., 2] * _rows_of(self.forward, rows)[..., None]
+        made = axes[..., 0] * right[..., None] + (axes[..., 1] * down[..., None] + ahead)
         return made.astype(np.float32).reshape(-1, 3)
 
     def beside(
-        self, row: NDArray[np.intp], column: NDArray[np.intp], right: NDArray[np.float64], down: NDArray[np.float64]
+        self,
+        row: NDArray[np.intp],
+        column: NDArray[np.intp],
+        right: NDArray[np.float64],
+        down: NDArray[np.float64],
+        forward: NDArray[np.float64] | None = None,
     ) -> "LineView":
-        """Return rays beside those of some pixels (N,): N rows. right, down: (S,) or (N, S), how far beside."""
+        """Return rays beside those of some pixels (N,): N rows. right, down, forward: (S,) or (N, S), how far."""
         height, width = len(self.starts_m), self.starts_m.shape[1]
         line = (np.minimum(row, height - 1), np.minimum(column, width - 1))
         middle = [
             plane[np.minimum(row, len(plane) - 1), np.minimum(column, plane.shape[1] - 1), None]
-            for plane in (self.right, self.down)
+            for plane in (self.right, self.down, *([] if self.forward is None else [self.forward]))
         ]
-        return LineView(self.starts_m[line][:, None], self.axes[line][:, None], middle[0] + right, middle[1] + down)
+        ahead = None if forward is None or self.forward is None else middle[2] + forward
+        starts_m, axes = self.starts_m[line][:, None], self.axes[line][:, None]
+        return LineView(starts_m, axes, middle[0] + right, middle[1] + down, ahead)
 
     def origins_m(self, rows: slice) -> NDArray[np.float64]:
         """Return where the rays of some rows begin, (h, w, 3)."""

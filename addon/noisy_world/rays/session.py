@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ..core.channels.surface import Surface
 from ..core.channels.surface_images import SurfaceImages
 from ..core.geometry import Intrinsics
-from ..core.lens import LensRays, lens_rays
+from ..core.lens import WIDEST_DEG, LensRays, lens_rays
 from ..core.machine import available_threads, keep_freed_memory
 from ..core.optics import Distortion
 from ..core.planning.source import RenderedFrame, RenderOptions
@@ -24,6 +24,8 @@ from .antialiasing import PIXELS_AT_ONCE, grid_of, mean_colours, uneven_pixels
 from .casters import caster_of
 from .casting import TILE_PX, CastImages, LineView, RayView, View
 from .triangles import triangle_corners, triangle_faces, triangle_normals
+
+SIDEWAYS = f"the lens sees sideways: depth is void from {WIDEST_DEG:g} degrees off its axis on, where planar depth ends"
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,6 +46,12 @@ class _Eye:
     def size(self) -> tuple[int, int]:
         """Height and width, pixels."""
         return len(self.down), len(self.right)
+
+    def planar_m(self, lengths_m: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Return the planar depth (H, W) of what rays meet, 0 = void, where a lens sees sideways; else as it is."""
+        if self.lens is None or self.lens.forward is None:
+            return lengths_m
+        return np.where(self.lens.is_deep, lengths_m * self.lens.forward, 0).astype(np.float32)
 
     def lines(self, *, rows: bool) -> int:
         """Return how many rows it has, or columns."""
@@ -84,6 +92,8 @@ class RaySession:
         self._faces = triangle_faces(mesh) if "faces" in needs else None
         self._lens = None if lens is None else lens_rays(intrinsics, lens)
         self._eye = _Eye.of(intrinsics, self._lens)
+        if self._lens is not None and self._lens.forward is not None and options.depth_camera is None:
+            self.notes = (*self.notes, SIDEWAYS)
         own = options.depth_camera
         self._deep_eye = None if own is None else _Eye.of(own)
         self._grid = grid_of(options.samples) if options.samples > 1 else None
@@ -107,9 +117,14 @@ class RaySession:
         seen = self._seen(view, rgb=rgb, depth=together, triangles=bool(self._images.needs))
         others = {} if seen.triangles is None else self._images.of(self._surface(view, request.rgb_c2w, seen.triangles))
         eye = self._deep_eye or self._eye
-        depth_m = seen.depth_m if deep is None or not apart else self._seen(deep, eye, depth=True).depth_m
+        seen_m = seen.depth_m if seen.depth_m is None else self._eye.planar_m(seen.depth_m)
+        depth_m = seen_m
+        if deep is not None and apart:
+            lengths_m = self._seen(deep, eye, depth=True).depth_m
+            assert lengths_m is not None, "it is asked for"
+            depth_m = eye.planar_m(lengths_m)
         rays = None if seen.rgb is None else self._smooth(view, request.rgb_c2w, seen.rgb)
-        behind_m = seen.depth_m if through else None
+        behind_m = seen_m if through else None
         return RenderedFrame(seen.rgb, depth_m if depth else None, others, rays, behind_glass_m=behind_m)
 
     def _views(self, request: FrameRequest) -> tuple[View, View | None]:
@@ -134,7 +149,7 @@ class RaySession:
         starts_m = (c2w[:, :3, 3] - self.origin_m).reshape(*lines, 3)
         axes, lens = c2w[:, :3, :3].reshape(*lines, 3, 3), eye.lens
         if lens is not None:
-            return LineView(starts_m, axes, lens.right, lens.down)
+            return LineView(starts_m, axes, lens.right, lens.down, lens.forward)
         right, down = (np.asarray(values, np.float64) for values in (eye.right[None], eye.down[:, None]))
         return LineView(starts_m, axes, right, down)
 
@@ -154,7 +169,7 @@ class RaySession:
                 centres = np.ascontiguousarray(view.across[:, column] + view.down[:, row])
                 rays: View = RayView(view.origin_m, beside, centres)
             else:
-                places = (beside_right, beside_down)
+                places: tuple[NDArray[np.float64], ...] = (beside_right, beside_down)
                 if self._lens is not None:
                     places = self._lens.beside(row, column, grid.right_px, grid.down_px)
                 rays = view.beside(row, column, *places)

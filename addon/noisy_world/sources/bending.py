@@ -27,7 +27,7 @@ def lens_of(spec: DistortionSpec, camera: Intrinsics, place: ConfigPath, *, cast
 
     Raises InputError where it folds over within the image, or a pinhole would take too long to render.
     """
-    lens = sound_lens(spec, camera, place)
+    lens = sound_lens(spec, camera, place, all_around=cast)
     if cast:
         return lens
     pinhole = overscanned(camera, lens)

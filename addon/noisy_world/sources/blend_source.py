@@ -99,7 +99,7 @@ class BlendSource(SimpleSource):
     def _at_once(self) -> str:
         if self.compositor == "keep":
             return "reads line after line, and the .blend's compositor is for whole frames"
-        return lines_of(self.rendering.engine, bent=self.given is not None and self.given.distortion is not None)
+        return lines_of(self.rendering.engine)
 
     def _objects(self) -> tuple[SceneObject, ...]:
         return self.found.objects
@@ -221,11 +221,9 @@ class BlendSource(SimpleSource):
         return beginning_of(paths, frames, path, unseen=unseen, place=where, remedy="look at the path")
 
 
-def lines_of(engine: str, *, bent: bool) -> str:
+def lines_of(engine: str) -> str:
     """Return why the lines of a scene's frames cannot be rendered each at its own moment; "" where they can."""
-    if engine != "cycles":
-        return "reads line after line, which Cycles alone can render of a scene with lights"
-    return "reads line after line, and a lens that distorts shows other lines" if bent else ""
+    return "" if engine == "cycles" else "reads line after line, which Cycles alone can render of a scene with lights"
 
 
 class SceneSession(Protocol):

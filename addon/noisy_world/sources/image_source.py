@@ -109,8 +109,8 @@ def read_images(folder: Path, place: ConfigPath, rate_hz: float | None = None) -
     return Images(stored, place)
 
 
-def has_images(folder: Path) -> bool:
-    """Tell whether a folder itself holds images that are read as plain ones."""
+def holds_images(folder: Path) -> bool:
+    """Tell whether PNG or JPEG images lie in a folder itself."""
     return folder.is_dir() and any(path.suffix.lower() in READ for path in folder.iterdir())
 
 

@@ -42,7 +42,7 @@ class LitMeshSource(MeshSource):
     @property
     def capabilities(self) -> SourceCapabilities:
         """Rendered frames from any pose, by settings of its own."""
-        at_once = lines_of(self.rendering.engine, bent=self.distortion is not None)
+        at_once = lines_of(self.rendering.engine)
         return replace(
             super().capabilities,
             own=self.rendering,

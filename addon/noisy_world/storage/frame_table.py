@@ -7,9 +7,12 @@ from typing import Any
 from ..core.channels import CHANNELS
 from ..core.datasets.layouts import Modality
 from ..core.datasets.provenance import CONVENTIONS
+from ..core.requirements import missing_packages
 from .finished import Content, FrameImages
 from .packed_names import tar_name
+from .refusals import missing
 from .sequence_tar import FrameSpans, perturbed_text
+from .store import Store
 from .tar_stream import Sink
 
 
@@ -36,6 +39,12 @@ def table_columns(modalities: Many[Modality]) -> dict[str, tuple[str, str]]:
             f"{modality}_size": ("int64", f"the size of the {what} image, bytes"),
         }
     return columns
+
+
+def need_writer(store: Store) -> None:
+    """Raise MissingDependencyError where the package that writes the table is missing: before anything is made."""
+    if missing_packages(["pyarrow"]):
+        raise missing(store.text, "pyarrow")
 
 
 class FrameTable:

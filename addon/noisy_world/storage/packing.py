@@ -23,7 +23,7 @@ from ..core.working_ahead import done_ahead
 from .card import card
 from .croissant import croissant
 from .finished import Content, ImageReaders, sealed_state
-from .frame_table import FrameTable
+from .frame_table import FrameTable, need_writer
 from .packed_names import CARD, CROISSANT, TABLE, PackedFile, tar_name
 from .sequence_tar import FrameSpans, Span, write_sequence
 from .store import Store
@@ -81,7 +81,8 @@ def take(
 
     chosen: start and stop of the frames that are made of each sequence, None for all. difference: returns in which way
     what an identity says is another dataset, "" where it is the same. finished_otherwise: the same of the manifest of
-    one that is finished, whose identity does not differ. Raises StorageError where something else is there.
+    one that is finished, whose identity does not differ. Raises StorageError where something else is there,
+    MissingDependencyError where it could not be finished.
     """
     store.check()
     state = sealed_state(store)
@@ -93,6 +94,7 @@ def take(
             raise StorageError(f"holds another dataset: {problem}", file=store.text, remedy=remedy)
         remove_work(store)
         return False
+    need_writer(store)
     begun = {"identity": identity, "chosen": chosen}
     there = claimed(store)
     if there is None:

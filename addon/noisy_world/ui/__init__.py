@@ -7,8 +7,8 @@ from types import ModuleType
 
 MODULES = (
     "properties", "older_files", "footage", "scene_copy", "world", "excluded", "operators", "paths", "preview",
-    "generate", "tracking", "asset_library", "camera_link", "header_presets", "pictures", "motion_plot", "real_cameras",
-    "panels", "shots", "presets", "first_look",
+    "generate", "tracking", "asset_library", "camera_link", "bake_exposure", "header_presets", "pictures",
+    "motion_plot", "real_cameras", "panels", "shots", "presets", "first_look",
 )  # fmt: skip
 """In the order of registration, which is also the order of the panels in the tab."""
 

@@ -12,6 +12,7 @@ from ..core.perturbing.kinds import Stage
 from ..perturbations import registry
 from . import (
     asset_library,
+    bake_exposure,
     camera_link,
     footage,
     generate,
@@ -295,6 +296,7 @@ class NOISYWORLD_PT_preview(PanelSection, bpy.types.Panel):
         layout = self.fields(context)
         layout.use_property_split = False
         preview.draw(layout, context)
+        bake_exposure.draw(layout, context)
         camera_link.draw(layout, context)
         asset_library.draw(layout, context)
 

@@ -15,7 +15,7 @@ from ..blender.chain_scene import hide_chain, refresh_chain, set_split, shown_ch
 from ..blender.chain_values import is_edited
 from ..core.errors import NoisyWorldError
 from ..core.planning.sequence import Sequence
-from . import frame_preview, preview_buttons, properties, this_scene, view_depth, views
+from . import frame_preview, metered, preview_buttons, properties, this_scene, view_depth, views
 from .document import intrinsics_of
 from .handlers import Handlers
 from .long_text import write
@@ -162,6 +162,7 @@ def show(scene: bpy.types.Scene) -> None:
         split=panel.preview_split,
         intrinsics=intrinsics_of(panel),
         camera_state_at=camera_states(scene, sequence),
+        decided_at=metered.decided_at(scene, sequence),
         lit=this_scene.is_shown(panel),
     )
     (_at_rest.add if is_unknown(scene, sequence) else _at_rest.discard)(scene.session_uid)

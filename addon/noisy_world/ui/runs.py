@@ -149,14 +149,17 @@ def start_tracking(scene: bpy.types.Scene, out: Path, sequences: tuple[str, ...]
     return run
 
 
-def start_still(scene: bpy.types.Scene, request: StillRequest) -> SceneRun:
-    """Start rendering frames of a copy of the open file. Raises NoisyWorldError where that cannot be."""
+def start_still(scene: bpy.types.Scene, request: StillRequest, *, stopped: str = NOT_RENDERED) -> SceneRun:
+    """Start rendering frames of a copy of the open file. stopped: what is said when it was stopped.
+
+    Raises NoisyWorldError where that cannot be.
+    """
     with starting("frame", "the renderer") as folder:
         scene_copy.save_as_it_is(folder / COPY)
         write_request(request, folder)
         command = background_command("still_process", str(folder))
         background = BackgroundRun(command, who="the renderer", patient=False)
-    run = _STILLS[scene.session_uid] = SceneRun(scene.session_uid, folder, background, folder, NOT_RENDERED)
+    run = _STILLS[scene.session_uid] = SceneRun(scene.session_uid, folder, background, folder, stopped)
     return run
 
 

@@ -13,7 +13,7 @@ from ..core.schema import ConfigPath
 from ..core.trajectories.camera_state import CameraState, camera_state_of
 from ..core.trajectories.trajectory import Trajectory
 from ..pipeline.clean_frame import Camera
-from . import footage, this_scene, world
+from . import footage, metered, this_scene, world
 from .document import intrinsics_of, recorded
 from .paths import clean_poses, clean_stamps_s, deviated_poses
 from .properties import panel_of
@@ -53,7 +53,8 @@ def _sampled(scene: bpy.types.Scene, sources: list[int]) -> Trajectory:
 
 def camera_at(scene: bpy.types.Scene, sequence: Sequence, frame: int) -> Camera:
     """Return what is known about the camera at a frame of the sequence. Raises NoisyWorldError as `shown_path` does."""
-    camera = Camera(intrinsics_of(panel_of(scene)), clean_stamps_s(scene))
+    earlier = metered.earlier_of(scene, sequence)
+    camera = Camera(intrinsics_of(panel_of(scene)), clean_stamps_s(scene), earlier=earlier)
     if not sequence.setting.uses_motion:
         return camera
     sources = [sequence.source_frames[k] for k in (0, max(frame - 1, 0), frame)]

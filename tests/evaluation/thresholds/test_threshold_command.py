@@ -161,6 +161,7 @@ def test_another_search_goes_into_another_folder(world, tmp_path, capfd):
         ((*SEARCH, "--with", "modus=static"), "unknown key 'modus'"),
         ((*SEARCH, "--width", "2"), "'2' has to be a number between 0 and 1"),
         (("--perturbation", "motion_deviation"), "motion_deviation has no severity; name one of"),
+        ((*SEARCH, "--system", "patien"), "--system: unknown system 'patien'"),
     ],
 )
 def test_bad_input_is_one_line(world, tmp_path, capfd, words, message):

@@ -138,6 +138,7 @@ def test_severities_say_which_way_is_worse():
         (("gaussian_noise", "std", 0.1, 3.0), "--to: 3 is no value of gaussian_noise.std; allowed: 0 to 2"),
         (("fog_depth", "visibility_m", 9.0, 9.0), "--from and --to are both 9"),
         (("gaussian_noise", "std", float("nan"), 1.0), "--from: nan is no value"),
+        (("desync", None, 1.0, 2.5), "--to: 2.5 is no value of desync.offset; give a whole number"),
     ],
 )
 def test_bad_input_is_one_line(given, message):

@@ -250,8 +250,10 @@ def _longer(scene: Scene, counts: dict[str, int], plan: Plan) -> str | None:
                 message = f"the {led_on[0].spoken} of what was the last frame leads on, now that it is longer"
                 return Message(path, f": {message}", ANOTHER_NAME)
             before, after = source_paths(plan, render, count), source_paths(plan, render)
-            if render.exposure:
-                message = "which a setting looks at, lies otherwise now that the path is longer"
+            clocked = render.unit is not None and render.unit.clock is not None
+            if render.exposure or clocked:
+                looks = "a setting" if render.exposure else "rig.depth"
+                message = f"which {looks} looks at, lies otherwise now that the path is longer"
                 return Message(path, f": what is between the poses of {scene.name}, {message}", ANOTHER_NAME)
             capabilities = scene.source.capabilities
             moved = capabilities.rendered and capabilities.own is None  # others stay where they are
@@ -259,9 +261,10 @@ def _longer(scene: Scene, counts: dict[str, int], plan: Plan) -> str | None:
                 far = "so far from the origin, a longer path is rendered around another point"
                 return Message(path, f": {far}, and float32's rounding shows", ANOTHER_NAME)
             if not _goes_on(sequence, count, before, after):
-                steps = ", ".join(step.perturbation.name for step in sequence.setting.steps)
+                setting, steps = sequence.setting, sequence.setting.steps
+                named = f" ({', '.join(step.perturbation.name for step in steps)})" if steps else ""
                 problem = f"changes frames that are there, now that the path of {scene.name} is longer"
-                return Message(f"settings: {sequence.setting.name} ({steps}) {problem}", ANOTHER_NAME)
+                return Message(f"settings: {setting.name}{named} {problem}", ANOTHER_NAME)
     return None
 
 

@@ -37,8 +37,9 @@ class Registration:
         seen = depth_m > 0
         z_m = depth_m[seen].astype(np.float64)
         (left, top), (right, bottom) = self._corners
-        first, near_m = self._carried(left[seen], top[seen], z_m)
-        last, _ = self._carried(right[seen], bottom[seen], z_m)
+        first, corner_m = self._carried(left[seen], top[seen], z_m)
+        last, other_m = self._carried(right[seen], bottom[seen], z_m)
+        near_m = (corner_m + other_m) / 2  # the middle's, as depth is linear in a pixel's place on a plane across
         # The pixels whose centres are inside. Squares that meet in a centre leave no gap, whatever is rounded.
         low = np.ceil(np.minimum(first, last) - _ROUNDING_PX).astype(np.int64)
         high = np.ceil(np.maximum(first, last)).astype(np.int64) - 1

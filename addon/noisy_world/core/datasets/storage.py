@@ -9,6 +9,7 @@ import os
 import platform
 import re
 import sys
+import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -22,17 +23,21 @@ FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
 
 
 @contextlib.contextmanager
-def storage_errors(path: Path) -> Iterator[None]:
-    """Turn an operating system's refusal to write into one line that names the file and the remedy."""
+def storage_errors(path: Path, remedy: str = "") -> Iterator[None]:
+    """Turn an operating system's refusal to write into one line that names the file and the remedy.
+
+    remedy: what to do, where the file is not of a dataset in the folder that --out names.
+    """
     try:
         yield
     except OSError as error:
         if error.errno in FULL:
             problem = f"no space left to write it ({error.strerror})"
-            remedy = Message("make room there and ", Action.RUN_AGAIN, ": finished frames are kept")
-            raise StorageError(problem, file=path, remedy=remedy) from error
+            again = Message("make room there and ", Action.RUN_AGAIN, ": finished frames are kept")
+            raise StorageError(problem, file=path, remedy=remedy or again) from error
         problem = f"cannot be written: {error.strerror or error}"
-        raise StorageError(problem, file=path, remedy=either("mend that", Action.OTHER_FOLDER)) from error
+        other = either("mend that", Action.OTHER_FOLDER)
+        raise StorageError(problem, file=path, remedy=remedy or other) from error
 
 
 def write_atomic(path: Path, data: bytes, scratch: Path) -> None:
@@ -52,6 +57,21 @@ def write_atomic(path: Path, data: bytes, scratch: Path) -> None:
             with contextlib.suppress(OSError):
                 unfinished.unlink(missing_ok=True)
             raise
+
+
+@contextlib.contextmanager
+def made_beside(out: Path) -> Iterator[Path]:
+    """Yield where to make a file or folder, which is moved to `out` when it is whole; what is left else is removed.
+
+    Folders above it are made. Raises StorageError where it cannot be written.
+    """
+    parent = out.absolute().parent
+    with storage_errors(out, "mend that, or name another place"):
+        parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(dir=parent, prefix=".unfinished-") as folder:
+            made = Path(folder) / out.name
+            yield made
+            made.replace(out)
 
 
 def own_scratch(folder: Path) -> Path:

@@ -48,7 +48,7 @@ def expose(
 
     moments: the clean images around the frame's time stamp, of the rays that the other steps say. The steps act one
     inside the other: what a later one takes is what those before it make around that moment. taken: is told by the
-    name of each how many moments it took for one frame.
+    name of each of how many moments it took colour for one frame.
 
     Raises NoisyWorldError naming a perturbation that breaks its contract.
     """
@@ -58,7 +58,8 @@ def expose(
     asked = set[float]()
 
     def take(seconds: float, channels: Channels) -> TakenImages:
-        asked.add(seconds)
+        if channels is None or "rgb" in channels:
+            asked.add(seconds)
         if not before:
             return moments(seconds, channels)
         later = SceneAround(

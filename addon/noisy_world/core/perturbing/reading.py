@@ -100,6 +100,8 @@ def parse_sensor(value: object, place: ConfigPath, registry: Registry) -> Step[D
     """
     if isinstance(value, str):
         devices = _devices(registry)
+        if isinstance(registry.get(value), DepthPerturbation):
+            raise place.error(f"{value} is a model of sensors, and a device is named so", f"write {{{value}: {{}}}}")
         if value not in devices:
             raise unknown_name(place, "depth sensor", value, list(devices))
         value = {devices[value]: {"device": value}}

@@ -5,10 +5,12 @@ from dataclasses import dataclass
 
 from ..geometry import Intrinsics
 from ..lens import lens_problem
+from ..messages import Message, PresetKey
 from ..optics import Distortion, DistortionModel, Optics
 from ..schema import ConfigPath, key
 
 _OF_PLANE = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")  # in OpenCV's order
+EMBREE = PresetKey("render.engine", "embree")
 OF_ANGLE = ("k1", "k2", "k3", "k4")
 _LARGEST = 100.0  # of a coefficient; Azure Kinect's rational ones are below 10
 
@@ -69,10 +71,16 @@ def check_distortion(spec: DistortionSpec, place: ConfigPath) -> None:
         raise place.error("has no coefficient that is not 0", remedy)
 
 
-def sound_lens(spec: DistortionSpec, camera: Intrinsics, place: ConfigPath) -> Distortion:
-    """Return the lens. Raises InputError where it folds over within the image of the camera."""
+def sound_lens(spec: DistortionSpec, camera: Intrinsics, place: ConfigPath, *, all_around: bool = False) -> Distortion:
+    """Return the lens. Raises InputError where it folds over within the image of the camera.
+
+    all_around: whether rays may lead sideways and back.
+    """
     lens = spec.lens
     assert lens is not None, "this has been checked"
-    if problem := lens_problem(camera, lens):
-        raise place.error(problem, "lower its coefficients, or the field of view (greater fx and fy)")
+    if problem := lens_problem(camera, lens, all_around=all_around):
+        remedy = Message("lower its coefficients, or the field of view (greater fx and fy)")
+        if not all_around and not lens_problem(camera, lens, all_around=True):
+            remedy = Message("lower the field of view (greater fx and fy), or render a mesh with ", EMBREE)
+        raise place.error(problem, remedy)
     return lens

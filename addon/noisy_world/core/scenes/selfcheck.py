@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..geometry import Intrinsics, invert_pose
-from ..lens import projected
+from ..lens import WIDEST_DEG, projected
 from ..optics import Distortion
 from .mesh import Mesh
 
@@ -17,6 +17,7 @@ from .mesh import Mesh
 SAMPLES = 20_000  # face corners, so that the check takes milliseconds
 TOLERANCE = 0.03  # of the depth: a slanted surface comes nearer between the pixels' centres
 ALLOWED = 0.02  # of the vertices: those of things so thin that they meet no pixel's centre
+SIDEWAYS = float(np.cos(np.radians(WIDEST_DEG - 1.0)))  # of a vertex's distance: beyond, pixels may have no depth
 LEAST = 200  # vertices in view: the share of fewer is too uncertain
 
 
@@ -32,6 +33,8 @@ def share_in_front(
     w2c = invert_pose(c2w)
     points_m = mesh.vertices_m[used] @ w2c[:3, :3].T + w2c[:3, 3]
     points_m = points_m[points_m[:, 2] > 0.1]
+    if lens is not None:  # which may see farther round than there is a planar depth
+        points_m = points_m[points_m[:, 2] > SIDEWAYS * np.linalg.norm(points_m, axis=1)]
     column, row = map(np.rint, projected(points_m, camera, lens))
     inside = (column >= 1) & (column < camera.width_px - 1) & (row >= 1) & (row < camera.height_px - 1)
     if np.count_nonzero(inside) < LEAST:

@@ -45,11 +45,11 @@ def distribution_of(name: str) -> Distribution | None:
     return None if found is None else found.distribution
 
 
-def find_system(name: str) -> System:
+def find_system(name: str, option: str = "--systems") -> System:
     """Return a system by its name or, where that ends in .yaml, by the file of its definition.
 
-    Raises InputError where there is none, or its definition is wrong; NoisyWorldError naming the installed package
-    whose it is.
+    option: by which it is named. Raises InputError where there is none, or its definition is wrong; NoisyWorldError
+    naming the installed package whose it is.
     """
     if name.endswith(SUFFIXES):
         return read_system(Path(name).expanduser())
@@ -57,7 +57,7 @@ def find_system(name: str) -> System:
         return read_system(SHIPPED / f"{name}.yaml")
     definitions = _definitions()
     if name not in definitions:
-        raise unknown_name(ConfigPath("--systems"), "system", name, list(definitions))
+        raise unknown_name(ConfigPath(option), "system", name, list(definitions))
     return _read(definitions[name].item)
 
 
@@ -94,10 +94,13 @@ def _read(definition: _Definition) -> System:
     return system
 
 
-def find_systems(names: Iterable[str]) -> list[System]:
-    """Return systems by their names or files. Raises InputError, also where two that differ have one name."""
+def find_systems(names: Iterable[str], option: str = "--systems") -> list[System]:
+    """Return systems by their names or files. Raises InputError, also where two that differ have one name.
+
+    option: by which they are named.
+    """
     found: dict[str, System] = {}
-    for system in map(find_system, names):
+    for system in (find_system(name, option) for name in names):
         if found.setdefault(system.name, system) != system:
             raise InputError(system.file, f"is a second system called {system.name}", where="name", remedy="rename one")
     return list(found.values())

@@ -85,6 +85,10 @@ def axis_of(kind: Perturbation, parameter: str | None, mild: float | None, worst
         names = [*([SEVERITY] if kind.severities else []), *known]
         raise unknown_name(ConfigPath("--parameter"), f"number of {kind.name}", parameter, names)
     whole = hints.get(parameter) is int
+    for option, value in (("--from", mild), ("--to", worst)):
+        if whole and value is not None and not value.is_integer():
+            problem = f"{option}: {value:g} is no value of {kind.name}.{parameter}"
+            raise NoisyWorldError(problem, remedy="give a whole number")
     mild, worst = _ends(f"{kind.name}.{parameter}", info, [float(value) for value in table], (mild, worst))
     logarithmic = parameter != SEVERITY and min(mild, worst) > 0
     return Axis(kind.name, parameter, info.unit, mild, worst, logarithmic, whole)

@@ -7,7 +7,6 @@ from pathlib import Path, PurePosixPath
 
 from ...errors import InputError
 from ...installed import Door, Registry
-from ...messages import Part, either
 from ..known_poses import PosePolicy
 from ..stored import StoredSequence
 from .colour_depth import Open3DLayout, RedwoodLayout
@@ -94,21 +93,23 @@ def known_recordings() -> str:
     return " or ".join(layout.label for layout in (*LAYOUTS.values(), *RECORDED.values()))
 
 
-def find_sequence(
-    folder: Path, rate_hz: float | None = None, poses: PosePolicy = "drop", *, otherwise: Part = ""
-) -> StoredSequence:
+def recognising(folder: Path) -> list[Layout] | list[RecordedLayout]:
+    """Return the layouts that recognise a folder: of those that are written here or, if none does, that are read."""
+    written = [layout for layout in LAYOUTS.values() if layout.recognises(folder)]
+    return written or [layout for layout in RECORDED.values() if layout.recognises(folder)]
+
+
+def find_sequence(folder: Path, rate_hz: float | None = None, poses: PosePolicy = "drop") -> StoredSequence:
     """Find the files of a sequence by the layout that recognises its folder, first of those that are written here.
 
     rate_hz: of the frames, where the sequence has no stamps of its own; None for its layout's. poses: what becomes of
-    frames without a pose. otherwise: what else may be done with a folder of no layout. Raises InputError where no
-    layout or several recognise it, and where files are missing or do not match.
+    frames without a pose. Raises InputError where no layout or several recognise it, and where files are missing or do
+    not match.
     """
-    found: list[Layout] | list[RecordedLayout] = [layout for layout in LAYOUTS.values() if layout.recognises(folder)]
-    found = found or [layout for layout in RECORDED.values() if layout.recognises(folder)]
+    found = recognising(folder)
     if len(found) == 1:
         return found[0].read(folder, rate_hz, poses)
     if not found:
-        files = f"it has to have the files of a layout: {known_recordings()}"
-        raise InputError(folder, "is no sequence", remedy=either(files, otherwise))
+        raise InputError(folder, "is no sequence", remedy=f"it has to have the files of a layout: {known_recordings()}")
     several = " and of ".join(layout.label for layout in found)
     raise InputError(folder, f"has the files of {several}", remedy="leave those of one layout in it")
