@@ -355,6 +355,18 @@ def test_what_cannot_be_is_refused_in_one_line(tmp_path, depth, keys, message):
     assert "\n" not in str(caught.value)
 
 
+def test_a_longer_path_that_changes_what_is_between_frames_does_not_grow(tmp_path):
+    preset = world(tmp_path / "world", {"delay_ms": 4})
+    run(preset, tmp_path / "out")
+    before = content(tmp_path / "out")
+    longer = poses_at(np.arange(COUNT + 2) / RATE_HZ)
+    longer[-1, 2, 3] += 0.2  # so that the curve through the poses is another one between the last that were there
+    write_replica(tmp_path / "world/traj.txt", longer)
+    with pytest.raises(StorageError, match=r"between the poses of box, which rig\.depth looks at, lies otherwise now"):
+        run(preset, tmp_path / "out")
+    assert content(tmp_path / "out") == before
+
+
 def test_a_recording_has_no_place_for_a_sensor(raw, tmp_path):
     _, out = raw
     document = {"scenes": [{"name": "box", "sequence": str(out / "clean/box")}], "rig": {"depth": {**CAMERA}}}

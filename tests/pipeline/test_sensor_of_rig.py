@@ -55,6 +55,7 @@ def test_every_settings_depth_is_what_the_sensor_gives(tmp_path):
     ("depth", "message"),
     [
         ({"sensor": "realsense_d434"}, r"rig\.depth\.sensor: unknown depth sensor 'realsense_d434'.*realsense_d43"),
+        ({"sensor": "stereo"}, r"rig\.depth\.sensor: stereo is a model of sensors.*; write \{stereo: \{\}\}$"),
         ({"sensor": {"fog": {}}}, r"rig\.depth\.sensor: fog does not act on depth"),
         ({"sensor": 5}, r"rig\.depth\.sensor: is the number 5, but has to be one name"),
         ({"sensor": {"stereo": {"sigma": 1}}}, r"rig\.depth\.sensor\.stereo\.sigma: unknown key"),

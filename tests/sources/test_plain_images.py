@@ -76,6 +76,25 @@ def test_what_needs_depth_or_poses_says_so_in_a_line(tmp_path):
             make_plan(read_preset(path, [change]))
 
 
+def test_a_folder_of_images_without_a_layout_is_told_how_it_is_read(tmp_path, capsys):
+    plates(tmp_path / "plates")
+    preset = preset_of(tmp_path, layout="auto")
+    assert main(["generate", str(preset), "--out", str(tmp_path / "out"), "--dry-run"]) == 1
+    said = capsys.readouterr().err
+    assert "scenes.0.sequence: " in said
+    assert (
+        "plates has the files of no layout, but plain images; layout: images reads it, without depth and poses" in said
+    )
+
+
+def test_an_image_of_another_size_is_told_nothing_of_depth(tmp_path, capsys):
+    plates(tmp_path / "plates")
+    cv2.imwrite(str(tmp_path / "plates" / "shot_40.png"), np.zeros((10, 16, 3), np.uint8))
+    assert main(["generate", str(preset_of(tmp_path)), "--out", str(tmp_path / "out")]) == 1
+    said = capsys.readouterr().err
+    assert "shot_40.png: is 16 x 10 pixels, but the first colour image is 16 x 12; a sequence has one size\n" in said
+
+
 def test_what_is_no_folder_of_images_is_one_line(tmp_path):
     place = ConfigPath("preset", "scenes.0")
     (tmp_path / "plates").mkdir()

@@ -25,13 +25,14 @@ def add_part_options(parser: argparse.ArgumentParser, parts: "Sequence[str]" = t
         metavar="DIR",
         help="folder that the scenes' paths are relative to, and where Replica is looked for (default: the preset's)",
     )
+    others = "; a dataset can grow by others" if "settings" in parts else ""
     for what in parts:
         parser.add_argument(
             f"--{what}",
             metavar="NAMES",
             action="append",
             default=[],
-            help=f"only these {what}, {EXAMPLES[what]} for instance; may be repeated; a dataset can grow by others",
+            help=f"only these {what}, {EXAMPLES[what]} for instance; may be repeated{others}",
         )
 
 

@@ -44,7 +44,7 @@ class KeyInfo:
     """What a key means. minimum and maximum are inclusive; above is an exclusive minimum.
 
     choices: the allowed texts, where the field's type does not give them. identity: how it stands in the identity of a
-    dataset, which says what decided its bytes.
+    dataset, which says what decided its bytes. file: of a text that names a file: reads it, to check it.
     """
 
     meaning: str
@@ -55,6 +55,7 @@ class KeyInfo:
     pattern: Callable[[str], str] | None = None
     choices: Mapping[str, Choice] | None = None
     identity: "InIdentity" = "value"
+    file: Callable[[Path], Any] | None = None
 
 
 def key(
@@ -69,30 +70,41 @@ def key(
     pattern: Callable[[str], str] | None = None,
     choices: Mapping[str, Choice] | None = None,
     identity: "InIdentity" = "value",
+    file: Callable[[Path], Any] | None = None,
 ) -> Any:
     """Declare a dataclass field that a preset may set.
 
     pattern: a function that returns what is wrong with a text, or nothing. choices: the allowed values of a text whose
     values come from a registry, where a Literal would repeat them. identity: "value" where the value decides bytes, so
     that it stands in a dataset's identity as it is, unless it is the default; "meaning" where what it means stands
-    there in another form, as poses or hashes; "nothing" where it decides no byte.
+    there in another form, as poses or hashes; "nothing" where it decides no byte. file: of a perturbation's parameter
+    that names a file, "" for none: a function that reads it, and raises OSError, or ValueError with what is wrong.
     """
-    info = KeyInfo(meaning, unit, minimum, maximum, above, pattern, choices, identity)
+    info = KeyInfo(meaning, unit, minimum, maximum, above, pattern, choices, identity, file)
     return field(default=default, default_factory=default_factory, metadata={"key": info})
 
 
 @dataclass(frozen=True)
 class ConfigPath:
-    """Where a value is in a preset: the file and the keys that lead to it."""
+    """Where a value is in a preset: the file and the keys that lead to it.
+
+    data: the folder that paths begin at, where that is not the file's own.
+    """
 
     file: str | Path
     path: str = ""
+    data: Path | None = None
+
+    @property
+    def folder(self) -> Path:
+        """The folder that paths in values begin at; where no file is read, that in which the program runs."""
+        return self.data or (self.file.parent if isinstance(self.file, Path) else Path())
 
     def at(self, name: str | int) -> "ConfigPath":
         """Return the place of a value inside this one."""
         text = str(name)
         step = text if text.isprintable() and 0 < len(text) <= LONGEST_SHOWN else shown(text)
-        return ConfigPath(self.file, f"{self.path}.{step}" if self.path else step)
+        return ConfigPath(self.file, f"{self.path}.{step}" if self.path else step, self.data)
 
     def error(self, problem: str, remedy: Part = "") -> InputError:
         """Return an error that names this place."""

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Redwood's model of the first Kinect, as Open3D and Habitat have it, without its table of distortion."""
+"""Redwood's model of the first Kinect, as Open3D and Habitat have it, with a table of distortion if one is given."""
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Literal
 
 import numpy as np
@@ -13,13 +14,15 @@ from ._depth_device import NOISE_SEVERITIES, Devices, filled, noise_of_device, o
 from ._quantiles import look_up, scaled_normal, uniform_codes
 from ._shifted import shifted_places, taken
 from ._void import quotient, without_void
+from ._warp_table import warp_table, warped
 
 
 @dataclass(frozen=True)
 class Redwood:
     """A pixel takes the depth of a place near its own, of every second row and column; disparity is noisy and rounded.
 
-    z becomes B / round(B / z + N(0, sigma)) with B = product / step. With `noise: 0` it is Open3D's deterministic mode.
+    z becomes B / round(B / z + N(0, sigma)) with B = product / step; with `warp` it is divided by the table's factor
+    before. With `noise: 0` it is Open3D's deterministic mode.
     """
 
     device: Literal["choi_2015"] = key("the published values that are taken", default="choi_2015")
@@ -29,6 +32,7 @@ class Redwood:
     sigma_px: float = of_device("standard deviation of disparity before that", 8, "px")
     shift_px: float = of_device("standard deviation of the place, across and down, that a pixel shows", 8, "px")
     max_m: float = of_device("depth from which on nothing is given", 1000, "m")
+    warp: str = key("a file with a table of distortion, such as Redwood's dist-model.txt", default="", file=warp_table)
 
 
 # Choi, Zhou and Koltun, Robust reconstruction of indoor scenes, 2015; the same in Open3D and habitat-sim.
@@ -56,6 +60,9 @@ def apply(depth_m: NDArray[np.float32], parameters: Redwood, context: FrameConte
         columns = np.broadcast_to(columns, depth.shape)
     depth = taken(depth, rows & ~1, columns & ~1)
     valid &= (depth > 0) & (depth < np.float32(own.max_m))
+    if parameters.warp:
+        depth = warped(warp_table(Path(parameters.warp)), depth, rows, columns)
+        valid &= depth > 0
     steps = quotient(own.product_px_m / own.step_px, depth, valid)
     if own.sigma_px * own.noise > 0:
         codes = uniform_codes(context.pattern_stream("disparity"), depth.shape)

@@ -39,7 +39,7 @@ from ..pipeline.versions import versions_of
 from ..sources import find_scenes
 from .clean_store import CleanStore, read_store
 from .frame_numbers import FrameNumbers
-from .inputs import check_inputs, same_path
+from .inputs import check_inputs, check_setting, same_path
 from .made_with import made_here, made_otherwise
 from .making import preset_of
 from .opened import Frame, Opened, OpenedSequence
@@ -96,6 +96,8 @@ class OpenedRecipe(Opened):
         if setting not in self._settings:
             remedy = "the dataset had grown by another preset; take a recipe from when it was made"
             raise InputError(self.place, f"its preset does not name {setting}", remedy=remedy)
+        if (wanted := self.recipe.identity["settings"].get(setting)) is not None:
+            check_setting(self.recipe.path, wanted, self._settings[setting])
         if self._store is not None and self._store.has_scene(scene):
             self._store.check(self.recipe.identity, scene, setting)
         return SequenceOfRecipe(self, name, self._settings[setting], self._scene(scene))

@@ -7,6 +7,8 @@ from typing import Any
 
 from ..core.datasets.provenance import path_sha256, plain_values
 from ..core.errors import InputError
+from ..core.perturbing.given_files import files_of, sha256_of
+from ..core.perturbing.steps import Setting
 from ..core.planning.scene import Scene
 
 HASHED = "_sha256"
@@ -38,6 +40,23 @@ def check_inputs(file: Path, wanted: Mapping[str, Any], scene: Scene) -> None:
         what = location if Path(location).name == named else named
         problem = f"{what} is not what the recipe was made from: its {name} {difference}"
         raise InputError(file, problem, where=f"scenes: {scene.name}", remedy="--data DIR names the folder of another")
+
+
+def check_setting(file: Path, wanted: Mapping[str, Any], setting: Setting) -> None:
+    """Raise InputError where the files of a setting's steps are not those that a recipe was made from.
+
+    file: the recipe. wanted: the setting in its identity.
+    """
+    steps = [*wanted.get("sensor", []), *wanted["steps"]]
+    for step, made in zip((*setting.sensor, *setting.steps), steps, strict=False):
+        parameters = made["parameters"][0] if isinstance(made["parameters"], list) else made["parameters"]
+        severity = step.severity if step.levels is None else step.levels[0]
+        for name, path in {} if severity == 0 else files_of(step.parameters(severity)).items():
+            here, there = sha256_of(path), (parameters or {}).get(name, {}).get("sha256")
+            if here != there:
+                problem = f"{path} is not what the recipe was made from: its sha256 is {here[:12]}..."
+                where = f"settings: {setting.name}: {step.perturbation.name}.{name}"
+                raise InputError(file, problem, where=where, remedy="--data DIR names the folder of another")
 
 
 def same_path(wanted: Mapping[str, Any], scene: Scene) -> bool:

@@ -14,7 +14,7 @@ from ..core.presets.selection import chosen_part
 from ..perturbations import registry
 from ..planning import make_plan
 from ..sources import read_scenes
-from .inputs import check_inputs
+from .inputs import check_inputs, check_setting
 from .recipe import Recipe
 
 NAMED = 4  # names that a message lists
@@ -53,6 +53,9 @@ def plan_of(
     plan = make_plan(preset_of(recipe, data, scenes or whole_scenes, settings or whole_settings), frames)
     for scene in plan.scenes:
         check_inputs(recipe.path, recipe.identity["scenes"].get(scene.name, {"inputs": {}}), scene)
+    for setting in plan.settings:
+        if (wanted := recipe.identity["settings"].get(setting.name)) is not None:
+            check_setting(recipe.path, wanted, setting)
     renders = tuple(filter(None, (_within(recipe, plan, render) for render in plan.renders)))
     if not renders:
         message = ", ".join(sequence.folder for sequence in plan.sequences[:NAMED])

@@ -109,6 +109,11 @@ def read_images(folder: Path, place: ConfigPath, rate_hz: float | None = None) -
     return Images(stored, place)
 
 
+def holds_images(folder: Path) -> bool:
+    """Tell whether PNG or JPEG images lie in a folder itself."""
+    return folder.is_dir() and any(path.suffix.lower() in READ for path in folder.iterdir())
+
+
 def _files(folder: Path) -> tuple[Path, ...]:
     try:
         there = [path for path in folder.iterdir() if not path.name.startswith(".")]

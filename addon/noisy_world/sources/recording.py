@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ..core.channels import COLOUR_AND_DEPTH
 from ..core.datasets.image_files import WholeFile
-from ..core.datasets.layouts import Modality, OutputFormat, PosePolicy, find_sequence, known_recordings
+from ..core.datasets.layouts import Modality, OutputFormat, PosePolicy, find_sequence, known_recordings, recognising
 from ..core.datasets.storage import sha256_of_file
 from ..core.datasets.stored import StoredFrame, StoredSequence, same_camera
 from ..core.geometry import Intrinsics
@@ -327,11 +327,14 @@ class RecordingKind(FileSource[RecordingKeys]):
     def open_file(self, entry: SceneEntry[RecordingKeys], name: str, path: Path, parts: tuple[str, ...]) -> Source:
         """Return the source of a folder."""
         del name, parts
+        from .image_source import holds_images, read_images
+
         keys = entry.keys
         if keys.layout == "images":
-            from .image_source import read_images
-
             return read_images(path, entry.place, keys.rate_hz)
+        if holds_images(path) and not recognising(path):
+            remedy = Message(PresetKey("layout", "images"), " reads it, without depth and poses")
+            raise entry.place.at("sequence").error(f"{path} has the files of no layout, but plain images", remedy)
         return read_recording(
             *(path, entry.place, keys.rate_hz, keys.poses),
             undistort=keys.undistort,

@@ -198,7 +198,10 @@ def described(
     if hint is bool:
         return bpy.props.BoolProperty(**(common | other))
     if hint is str:
-        return bpy.props.StringProperty(**(common | other))
+        named: dict[str, Any] = (
+            {} if info.file is None else {"subtype": "FILE_PATH", "options": {"PATH_SUPPORTS_BLEND_RELATIVE"}}
+        )
+        return bpy.props.StringProperty(**(common | named | other))
     if name in _SOFT:
         common["soft_min"], common["soft_max"] = _SOFT[name]
     return _number(hint, info, common | other)

@@ -199,6 +199,9 @@ def values_of(step: Any) -> dict[str, Any]:
     elif perturbation.severities and not given:
         given = list(perturbation.severities)  # at least these, as without any key a preset means severity 3
     values |= {name: value_of(group, name) for name in given}
+    for item in fields(perturbation.parameters):
+        if item.metadata["key"].file is not None and values.get(item.name):
+            values[item.name] = absolute(values[item.name])
     if perturbation.temporals and step.temporal != perturbation.temporals[0]:
         values["temporal"] = step.temporal
     return values

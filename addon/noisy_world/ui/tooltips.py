@@ -58,6 +58,7 @@ SEEN: dict[str, dict[str, str]] = {
     | {
         "product_px_m": "Higher: depth gets better",
         "sigma_px": "Higher: far surfaces get rougher",
+        "warp": "With a file: flat walls bend, otherwise at each distance, and parts of the image have no depth",
     },
     "stereo": _DEVICE
     | {

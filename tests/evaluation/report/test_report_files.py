@@ -222,8 +222,15 @@ def test_folder_without_results_is_one_line(tmp_path):
 def test_damaged_files_of_runs_are_one_line(tmp_path, quick):
     folder = make_results(tmp_path / "results", **{**SMALL, "scenes": ("room0",), "settings": SETTINGS[:2]})
     path = folder / "runs" / "room0" / "clean" / "seed-1" / "rgbd_odometry" / "repeat-1" / "errors.csv"
-    path.write_text(path.read_text().replace("error_m", "mistake", 1))
+    text = path.read_text()
+    path.write_text(text.replace("error_m", "mistake", 1))
     with pytest.raises(InputError, match=r"errors.csv: has no column 'error_m'"):
+        write_report(folder)
+    head, first, *others = text.splitlines()
+    assert head.startswith("index,stamp_s,")
+    index, _, left = first.split(",", 2)
+    path.write_text("\n".join([head, f"{index},inf,{left}", *others]) + "\n")
+    with pytest.raises(InputError, match=r"errors.csv: column 'stamp_s' holds what is no time"):
         write_report(folder)
 
 

@@ -18,7 +18,7 @@ from ..planning.numbers import array_of
 from ..planning.plan import Plan
 from ..planning.scene import Scene
 from ..planning.sequence import Sequence, lay_out
-from ..planning.source import PERTURBED
+from ..planning.source import DRAWN, PERTURBED
 from ..planning.source_paths import source_paths
 from ..presets.names import format_same_folder
 from ..scenes.recentring import recentring_m
@@ -184,6 +184,9 @@ def _scene(scene: Scene, there: dict[str, Any], here: dict[str, Any]) -> str | N
         if name == PERTURBED:
             how = "environment and lens act on its light before the view transform, but after it in the dataset"
             return Message(PresetKey(place), f": {how}, which an earlier version made", ANOTHER_NAME)
+        if name == DRAWN:
+            how = "weather and dirt are drawn otherwise on its light than in the dataset"
+            return Message(PresetKey(place), f": {how}, which another version made", ANOTHER_NAME)
         if name.endswith("_sha256") and before.get(name) and now.get(name):
             key = name.removesuffix("_sha256")
             own = Message(PresetKey(f"{place}.{key}"), f": {_short(now[key])} is") if key in now else ""
@@ -250,8 +253,10 @@ def _longer(scene: Scene, counts: dict[str, int], plan: Plan) -> str | None:
                 message = f"the {led_on[0].spoken} of what was the last frame leads on, now that it is longer"
                 return Message(path, f": {message}", ANOTHER_NAME)
             before, after = source_paths(plan, render, count), source_paths(plan, render)
-            if render.exposure:
-                message = "which a setting looks at, lies otherwise now that the path is longer"
+            clocked = render.unit is not None and render.unit.clock is not None
+            if render.exposure or clocked:
+                looks = "a setting" if render.exposure else "rig.depth"
+                message = f"which {looks} looks at, lies otherwise now that the path is longer"
                 return Message(path, f": what is between the poses of {scene.name}, {message}", ANOTHER_NAME)
             capabilities = scene.source.capabilities
             moved = capabilities.rendered and capabilities.own is None  # others stay where they are
@@ -259,9 +264,10 @@ def _longer(scene: Scene, counts: dict[str, int], plan: Plan) -> str | None:
                 far = "so far from the origin, a longer path is rendered around another point"
                 return Message(path, f": {far}, and float32's rounding shows", ANOTHER_NAME)
             if not _goes_on(sequence, count, before, after):
-                steps = ", ".join(step.perturbation.name for step in sequence.setting.steps)
+                setting, steps = sequence.setting, sequence.setting.steps
+                named = f" ({', '.join(step.perturbation.name for step in steps)})" if steps else ""
                 problem = f"changes frames that are there, now that the path of {scene.name} is longer"
-                return Message(f"settings: {sequence.setting.name} ({steps}) {problem}", ANOTHER_NAME)
+                return Message(f"settings: {setting.name}{named} {problem}", ANOTHER_NAME)
     return None
 
 

@@ -21,7 +21,7 @@ from .images import UINT16_MAX
 STRICT_PACKAGE = "simplejpeg"
 # That the strict decoder knows; with these it gives OpenCV's pixels. By channel, horizontally and vertically.
 _STRICT_SAMPLINGS = {((1, 1),)} | {(luma, (1, 1), (1, 1)) for luma in ((1, 1), (2, 1), (1, 2), (2, 2), (4, 1), (1, 4))}
-_REGISTER = "a sequence has one size; register depth to colour"
+_ONE_SIZE = "a sequence has one size"
 
 
 # --- files ---
@@ -102,7 +102,8 @@ def check_size_px(path: Path, header: ImageHeader, wanted: tuple[int, int], own:
     """
     if header.size_px != wanted:
         whose = "its camera has" if own else "the first colour image is"
-        remedy = "take the images that belong to it" if own else _REGISTER
+        depth = (header.bits, header.channels) == (16, 1)
+        remedy = "take the images that belong to it" if own else _ONE_SIZE + "; register depth to colour" * depth
         raise InputError(path, f"is {spoken(header.size_px)} pixels, but {whose} {spoken(wanted)}", remedy=remedy)
 
 

@@ -23,6 +23,7 @@ from ..channels import COLOUR_AND_DEPTH, surface_channels
 from ..geometry import Intrinsics
 from ..machine import processor_features
 from ..optics import OPTICS_KEYS
+from ..perturbing.given_files import deciding
 from ..perturbing.steps import Setting, Step
 from ..planning.plan import Plan
 from ..planning.scene import Scene, SceneEntry
@@ -219,7 +220,8 @@ def _setting(setting: Setting) -> dict[str, Any]:
 def _step(step: Step[Any]) -> dict[str, Any]:
     """Return a step with the parameters of its severity, or of each severity that it draws from."""
     severities = (step.severity,) if step.levels is None else step.levels
-    parameters = [None if severity == 0 else plain_values(asdict(step.parameters(severity))) for severity in severities]
+    each = [None if severity == 0 else deciding(step.parameters(severity)) for severity in severities]
+    parameters = plain_values(each)
     return {
         "name": step.perturbation.name,
         "severity": step.severity,

@@ -93,10 +93,11 @@ def move(steps: MotionSteps, trajectory: Trajectory, identifiers: Identifiers) -
                 "has to keep both, and choose is what leaves poses out"
             )
         name, posed = step.perturbation.name, trajectory.posed if moved.posed is None else moved.posed
+        moved = replace(moved, posed=posed, shots=trajectory.shots)
         if step.perturbation.continuous:
-            trajectory = replace(moved, posed=posed)
+            trajectory = moved
         else:
-            trajectory = replace(moved, posed=posed, curve=None, independent=f"{name} moves each pose by itself")
+            trajectory = replace(moved, curve=None, independent=f"{name} moves each pose by itself")
     return trajectory
 
 

@@ -94,7 +94,8 @@ class Perturbation:
 
     name: as in presets: small letters, digits and underscores. label: as in panels. stage: in the order of
     propagation. order: its rank inside the stage; ours are even, and names decide between equal ones. parameters: a
-    frozen dataclass of `schema.key` fields with defaults, each a float, an int, a bool or a Literal of texts.
+    frozen dataclass of `schema.key` fields with defaults, each a float, an int, a bool or a Literal of texts; of depth
+    also a text that names a file, which `key(file=...)` reads.
     severities: for each parameter that severity sets, its value at severities 1 to 5; {} if severity sets none.
     source: of those values. temporals: the values that `temporal` may have; () for a pattern that is not random.
     natural_temporal: the one that looks as it does in the world, which an artist is offered first; by default
@@ -129,7 +130,7 @@ class Perturbation:
     def __post_init__(self) -> None:
         if not re.fullmatch(r"[a-z][a-z0-9_]*", self.name):
             raise ValueError(f"{self.name!r} is no name: small letters, digits and underscores, a letter first")
-        check_parameters(self.name, self.parameters)
+        check_parameters(self.name, self.parameters, files=self.stage == "depth")
         if self.stage not in STAGES:
             raise ValueError(f"{self.name}: stage is {self.stage!r}, but has to be one of {', '.join(STAGES)}")
         known = {item.name for item in fields(self.parameters)}

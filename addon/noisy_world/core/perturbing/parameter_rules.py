@@ -6,8 +6,11 @@ from dataclasses import MISSING, fields, is_dataclass
 from typing import Literal, get_args, get_origin, get_type_hints
 
 
-def check_parameters(name: str, parameters: type) -> None:
-    """Raise ValueError where they are no dataclass of keys with defaults, of kinds that presets and sockets know."""
+def check_parameters(name: str, parameters: type, *, files: bool) -> None:
+    """Raise ValueError where they are no dataclass of keys with defaults, of kinds that presets and sockets know.
+
+    files: whether a text may name a file, which no socket of a node can.
+    """
     if not (isinstance(parameters, type) and is_dataclass(parameters)):
         raise ValueError(f"{name}: parameters has to be a dataclass")
     hints = get_type_hints(parameters)
@@ -16,9 +19,11 @@ def check_parameters(name: str, parameters: type) -> None:
             raise ValueError(f"{name}: the parameter {item.name} has to be a key(...) with a default")
         hint = hints[item.name]
         chosen = get_origin(hint) is Literal and all(isinstance(value, str) for value in get_args(hint))
-        if hint not in (float, int, bool) and not chosen:
+        named = files and hint is str and item.metadata["key"].file is not None and item.default == ""
+        if hint not in (float, int, bool) and not chosen and not named:
+            more = ', a text "" with the key\'s file' if files else ""
             raise ValueError(
-                f"{name}: the parameter {item.name} has to be a float, an int, a bool or a Literal of texts"
+                f"{name}: the parameter {item.name} has to be a float, an int, a bool{more} or a Literal of texts"
             )
 
 

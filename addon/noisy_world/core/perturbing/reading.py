@@ -8,6 +8,7 @@ from typing import Any, get_args, get_type_hints
 from ..presets.names import format_same_folder
 from ..schema import ConfigPath, deciding_values, describe, parse, shown, unknown_name
 from .device_steps import written_out
+from .given_files import with_files
 from .kinds import SEQUENCE_KINDS, SEVERITIES, ColourPerturbation, DepthPerturbation, Perturbation, propagation_key
 from .steps import DEFAULT_SEVERITY, SENSOR_STREAM, Backend, Setting, Step
 from .sweeps import Registry, known_perturbation, sweep_size, swept
@@ -102,6 +103,8 @@ def parse_sensor(value: object, place: ConfigPath, registry: Registry) -> Step[D
     """
     if isinstance(value, str):
         devices = _devices(registry)
+        if isinstance(registry.get(value), DepthPerturbation):
+            raise place.error(f"{value} is a model of sensors, and a device is named so", f"write {{{value}: {{}}}}")
         if value not in devices:
             raise unknown_name(place, "depth sensor", value, list(devices))
         value = {devices[value]: {"device": value}}
@@ -146,7 +149,7 @@ def _parse_step(perturbation: Perturbation, values: object, place: ConfigPath, s
             raise unknown_name(place.at(str(name)), "key", str(name), [*own, *known])
     inside = {name: value for name, value in values.items() if name in known}
     parsed = parse(perturbation.parameters, inside, place)
-    given = {name: getattr(parsed, name) for name in inside}
+    given = with_files(perturbation.parameters, {name: getattr(parsed, name) for name in inside}, place)
     severity, levels = (
         _parse_severity(values, place, by_parameters=bool(given)) if own[:1] == ["severity"] else (None, None)
     )

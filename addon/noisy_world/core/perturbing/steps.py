@@ -6,12 +6,13 @@ post-processing) and depth, then pairing. Within a stage, each perturbation's `o
 """
 
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, Generic, Literal, TypeAlias, TypeVar
 
 from ..channels import CHANNELS
 from ..trajectories.frame_request import Shutter
 from .contexts import Identifiers, Temporal
+from .given_files import recorded
 from .kinds import (
     ColourPerturbation,
     DepthPerturbation,
@@ -123,7 +124,7 @@ class Step(Generic[Kind]):
         if severity is not None:
             done["severity"] = severity
         if severity != 0:
-            done["parameters"] = asdict(self.parameters(severity))
+            done["parameters"] = recorded(self.parameters(severity))
         return done
 
 

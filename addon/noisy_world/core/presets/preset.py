@@ -4,7 +4,7 @@
 import hashlib
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any, Literal
 
@@ -226,16 +226,21 @@ class Preset:
     def folder(self) -> Path:
         """The folder that the paths of scenes are relative to. Raises InputError for the home of an unknown user."""
         beside = self.path.parent
-        return beside if self.spec.data is None else path_in(beside, self.spec.data, self.place("data"))
+        return beside if self.spec.data is None else path_in(beside, self.spec.data, ConfigPath(self.path, "data"))
 
     def place(self, path: str) -> ConfigPath:
         """Return the place of a key, for errors."""
-        return ConfigPath(self.path, path)
+        return ConfigPath(self.path, path, self._data)
+
+    @property
+    def _data(self) -> Path | None:
+        return None if self.spec.data is None else self.folder
 
     @property
     def setting_places(self) -> tuple[ConfigPath, ...]:
         """The place of each setting; those of an included preset are in that."""
-        return self.places or tuple(self.place("settings").at(k) for k in range(len(self.spec.settings)))
+        included = tuple(replace(place, data=self._data) for place in self.places)
+        return included or tuple(self.place("settings").at(k) for k in range(len(self.spec.settings)))
 
 
 def read_preset(

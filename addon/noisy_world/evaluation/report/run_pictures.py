@@ -154,6 +154,8 @@ def _columns(path: Path, missing: list[str], needed: Sequence[str]) -> dict[str,
     for name in needed:
         if name not in columns:
             raise InputError(path, f"has no column {name!r}")
+    if not np.isfinite(columns["stamp_s"]).all():
+        raise InputError(path, "column 'stamp_s' holds what is no time")
     return columns
 
 

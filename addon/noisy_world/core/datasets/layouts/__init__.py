@@ -93,6 +93,12 @@ def known_recordings() -> str:
     return " or ".join(layout.label for layout in (*LAYOUTS.values(), *RECORDED.values()))
 
 
+def recognising(folder: Path) -> list[Layout] | list[RecordedLayout]:
+    """Return the layouts that recognise a folder: of those that are written here or, if none does, that are read."""
+    written = [layout for layout in LAYOUTS.values() if layout.recognises(folder)]
+    return written or [layout for layout in RECORDED.values() if layout.recognises(folder)]
+
+
 def find_sequence(folder: Path, rate_hz: float | None = None, poses: PosePolicy = "drop") -> StoredSequence:
     """Find the files of a sequence by the layout that recognises its folder, first of those that are written here.
 
@@ -100,8 +106,7 @@ def find_sequence(folder: Path, rate_hz: float | None = None, poses: PosePolicy 
     frames without a pose. Raises InputError where no layout or several recognise it, and where files are missing or do
     not match.
     """
-    found: list[Layout] | list[RecordedLayout] = [layout for layout in LAYOUTS.values() if layout.recognises(folder)]
-    found = found or [layout for layout in RECORDED.values() if layout.recognises(folder)]
+    found = recognising(folder)
     if len(found) == 1:
         return found[0].read(folder, rate_hz, poses)
     if not found:
