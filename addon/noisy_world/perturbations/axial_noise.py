@@ -17,9 +17,7 @@ from ._quantiles import CODES, look_up, scaled_normal, uniform_codes
 from ._void import without_void
 
 STEEP_RAD = np.pi / 3  # from which on the law has a term of incidence
-STEEPEST_RAD = np.radians(
-    80.0
-)  # from which on that term stays: it was measured so far (from memory), and has a pole at 90
+STEEPEST_RAD = np.radians(80.0)  # from which on it stays: it was measured so far (from memory)
 LARGEST_PX = 8.0  # of the sideways error, which the law has grow without bound towards a right angle; chosen
 
 
@@ -28,8 +26,8 @@ class AxialNoise:
     """Normal noise of depth and of place.
 
     Along the axis its deviation at depth z and incidence a is offset + linear (z - from) + quadratic (z - from)^2, and
-STEEPEST_RAD = np.radians(80.0)  # from which on it stays: it was measured so far (from memory)
-    a / (90 - a).
+    beyond 60 degrees also steep / sqrt(z) (a / (90 - a))^2, with no more than 80 degrees. Sideways, in pixels, it is
+    lateral + lateral_steep a / (90 - a).
     """
 
     device: Literal["nguyen_2012", "khoshelham_2012", "azure_kinect"] = key(
