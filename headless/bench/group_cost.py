@@ -3,8 +3,9 @@
 
     python headless/bench/group_cost.py PICTURE [--size 1920x1080] [--severity 3] [--turns 5] [--only NAME ...]
 
-PICTURE: any picture; it is resized. Processor time counts all threads and, unlike the clock, little of what else
-the machine does. The last column is the beginning of the SHA-256 of the bytes, to compare two versions of the program.
+PICTURE: any picture, or a lit frame of `street_frames.py`, an EXR with depth, on which groups are as on the shelf and
+clip nothing; it is resized. Processor time counts all threads and, unlike the clock, little of what else the machine
+does. The last column is the beginning of the SHA-256 of the bytes, to compare two versions of the program.
 """
 
 import argparse
@@ -16,14 +17,20 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT / "addon"), str(ROOT / "headless")]
 
+import bpy
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from tools.lit_compositor import LitScene
+from tools.street.frames import LitFrame, read_frame
 
 from bench import tables
 from bench.node_groups import SEED, slope, step_of
 from noisy_world.blender.compositor import Compositor
+from noisy_world.blender.nodes import ensure_group
+from noisy_world.blender.typed import new_node, set_value
 from noisy_world.core.machine import keep_freed_memory
+from noisy_world.core.node_graphs.groups import build_group
 from noisy_world.core.perturbing.kinds import ColourPerturbation
 from noisy_world.perturbations import registry
 
@@ -38,16 +45,20 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("--turns", type=int, default=5, help="the figures are the median of so many (default 5)")
     parser.add_argument("--only", nargs="+", choices=names, default=names, metavar="NAME", help="perturbations")
     options = parser.parse_args(arguments)
-    picture = cv2.imread(str(options.picture))
-    if picture is None:
-        parser.error(f"{options.picture}: OpenCV cannot read it")
     try:
         width, height = (int(part) for part in options.size.split("x"))
     except ValueError:
         parser.error(f"--size {options.size}: is no size; write WIDTHxHEIGHT")
     keep_freed_memory()  # as the generator does
-    rgb = np.asarray(cv2.resize(picture[..., ::-1], (width, height), interpolation=cv2.INTER_CUBIC), np.uint8)
-    rows = [(name, *measured(name, options.severity, rgb, options.turns)) for name in options.only]
+    if options.picture.suffix == ".exr":
+        frame = resized(read_frame(options.picture), (width, height))
+        rows = [(name, *measured_lit(name, options.severity, frame, options.turns)) for name in options.only]
+    else:
+        picture = cv2.imread(str(options.picture))
+        if picture is None:
+            parser.error(f"{options.picture}: OpenCV cannot read it")
+        rgb = np.asarray(cv2.resize(picture[..., ::-1], (width, height), interpolation=cv2.INTER_CUBIC), np.uint8)
+        rows = [(name, *measured(name, options.severity, rgb, options.turns)) for name in options.only]
     median_ms = float(np.median([row[1] for row in rows]))
     print(tables.table(("perturbation", "ms over pass-through", "pass-through, ms", "bytes"), rows))
     print(f"\nMedian: {median_ms:.0f} ms.")
@@ -70,6 +81,41 @@ def measured(name: str, severity: float, rgb: NDArray[np.uint8], turns: int) -> 
                 digest = hashlib.sha256(b"" if image is None else np.ascontiguousarray(image).tobytes()).hexdigest()
     over_s = np.subtract(took_s["group"], took_s["none"])
     return 1e3 * float(np.median(over_s)), 1e3 * float(np.median(took_s["none"])), digest[:12]
+
+
+def resized(frame: LitFrame, size_px: tuple[int, int]) -> LitFrame:
+    """Return a lit frame at a size."""
+    rgb = np.asarray(cv2.resize(frame.rgb, size_px, interpolation=cv2.INTER_LINEAR), np.float32)
+    return LitFrame(rgb, np.asarray(cv2.resize(frame.depth_m, size_px, interpolation=cv2.INTER_NEAREST), np.float32))
+
+
+def measured_lit(name: str, severity: float, frame: LitFrame, turns: int) -> tuple[float, float, str]:
+    """Return what `measured` does of a group as on the shelf, on a lit frame."""
+    height, width = frame.depth_m.shape
+    perturbation = registry()[name]
+    assert isinstance(perturbation, ColourPerturbation)
+    took_s: tuple[list[float], list[float]] = [], []
+    digest = ""
+    with LitScene((width, height), 1) as passing, LitScene((width, height), 1) as scene:
+        passing.write([passing.rgb])
+        node = new_node(scene.tree, bpy.types.CompositorNodeGroup)
+        node.node_tree = ensure_group(build_group(perturbation))
+        for socket, value in (("Severity", severity), ("Reference Width", width)):
+            if socket in node.inputs:
+                set_value(node.inputs[socket], value)
+        for socket, source in (("Image", scene.rgb), ("Depth", scene.depth_m)):
+            if socket in node.inputs:
+                scene.tree.links.new(source, node.inputs[socket])
+        scene.write([node.outputs["Image"]])
+        for turn in range(turns + 1):
+            for shown, taken in zip((passing, scene), took_s, strict=True):
+                start_s = time.process_time()
+                (image,) = shown.run(frame, turn)
+                if turn:  # the first one makes buffers
+                    taken.append(time.process_time() - start_s)
+                digest = hashlib.sha256(image.tobytes()).hexdigest()
+    over_s = np.subtract(took_s[1], took_s[0])
+    return 1e3 * float(np.median(over_s)), 1e3 * float(np.median(took_s[0])), digest[:12]
 
 
 if __name__ == "__main__":

@@ -21,7 +21,7 @@ from noisy_world.blender.render import muted_output
 from noisy_world.blender.scene_inspection import open_file
 from noisy_world.core.datasets.provenance import render_seed
 from noisy_world.core.errors import InputError, StorageError
-from noisy_world.core.planning.source import PERTURBED
+from noisy_world.core.planning.source import DRAWN, PERTURBED
 from noisy_world.core.presets.preset import read_preset
 from noisy_world.core.progress import PlainProgress
 from noisy_world.evaluation.systems.index import given_sequence
@@ -163,6 +163,19 @@ def test_a_dataset_that_was_perturbed_after_the_view_transform_does_not_grow(hal
     with pytest.raises(StorageError, match=f"holds another dataset: .*{line} version made"):
         make(write_preset(hall, STORM, output=LIGHT), out)
     assert not frame.exists()
+
+
+def test_a_dataset_whose_weather_was_drawn_otherwise_does_not_grow(hall, tmp_path):
+    out = tmp_path / "before"
+    shutil.copytree(hall / "reference", out)
+    manifest = json.loads((out / "manifest.json").read_text())
+    manifest["identity"]["scenes"]["hall"]["inputs"][DRAWN] -= 1
+    (out / "manifest.json").write_text(json.dumps(manifest))
+    (out / "storm/hall/results/frame000000.exr").unlink()
+    with pytest.raises(
+        StorageError, match=r"holds another dataset: .*weather and dirt are drawn otherwise on its light"
+    ):
+        make(write_preset(hall, STORM, output=LIGHT), out)
 
 
 def test_a_recipe_of_lit_frames_says_who_knows_the_view_transform(hall, tmp_path):

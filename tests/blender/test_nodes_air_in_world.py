@@ -15,6 +15,7 @@ from srgb import linear
 from noisy_world.blender.compositor import Compositor
 from noisy_world.core.perturbing.kinds import FrameContext
 from noisy_world.core.trajectories.motion import motion_between
+from noisy_world.perturbations.snow_depth import LAWS
 
 SIZE = (150, 220)
 IDENTIFIERS = (7, "room", "setting")
@@ -25,7 +26,7 @@ STILL_AIR = {"fall": 0.0, "wind_m_s": 0.0, "gusts_m_s": 0.0, "shutter_ms": 0.1, 
 
 
 class Seen:
-    """What passes the particles nearer than a wall, by either execution, for a camera at a pose."""
+    """What passes the particles nearer than a wall, by an execution, for a camera at a pose."""
 
     def __init__(self, execution, compositor, step):
         self.execution, self.compositor, self.step = execution, compositor, step
@@ -33,13 +34,17 @@ class Seen:
     def __call__(self, index, first, before, now, wall_m):
         motion, image = motion_between(first, before, now, 1 / RATE_HZ), np.full((*SIZE, 3), LEVEL, np.float32)
         depth_m = np.full(SIZE, wall_m, np.float32)
+        behind = linear(np.float32(LEVEL))
+        light = behind * self.step.parameters(5).brightness
+        if self.execution == "lit nodes":
+            frame = {"x": (index, IDENTIFIERS)}
+            made = self.compositor.evaluate(linear(image), frame, depth_m, {"x": motion})[0]["x"].mean(axis=-1)
+            return (made - light * LAWS.shine) / (behind - light * LAWS.shine)
         if self.execution == "nodes":
             made = self.compositor.evaluate(image, {"x": (index, IDENTIFIERS)}, depth_m, {"x": motion})[0]["x"]
         else:
             context = FrameContext(index, IDENTIFIERS, motion=motion, read_depth_m=lambda: depth_m)
             made = self.step.perturbation.apply(image, self.step.parameters(5), self.step.context(context))
-        behind = linear(np.float32(LEVEL))
-        light = behind * self.step.parameters(5).brightness
         return (linear(made).mean(axis=-1) - light) / (behind - light)
 
 
@@ -47,8 +52,19 @@ class Seen:
 def air():
     """Give what is seen by each execution of snow."""
     step = step_of("snow_depth", severity=5, temporal="drift", size=2.0, frame_rate_hz=RATE_HZ, **STILL_AIR)
-    with Compositor((SIZE[1], SIZE[0]), {"x": [step]}, SIZE[1]) as compositor:
-        yield {execution: Seen(execution, compositor, step) for execution in ("nodes", "arrays")}
+    by_light = step_of(
+        "snow_depth", severity=5, temporal="drift", size=2.0, frame_rate_hz=RATE_HZ, lamps=0, **STILL_AIR
+    )
+    size = (SIZE[1], SIZE[0])
+    with (
+        Compositor(size, {"x": [step]}, SIZE[1]) as compositor,
+        Compositor(size, {"x": [by_light]}, SIZE[1], lit=True) as lit,
+    ):
+        yield {
+            "nodes": Seen("nodes", compositor, step),
+            "arrays": Seen("arrays", compositor, step),
+            "lit nodes": Seen("lit nodes", lit, by_light),
+        }
 
 
 def places(seen, pose_args, near_m, far_m):
@@ -109,7 +125,7 @@ def level(index, *, forward_m=0.0, axis="y", degrees=0.0):
     return pose
 
 
-@cases("execution", ["nodes", "arrays"])
+@cases("execution", ["nodes", "arrays", "lit nodes"])
 def test_a_camera_that_drives_flies_through_the_particles(air, execution):
     """At 3 m/s through still air: they flow out of the middle as their distances say."""
     angles, ratios = flow_errors(air[execution], partial(level, forward_m=3.0 / RATE_HZ), SPANS_M, 3.0 / RATE_HZ)
@@ -118,24 +134,26 @@ def test_a_camera_that_drives_flies_through_the_particles(air, execution):
     assert np.median(ratios) == pytest.approx(1, abs=0.1)
 
 
+@cases("execution", ["nodes", "lit nodes"])
 @cases("axis", ["x", "y", "z"])
-def test_a_camera_that_turns_leaves_them_where_they_are(air, axis):
-    seen = air["nodes"]
+def test_a_camera_that_turns_leaves_them_where_they_are(air, axis, execution):
+    seen = air[execution]
     angles, ratios = flow_errors(seen, partial(level, axis=axis, degrees=2.5), SPANS_M[:1], 0.0)
     assert len(angles) > 10
     assert np.median(angles) < 2
     assert np.median(ratios) == pytest.approx(1, abs=0.1)
 
 
+@cases("lit", [False, True])
 @cases("degrees", [0.0, 45.0, 90.0])
-def test_no_part_of_an_image_repeats_another(degrees):
+def test_no_part_of_an_image_repeats_another(degrees, lit):
     """Whichever of the world's axes the camera looks along, or between which: the image's correlation with itself."""
     height, width = 360, 640
     step = step_of("snow_depth", severity=5, temporal="drift")
     pose = level(1, degrees=degrees)
     motion, depth_m = motion_between(pose, pose, pose, 1.0), np.full((height, width), 12.0, np.float32)
     motion = replace(motion, first_c2w=level(0))
-    with Compositor((width, height), {"x": [step]}, width) as compositor:
+    with Compositor((width, height), {"x": [step]}, width, lit=lit) as compositor:
         image = np.full((height, width, 3), LEVEL, np.float32)
         made = compositor.evaluate(image, {"x": (3, IDENTIFIERS)}, depth_m, {"x": motion})[0]["x"].mean(axis=-1)
     image = np.minimum(made - made.mean(), 8 * made.std())  # so that the few nearest flakes do not decide

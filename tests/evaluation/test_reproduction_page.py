@@ -3,6 +3,7 @@
 
 import re
 
+import numpy as np
 import pytest
 from worlds import ROOT
 
@@ -67,6 +68,17 @@ def test_rows_are_those_of_the_record(runs, row):
 def test_success_is_as_the_page_says(runs):
     ours = runs.loc["orb_slam3"].loc[["clean", "depth_noise", "depth_missing", "depth_range", "depth_edges"]]
     assert ours["paper.sr"].round(2).between(0.99, 1.0).all()
+
+
+def test_what_late_depth_costs_where_it_is_misread(runs):
+    stats = pytest.importorskip("scipy.stats", reason="the extra evaluate is not installed")
+    misread = runs.loc["orb_slam3_misread"]
+    logs = {setting: np.log(of_it["paper.ate_m"]) for setting, of_it in misread.groupby("setting")}
+    text = re.search(r"5 frames late are (.+?) times clean, 20 frames (.+?)\n", PAGE)
+    for said, setting in zip(text.groups(), ("desync_5", "desync_20"), strict=True):
+        found = stats.ttest_ind(logs[setting], logs["clean"], equal_var=False)
+        ends = found.confidence_interval(0.95)
+        assert said_as(said, np.exp([logs[setting].mean() - logs["clean"].mean(), ends.low, ends.high])), said
 
 
 def test_a_number_agrees_as_far_as_it_is_said():

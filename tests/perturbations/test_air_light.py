@@ -108,16 +108,19 @@ def test_flakes_shine_beside_a_lamp_and_take_the_air_s_light_far_from_it():
         assert near > 5 * far > 0, name
 
 
-def test_a_round_streak_hides_its_own_area():
-    for half in (0.02, 0.5, 3.0):
-        places = np.linspace(-half - 1.1, half + 1.1, 1201)
+def test_a_round_streak_hides_its_own_area_as_widely_as_a_disc_that_runs():
+    for run in (0.0, 1.0, 6.0):
+        places = np.linspace(-run - 1.1, run + 1.1, 1601)
         beside = np.linspace(-1.1, 1.1, 801)
-        seen = streak_profile(places[None, :], beside[:, None], half)
+        seen = streak_profile(places[None, :], beside[:, None], run)
         area = seen.sum() * (places[1] - places[0]) * (beside[1] - beside[0])
         assert area == pytest.approx(np.pi, rel=2e-3)
         assert seen.min() >= 0
+        # The paraboloid's variance along a line is 1/6, that of a way is a twelfth of its square; they add up.
+        variance = (seen.sum(axis=0) * places**2).sum() / seen.sum()
+        assert variance == pytest.approx(1 / 6 + run**2 / 12, rel=2e-3)
     # At rest it is the paraboloid itself.
-    assert streak_profile(np.array([0.3]), np.array([0.4]), 1e-3)[0] == pytest.approx(2 * (1 - 0.25), rel=1e-3)
+    assert streak_profile(np.array([0.3]), np.array([0.4]), 0.0)[0] == pytest.approx(2 * (1 - 0.25), rel=1e-3)
 
 
 @pytest.mark.parametrize("name", BY_DEPTH)

@@ -8,6 +8,7 @@ from ..core.linear_light import LUMINANCE
 from ..core.node_graphs.graph import Graph, Socket, Value
 from ..core.node_graphs.groups import Canvas, convert
 from ._air_light import KNEE, LEAST, NIGHT, WHOLE_SKY
+from ._halved_nodes import halved
 from ._void import SKY_M
 
 CHANNELS = ("Red", "Green", "Blue")
@@ -59,6 +60,9 @@ def air_nodes(canvas: Canvas, given: Mapping[str, Socket]) -> AirSockets:
         sky = graph.choose(used, _sky(graph, depth_m), 0.0, "float")
         pixel = graph.node("CompositorNodeImageCoordinates", {"Image": image}).out("Pixel", "vector")
         sky = graph.math("MULTIPLY_ADD", pixel.x, 0.0, sky)  # an image even where Depth is one number
+        if not canvas.never_lit:  # means of sixteen pixels do as well
+            small = halved(canvas, image, sky, used, times=2)
+            image, sky = small.canvas.image, small.extra
         luminance = graph.math("MAXIMUM", graph.math("DOT_PRODUCT", image, LUMINANCE), 0.0)
         others = graph.math("SUBTRACT", 1.0, sky)
     surfaces, _ = _robust_mean(canvas, image, luminance, others)

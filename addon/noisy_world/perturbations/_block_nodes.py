@@ -42,6 +42,16 @@ class FrameBlocks:
         at = graph.math("DIVIDE", pixel + graph.vector(side + 0.5, side + 0.5, 1.0), blocks)
         return looked_up(graph, means, at, "Bilinear")
 
+    def over(self, means: Socket, image: Socket) -> Socket:
+        """Return an image of the blocks, with its alpha, over an image that shows what the frame does, smoothly."""
+        graph, side = self.canvas.graph, self.side
+        per_block = [graph.math("DIVIDE", 1.0, each * side) for each in (self.columns, self.rows)]
+        scale = graph.vector(self.canvas.width_px * per_block[0], self.canvas.height_px * per_block[1])
+        share = graph.node("CompositorNodeImageCoordinates", {"Image": image}).out("Normalized", "vector")
+        share = graph.choose(self.on, share, (0.0, 0.0, 0.0), "vector")
+        at = graph.math("MULTIPLY_ADD", share, scale, graph.vector(side * per_block[0], side * per_block[1], 1.0))
+        return looked_up(graph, means, at, "Bilinear")
+
 
 def blocks_of(canvas: Canvas, on: Socket) -> FrameBlocks:
     """Return the frame's blocks. on: 1 where they are wanted; otherwise they are one, and cost nothing."""
@@ -64,9 +74,14 @@ def blocks_of(canvas: Canvas, on: Socket) -> FrameBlocks:
 
 def blurred(image: Socket, sigma: Socket, before: Value) -> Socket:
     """Return an image, blurred by a Gaussian, added to what was before."""
+    return image.graph.math("ADD", gaussian(image, sigma), before)
+
+
+def gaussian(image: Socket, sigma: Socket) -> Socket:
+    """Return an image, with its alpha, blurred by a Gaussian."""
     graph, reach = image.graph, sigma * MARGIN
     inputs = {"Image": image, "Size": graph.vector(reach, reach), "Type": "Gaussian", "Separable": True}
-    return graph.math("ADD", graph.node("CompositorNodeBlur", inputs).out("Image", "color"), before)
+    return graph.node("CompositorNodeBlur", inputs).out("Image", "color")
 
 
 def looked_up(graph: Graph, image: Socket, where: Socket, interpolation: str, beyond: str = "Extend") -> Socket:

@@ -7,11 +7,9 @@ from typing import TypeAlias
 
 from ..core.node_graphs.graph import Graph, Socket
 from ..core.node_graphs.groups import Canvas
-from ._dirt_tile import SIZE, TEXEL_PX, TILE
+from ._dirt_tile import SIZE, SOFT_TILE, TEXEL_PX, TILE
 from ._glare import ACROSS, ALONG, HALVINGS, PARTS
 from ._glass_nodes import reduced_nodes, sampled, share_of
-
-DUST_BLUR_PX = 9.0  # as wide as a speck's median radius; chosen
 
 Given: TypeAlias = Mapping[str, Socket]
 
@@ -22,8 +20,8 @@ def build_dirt(canvas: Canvas, given: Given, absorbed_share: float) -> Socket:
     with graph.section("Pixels"):
         share = graph.node("CompositorNodeImageCoordinates", {"Image": canvas.image}).out("Normalized", "vector")
     dirt = _dirt(canvas, given["size"], share)
-    dust = _out_of_focus(canvas, dirt, given["size"])
     with graph.section("What is lost"):
+        dust = dirt.x
         absorbed = dust * (given["dust"] * absorbed_share)
         scattered = graph.math("MULTIPLY_ADD", dirt.y, given["smudges"], dust * (given["dust"] * (1 - absorbed_share)))
         scattered = graph.math("MULTIPLY_ADD", dirt.z, given["scratches"], scattered)
@@ -34,19 +32,6 @@ def build_dirt(canvas: Canvas, given: Given, absorbed_share: float) -> Socket:
         lit, left = scattered * given["glare"], 1.0 - absorbed - scattered
         seen = canvas.image * graph.vector(left, left, left)
         return graph.math("MULTIPLY_ADD", glare, graph.vector(lit, lit, lit), seen)
-
-
-def _out_of_focus(canvas: Canvas, dirt: Socket, size: Socket) -> Socket:
-    """Return dust as the lens sees what lies on it, on lit frames: without edges, which only dust on a sensor has."""
-    graph = canvas.graph
-    if canvas.never_lit:
-        with graph.section("What is lost"):
-            return dirt.x
-    with graph.section("Dust out of focus"):
-        on = graph.math("GREATER_THAN", canvas.lit, 0.5)
-        wide = graph.math("MULTIPLY", size * canvas.scale, DUST_BLUR_PX)
-        soft = _blurred(graph.choose(on, dirt.x, 0.0, "float"), wide, wide)
-        return graph.choose(on, soft.x, dirt.x, "float")
 
 
 def _dirt(canvas: Canvas, size: Socket, share: Socket) -> Socket:
@@ -64,7 +49,10 @@ def _dirt(canvas: Canvas, size: Socket, share: Socket) -> Socket:
         from_top = graph.math("MULTIPLY_ADD", share, (1.0, -1.0, 0.0), (0.0, 1.0, 0.0))
         place = graph.math("MULTIPLY_ADD", from_top, shown * way, start)
         where = graph.math("MULTIPLY_ADD", place, (1.0, -1.0, 0.0), (0.0, 0.0, 1.0))
-        inputs = {"Image": graph.picture(TILE), "UV": where, "Interpolation": "Bilinear"}
+        drawn = graph.picture(SOFT_TILE if canvas.always_lit else TILE)
+        if not canvas.never_lit and not canvas.always_lit:
+            drawn = graph.choose(graph.math("GREATER_THAN", canvas.lit, 0.5), graph.picture(SOFT_TILE), drawn)
+        inputs = {"Image": drawn, "UV": where, "Interpolation": "Bilinear"}
         inputs |= {"Extension X": "Repeat", "Extension Y": "Repeat"}
         return graph.node("CompositorNodeMapUV", inputs).out("Image", "color")
 

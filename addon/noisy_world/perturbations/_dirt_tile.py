@@ -19,6 +19,7 @@ Float32: TypeAlias = NDArray[np.float32]
 
 SIZE = (768, 512)  # width and height in texels
 TEXEL_PX = 2.0  # pixels of the reference width that a texel spans
+DUST_BLUR_PX = 9.0  # standard deviation, as wide as a speck's median radius; chosen
 SPECKS = 420
 SPECK_RADIUS = (4.6, 0.28)  # median in texels, deviation of the logarithm
 WIPES = 9
@@ -35,7 +36,17 @@ def tile() -> NDArray[np.uint8]:
     return drawn
 
 
+@lru_cache(maxsize=1)
+def soft_tile() -> NDArray[np.uint8]:
+    """Return the tile with its dust as the lens sees what lies on it: without edges, which only a sensor's dust has."""
+    drawn = tile().copy()
+    drawn[..., 0] = (_softened(np.clip(_dust(), 0, 1), DUST_BLUR_PX / TEXEL_PX) * 255 + 0.5).astype(np.uint8)
+    drawn.flags.writeable = False
+    return drawn
+
+
 TILE = BroughtImage("Dirt on a lens", "1", tile)
+SOFT_TILE = BroughtImage("Dirt on a lens, out of focus", "1", soft_tile)
 
 
 def _around(position: tuple[float, float], reach: float) -> tuple[NDArray[np.intp], NDArray[np.intp], Float32, Float32]:
@@ -130,6 +141,6 @@ def _softened(layer: Float32, sigma: float) -> Float32:
     """Blur a layer whose edges meet. sigma: in texels."""
     import cv2
 
-    margin = 8
+    margin = max(8, math.ceil(4 * sigma))
     wide = cv2.copyMakeBorder(layer, margin, margin, margin, margin, cv2.BORDER_WRAP)
     return np.asarray(cv2.GaussianBlur(wide, (0, 0), sigma), np.float32)[margin:-margin, margin:-margin]

@@ -17,6 +17,7 @@ from ._air_light_nodes import air_nodes, kept_sky
 from ._falling_tile import DENSITY, EXCESS, LEVELS, TILE, UNITS, shells
 from ._falling_widths import area_and_width
 from ._lamp_nodes import lamp_light_nodes
+from ._lit_sheet_nodes import LIT_SIZES, seen_through_lit_sheets
 from ._particles import NEAR_M
 from ._precipitation import EXTINCTION_EFFICIENCY
 from ._sheet_nodes import SIZES, seen_through_sheets
@@ -105,25 +106,8 @@ def build_falling(canvas: Canvas, given: Mapping[str, Socket], laws: Laws) -> So
         extinction = count_m3 * scale_mm * scale_mm * (EXTINCTION_EFFICIENCY * math.pi / 2 * 1e-6)
         veil = graph.math("MULTIPLY_ADD", integral, seen_to_m, distance_m - limit_m) * extinction
         veil = veil * kept_sky(canvas, given)
-        seen = graph.math("EXPONENT", veil * -1.0)
-    with graph.section("Streaks in the world"):
-        # On lit frames all is in the world: there shells would cut the nearest particles.
-        worldly = canvas.drifts if canvas.never_lit else graph.math("ADD", canvas.drifts, canvas.lit)
-        drifts = graph.math("GREATER_THAN", worldly, 0.0)
-        speeds = {sizes: laws.speed(graph, measured_mm * sizes.typical) * given["fall"] for sizes in SIZES}
-        kept = shared | {"Nearness": graph.choose(drifts, nearness, HIDDEN, "float")}
-    through = seen_through_sheets(canvas, given, kept, speeds, laws.longest)
-    with graph.section("Streaks"):
-        seen = seen * through
-        # What drifts is in the world. Of shells and sheets, those not used see a single number, which costs nothing.
-        shared |= {"Nearness": graph.choose(drifts, HIDDEN, nearness, "float")}
-        part = _shell_graph(laws)
-        for number, shell in enumerate(() if canvas.always_lit else shells()):
-            start = canvas.random(number) * graph.vector(float(UNITS), float(UNITS))
-            inputs = shared | {"Start": start, "Share": shell.share, "Middle": shell.middle}
-            inputs |= {f"Depth {power}": value for power, value in enumerate(shell.places)}
-            seen = seen * graph.group(part, inputs, name=f"Shell {number + 1}").out("Seen", "float")
-    return _over_the_image(canvas, given, laws, _Hidden(veil, through, seen))
+    hidden = _hidden(canvas, given, laws, shared, veil)
+    return _over_the_image(canvas, given, laws, hidden)
 
 
 @dataclass(frozen=True)
@@ -133,6 +117,41 @@ class _Hidden:
     veil: Socket
     through: Socket
     seen: Socket
+
+
+def _hidden(
+    canvas: Canvas, given: Mapping[str, Socket], laws: Laws, shared: Mapping[str, Socket], veil: Socket
+) -> _Hidden:
+    """Return what hides the scene. shared: what all streaks are given. veil: its optical depth."""
+    graph = canvas.graph
+    with graph.section("Streaks in the world"):
+        speeds = {
+            sizes: laws.speed(graph, shared["Measured"] * sizes.typical) * given["fall"]
+            for sizes in (*SIZES, *LIT_SIZES)
+        }
+        # Of shells and sheets, those not used see a single number, which costs nothing. On lit frames all is in the
+        # world: there shells would cut the nearest particles.
+        lit = graph.math("GREATER_THAN", canvas.lit, 0.0)
+        drifts = graph.math("GREATER_THAN", graph.math("SUBTRACT", canvas.drifts, lit), 0.0)
+        others = graph.math("SUBTRACT", 1.0, graph.math("MAXIMUM", lit, drifts))
+        round_ones, drifting, shown = (
+            {**shared, "Nearness": graph.choose(used, shared["Nearness"], HIDDEN, "float")}
+            for used in (lit, drifts, others)
+        )
+    through = graph.math("MULTIPLY", 1.0, 1.0)
+    if not canvas.never_lit:
+        through = seen_through_lit_sheets(canvas, given, round_ones, speeds, laws.longest)
+    if not canvas.always_lit:
+        through = through * seen_through_sheets(canvas, given, drifting, speeds)
+    with graph.section("Streaks"):
+        seen = graph.math("EXPONENT", veil * -1.0) * through
+        part = _shell_graph(laws)
+        for number, shell in enumerate(() if canvas.always_lit else shells()):
+            start = canvas.random(number) * graph.vector(float(UNITS), float(UNITS))
+            inputs = shown | {"Start": start, "Share": shell.share, "Middle": shell.middle}
+            inputs |= {f"Depth {power}": value for power, value in enumerate(shell.places)}
+            seen = seen * graph.group(part, inputs, name=f"Shell {number + 1}").out("Seen", "float")
+    return _Hidden(veil, through, seen)
 
 
 def _over_the_image(canvas: Canvas, given: Mapping[str, Socket], laws: Laws, hidden: _Hidden) -> Socket:

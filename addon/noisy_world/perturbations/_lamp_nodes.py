@@ -9,20 +9,22 @@ from ..core.linear_light import LUMINANCE
 from ..core.node_graphs.graph import Socket, Value
 from ..core.node_graphs.groups import Canvas
 from ._air_light import KNEE, LEAST
-from ._block_nodes import blocks_of, blurred
+from ._block_nodes import blocks_of, gaussian
+from ._halved_nodes import extra_of, halved, with_extra
 from ._lamp_light import DIFFUSE, VOLUMES, WIDTHS_RAD
 
 
 @dataclass(frozen=True)
 class LampLight:
-    """Light of lamps at each pixel. particles: of particles before it. air: the most that even air can have of it."""
+    """Light of lamps at each pixel. particles: of particles before it. most: the share of it that even air can have."""
 
     particles: Socket
-    air: Socket
+    most: Socket
 
     def veil(self, hidden: Socket) -> Socket:
         """Return the light of even air. hidden: the share of the light behind it that it takes, up to each pixel."""
-        return hidden.graph.math("MINIMUM", self.particles * hidden.graph.vector(hidden, hidden, hidden), self.air)
+        share = hidden.graph.math("MINIMUM", hidden, self.most)
+        return self.particles * hidden.graph.vector(share, share, share)
 
 
 def lamp_light_nodes(
@@ -37,28 +39,31 @@ def lamp_light_nodes(
     with graph.section("Lamps: what outshines the air"):
         on = graph.math("MULTIPLY", graph.math("GREATER_THAN", canvas.lit, 0.5), given["lamps"] > 0.0)
         image = graph.choose(on, canvas.image, (0.0, 0.0, 0.0))
-        luminance = graph.math("MAXIMUM", graph.math("DOT_PRODUCT", image, LUMINANCE), 0.0)
+        small = halved(canvas, image, graph.choose(on, depth, 0.0, "float"), on)
+        luminance = graph.math("MAXIMUM", graph.math("DOT_PRODUCT", small.canvas.image, LUMINANCE), 0.0)
         usual = graph.math("DOT_PRODUCT", air, LUMINANCE)
-        ratio = luminance / graph.math("MAXIMUM", usual * KNEE, LEAST)
-        weight = graph.math("DIVIDE", 1.0, graph.math("POWER", ratio, 4.0) + 1.0)
-        share = graph.choose(on, 1.0 - weight, 0.0, "float")
-        bright = image * graph.vector(share, share, share)
-        arrives = graph.math("DIVIDE", 1.0, graph.math("MULTIPLY_ADD", depth, DIFFUSE, 1.0))
-        bright = graph.choose(on, bright * graph.vector(arrives, arrives, arrives), (0.0, 0.0, 0.0))
-        lit_up = 1.0 - graph.math("EXPONENT", graph.choose(on, depth, 0.0, "float") * -2.0)
-        through_air = bright * graph.vector(lit_up, lit_up, lit_up)
-        blocks = blocks_of(canvas, on)
-        inside = graph.vector(*[blocks.inside] * 3)
-        lamps, of_air = (blocks.means(image) * inside for image in (bright, through_air))
+        ratio = luminance * graph.math("DIVIDE", 1.0, graph.math("MAXIMUM", usual * KNEE, LEAST))
+        squared = graph.math("MULTIPLY", ratio, ratio)
+        fourth = graph.math("MULTIPLY", squared, squared)
+        arrives = graph.math("DIVIDE", fourth / (fourth + 1.0), graph.math("MULTIPLY_ADD", small.extra, DIFFUSE, 1.0))
+        lit_up = 1.0 - graph.math("EXPONENT", small.extra * -2.0)
+        bright = small.canvas.image * graph.vector(arrives, arrives, arrives)
+        smaller = halved(small.canvas, bright, luminance * arrives * lit_up, on)
+        blocks = blocks_of(smaller.canvas, on)
+        lamps = blocks.means(smaller.canvas.image)
+        lamps = with_extra(lamps * graph.vector(*[blocks.inside] * 3), extra_of(lamps) * blocks.inside)
     with graph.section("Lamps: their light around them"):
         half = graph.math("TANGENT", view_deg * (math.pi / 360))
-        focal = canvas.width_px * 0.5 / half / blocks.side
+        focal = smaller.canvas.width_px * 0.5 / half / blocks.side
         strength = graph.vector(*[given["lamps"] * scattering] * 3)
-        around = []
-        for image in (lamps, of_air):
-            total: Value = (0.0, 0.0, 0.0)
-            for width, volume in zip(WIDTHS_RAD, VOLUMES, strict=True):
-                total = blurred(image * (volume, volume, volume), focal * width, total)
-            assert isinstance(total, Socket)
-            around.append(blocks.back(total) * strength)
-        return LampLight(around[0], around[1])
+        total: Value = (0.0, 0.0, 0.0)
+        of_air: Value = 0.0
+        for width, volume in zip(WIDTHS_RAD, VOLUMES, strict=True):
+            around = gaussian(lamps, focal * width)
+            total = graph.math("MULTIPLY_ADD", around, (volume, volume, volume), total)
+            of_air = graph.math("MULTIPLY_ADD", extra_of(around), volume, of_air)
+        assert isinstance(total, Socket)
+        assert isinstance(of_air, Socket)
+        most = of_air / graph.math("MAXIMUM", graph.math("DOT_PRODUCT", total, LUMINANCE), LEAST)
+        found = blocks.over(with_extra(total * strength, most), canvas.image)
+        return LampLight(found, extra_of(found))

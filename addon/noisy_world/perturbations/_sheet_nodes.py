@@ -9,7 +9,7 @@ and large ones have sheets of their own, which fall at their own speeds.
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from typing import TypeAlias
 
 from ..core.node_graphs.camera import CameraSockets
@@ -18,7 +18,6 @@ from ..core.node_graphs.groups import Canvas
 from ._falling_tile import EXCESS
 from ._falling_widths import area_and_width
 from ._particles import NEAR_M
-from ._round_streaks import LEAST_ROUND_PX, SHORTEST
 from ._streaks import MOST_OPAQUE, SOFTNESS
 
 _GOLDEN = (math.sqrt(5) - 1) / 2
@@ -118,22 +117,43 @@ def seen_through_sheets(
     given: Mapping[str, Socket],
     shared: Mapping[str, Socket],
     speed_m_s: Mapping[Sizes, Socket],
-    longest: float,
 ) -> Socket:
     """Return the share of light that passes all sheets.
 
-    shared: as for the shells. speed_m_s: of fall, by sizes. longest: of a streak on lit frames, in widths.
+    shared: as for the shells. speed_m_s: of fall, by sizes.
     """
+    camera = canvas.camera
+    assert camera is not None
+    assert canvas.seed is not None
+    assert canvas.key is not None
+    # In a group of their own: Blender makes a large group slowly.
+    graph = Graph("Streaks in the World", "How much light passes the particles in sheets of the air")
+    sockets = {f"Speed {number}": speed_m_s[sizes] for number, sizes in enumerate(SIZES, start=1)}
+    sockets |= {name: shared[name] for name in (*_SHARED, *_FRAME)}
+    sockets |= {"Seed": canvas.seed, "Frame": canvas.key, "Wind": given["wind_m_s"]}
+    sockets |= {f"Camera {item.name}": getattr(camera, item.name) for item in fields(camera)}
+    inside = {name: graph.input(_input(name, socket)) for name, socket in sockets.items()}
+    own = CameraSockets(*(inside[f"Camera {item.name}"] for item in fields(camera)))
+    there = replace(canvas, graph=graph, camera=own, seed=inside["Seed"], key=inside["Frame"])
+    speeds = {sizes: inside[f"Speed {number}"] for number, sizes in enumerate(SIZES, start=1)}
+    graph.output("Seen", _seen(there, inside["Wind"], inside, speeds), "float", "Share of the light that passes")
+    return canvas.graph.group(graph, sockets, name=graph.name).out("Seen", "float")
+
+
+def _input(name: str, socket: Socket) -> GroupInput:
+    default = 0.0 if socket.kind == "float" else 0 if socket.kind == "int" else (0.0, 0.0, 0.0)
+    return GroupInput(name, socket.kind, default, "As the group around has it")
+
+
+def _seen(canvas: Canvas, wind_m_s: Socket, shared: Mapping[str, Socket], speed_m_s: Mapping[Sizes, Socket]) -> Socket:
+    """Return what `seen_through_sheets` does, inside its group."""
     graph, camera = canvas.graph, canvas.camera
     assert camera is not None
     with graph.section("Rays"):
-        pixel = graph.node("CompositorNodeImageCoordinates", {"Image": shared["Nearness"]}).out("Pixel", "vector")
-        step = graph.math("DIVIDE", 1.0, shared["Focal length"] * shared["Scale"])
-        x = graph.math("MULTIPLY_ADD", pixel.x, step, (shared["Width"] - 1.0) * step * -0.5)
-        y = graph.math("MULTIPLY_ADD", pixel.y, step * -1.0, (shared["Height"] - 1.0) * step * 0.5)
+        x, y = view_slopes(graph, shared)
         seen_along = _rays(graph, camera, x, y)
         open_px = shared["Focal length"] * shared["Exposure"]
-        sweep = _swept(graph, shared["Turning"], x, y)
+        sweep = swept(graph, shared["Turning"], x, y)
         inputs = {name: shared[name] for name in _SHARED}
         inputs |= {"Sweep right": sweep[0] * open_px, "Sweep down": sweep[1] * open_px}
         inputs |= {
@@ -142,12 +162,10 @@ def seen_through_sheets(
             "Sense": seen_along.slope[2],
         }
         inputs |= {"Through": seen_along.through, "Lean": shared["Gusts"] * open_px * math.sqrt(12)}
-        inputs |= {"Longest": longest, "Lit": canvas.lit}
-        part, seen = _sheet_graph(canvas.lit), graph.math("MULTIPLY", 1.0, 1.0)
-        inputs = {item.name: inputs[item.name] for item in part.inputs if item.name in inputs}
+        part, seen = _sheet_graph(), graph.math("MULTIPLY", 1.0, 1.0)
     for number, sizes in enumerate(SIZES):
         with graph.section(f"Sheets {number + 1}"):
-            blown_m_s = graph.vector(given["wind_m_s"], 0.0, speed_m_s[sizes] * -1.0)
+            blown_m_s = graph.vector(wind_m_s, 0.0, speed_m_s[sizes] * -1.0)
             own = inputs | _of_sizes(canvas, blown_m_s, shared, seen_along, sizes)
             key = graph.math("FLOOR", canvas.random_value(FIRST_PURPOSE + number) * KEYS) * AXES
             own["Key"] = graph.math("MULTIPLY_ADD", seen_along.level, 2.0, seen_along.aside) + key
@@ -155,6 +173,14 @@ def seen_through_sheets(
                 made = graph.group(part, own | {"Ahead": float(ahead)}, name=f"Sheet {number + 1}.{ahead + 1}")
                 seen = seen * made.out("Seen", "float")
     return seen
+
+
+def view_slopes(graph: Graph, shared: Mapping[str, Socket]) -> tuple[Socket, Socket]:
+    """Return how far each pixel looks to the right and down, at a depth of 1."""
+    pixel = graph.node("CompositorNodeImageCoordinates", {"Image": shared["Nearness"]}).out("Pixel", "vector")
+    step = graph.math("DIVIDE", 1.0, shared["Focal length"] * shared["Scale"])
+    x = graph.math("MULTIPLY_ADD", pixel.x, step, (shared["Width"] - 1.0) * step * -0.5)
+    return x, graph.math("MULTIPLY_ADD", pixel.y, step * -1.0, (shared["Height"] - 1.0) * step * 0.5)
 
 
 def _of_sizes(
@@ -206,7 +232,7 @@ def _sheared(graph: Graph, parts: Axes, sizes: Sizes) -> Socket:
     return graph.math("MULTIPLY_ADD", across, first, graph.math("MULTIPLY_ADD", along, second, through))
 
 
-def _swept(graph: Graph, turning: Socket, x: Socket, y: Socket) -> tuple[Socket, Socket]:
+def swept(graph: Graph, turning: Socket, x: Socket, y: Socket) -> tuple[Socket, Socket]:
     """Return what a point at rest seems to do, a second, at a focal length of 1, as the camera turns."""
     forward = graph.math("MULTIPLY_ADD", turning.x, y, turning.y * x * -1.0)
     right = graph.math("MULTIPLY_ADD", turning.z, y, turning.y * -1.0)
@@ -222,6 +248,8 @@ _SHARED = {
     "Aperture": "Metres",
     "Focus": "Metres",
 }
+
+_FRAME = ("Height", "Width", "Scale", "Count", "Gusts", "Exposure", "Time", "Turning")
 
 _INPUTS = _SHARED | {
     "Ahead": "How many slabs are nearer",
@@ -250,23 +278,13 @@ _INPUTS = _SHARED | {
     "Room along": "Share of its other side",
     "Low": "The least size, of the mean diameter's",
     "Held": "Share of the sizes above the least that are below the greatest",
-    "Longest": "A streak's length in widths, at most, on lit frames",
-    "Lit": "1 on lit frames, whose particles are round, else 0",
 }
 
 
-def _sheet_graph(lit: Socket | float) -> Graph:
-    """Describe one sheet: how much of the light behind passes each pixel. Numbers take less time than vectors.
-
-    lit: 1 on lit frames, else 0; known to the generator, and a socket where people see the group.
-    """
-    kind = " of Any Light" if isinstance(lit, Socket) else " of Light" if lit else ""
-    graph = Graph(
-        f"Sheet of Particles{kind}", "How much light passes the particles in one sheet of the air", alone=True
-    )
-    unused = () if isinstance(lit, Socket) else ("Lit",) if lit else ("Lit", "Longest")
-    items = {name: text for name, text in _INPUTS.items() if name not in unused}
-    taken = {name: graph.input(GroupInput(name, "float", 1.0, text)) for name, text in items.items()}
+def _sheet_graph() -> Graph:
+    """Describe one sheet: how much of the light behind passes each pixel. Numbers take less time than vectors."""
+    graph = Graph("Sheet of Particles", "How much light passes the particles in one sheet of the air", alone=True)
+    taken = {name: graph.input(GroupInput(name, "float", 1.0, text)) for name, text in _INPUTS.items()}
     with graph.section("Where the ray meets the sheet"):
         sense = taken["Sense"]
         slab = graph.math("MULTIPLY_ADD", sense, taken["Ahead"], taken["Slab"])
@@ -312,7 +330,7 @@ def _sheet_graph(lit: Socket | float) -> Graph:
         squared = graph.math("MULTIPLY_ADD", runs[0], runs[0], graph.math("MULTIPLY_ADD", runs[1], runs[1], 1e-8))
         length_px = graph.math("SQRT", squared)
         streak = _Streak(area, width_px, (away[0], away[1]), (runs[0], runs[1]), length_px, squared)
-    hidden = _hidden(graph, taken, streak, lit)
+    hidden = _hidden(graph, streak)
     with graph.section("What passes"):
         there = (nearness > taken["Nearness"]) * (nearness < 1 / NEAR_M)
         there = there * (larger * taken["Seen to"] * nearness > 1.0)
@@ -333,14 +351,8 @@ class _Streak:
     squared: Socket
 
 
-def _hidden(graph: Graph, taken: Mapping[str, Socket], streak: _Streak, lit: Socket | float) -> Socket:
-    """Return the share of light that a streak hides: round on lit frames, with ramps at its edges on others."""
-    if not isinstance(lit, Socket):
-        return _hidden_round(graph, taken, streak) if lit else _hidden_even(graph, streak)
-    return graph.blend(_hidden_even(graph, streak), _hidden_round(graph, taken, streak), taken["Lit"])
-
-
-def _hidden_even(graph: Graph, streak: _Streak) -> Socket:
+def _hidden(graph: Graph, streak: _Streak) -> Socket:
+    """Return the share of light that a streak hides."""
     width_px, length_px = streak.width_px, streak.length_px
     with graph.section("Its streak"):
         along = graph.math("MULTIPLY_ADD", streak.away[0], streak.run[0], streak.away[1] * streak.run[1])
@@ -353,26 +365,6 @@ def _hidden_even(graph: Graph, streak: _Streak) -> Socket:
         track = graph.math("MULTIPLY_ADD", width_px, math.pi / 4, length_px) * width_px
         share = graph.math("MINIMUM", graph.math("DIVIDE", streak.area * (math.pi / 4), track), MOST_OPAQUE)
         return share * covered
-
-
-def _hidden_round(graph: Graph, taken: Mapping[str, Socket], streak: _Streak) -> Socket:
-    """Return what `_round_streaks` says, in radii of the blurred particle."""
-    away, run = streak.away, streak.run
-    with graph.section("Its round streak"):
-        radius_px = graph.math("MAXIMUM", streak.width_px * 0.5, LEAST_ROUND_PX / 2)
-        scale = graph.math("DIVIDE", 1.0, streak.length_px * radius_px)
-        along = graph.math("MULTIPLY_ADD", away[0], run[0], away[1] * run[1]) * scale
-        beside = graph.math("MULTIPLY_ADD", away[0], run[1], away[1] * run[0] * -1.0) * scale
-        half = graph.math("MAXIMUM", graph.math("DIVIDE", streak.length_px * 0.5, radius_px), SHORTEST)
-        half = graph.math("MINIMUM", half, taken["Longest"])
-        left = graph.math("MAXIMUM", graph.math("MULTIPLY_ADD", beside, beside * -1.0, 1.0), 0.0)
-        chord = graph.math("SQRT", left)
-        begin = graph.math("MAXIMUM", along - half, chord * -1.0)
-        end = graph.math("MAXIMUM", graph.math("MINIMUM", along + half, chord), begin)
-        squares = graph.math("MULTIPLY_ADD", begin + end, end, begin * begin)
-        mean = graph.math("MULTIPLY_ADD", squares, -1 / 3, left) * (end - begin) / half
-        share = graph.math("DIVIDE", streak.area * 0.25, radius_px * radius_px) * mean
-        return graph.clamp(share, 0.0, MOST_OPAQUE)
 
 
 _SIDES = ("across", "along")

@@ -19,6 +19,7 @@ from ..core.geometry import Intrinsics, nearest_rotation, opencv_from_blender_c2
 from ..core.optics import Distortion, Optics
 from ..core.planning.simple_source import SimpleSource
 from ..core.planning.source import (
+    DRAWN,
     PERTURBED,
     Motion,
     OwnRendering,
@@ -42,7 +43,7 @@ if TYPE_CHECKING:
     from ..blender.own_scene import OwnSceneFile, OwnSceneSession
 
 SEEN: frozenset[Fact] = frozenset({"normals", "objects"})  # of the surface of objects
-PERTURBED_LIGHT = {PERTURBED: "before the view transform"}
+PERTURBED_LIGHT = {PERTURBED: "before the view transform", DRAWN: 2}  # 2: fewer sheets of other particles
 MOST_SHEAR = 1e-4  # of a camera's axes, as the cosine between two; float32 and deep parents stay far below
 WHOLE = 1e-3  # of a frame; stamps in files are rounded, and a scene between two frames is another one
 
@@ -133,7 +134,8 @@ class BlendSource(SimpleSource):
         sampled = self.found.camera
         assert sampled is not None, "the look has found one"
         frames = np.array(sampled.frames)
-        return Trajectory(rigid_c2w(sampled.matrices, self.place), (frames - frames[0]) / self.found.fps)
+        stamps_s = (frames - frames[0]) / self.found.fps
+        return Trajectory(rigid_c2w(sampled.matrices, self.place), stamps_s, shots=sampled.shots)
 
     @cached_property
     def scene_frames(self) -> tuple[float, ...]:

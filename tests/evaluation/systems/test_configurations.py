@@ -243,8 +243,9 @@ def test_a_system_is_started_in_its_checkout(tmp_path, index, checkout, capsys, 
     (checkout / "run.py").write_text(RUN_PY)
     assert refused(capsys, "nice_slam", "--versions").startswith("there is no pretrained/coarse.pt in")
     (checkout / "pretrained").mkdir()
-    for name in ("coarse.pt", "middle_fine.pt"):
-        (checkout / "pretrained" / name).touch()
+    (checkout / "pretrained/coarse.pt").touch()
+    assert refused(capsys, "nice_slam", "--versions").startswith("there is no pretrained/middle_fine.pt in")
+    (checkout / "pretrained/middle_fine.pt").touch()
     assert "No module named 'torch'" in refused(capsys, "nice_slam", "--versions")
     (checkout / "torch.py").write_text(TORCH_PY)
     main(["nice_slam", "--versions"])

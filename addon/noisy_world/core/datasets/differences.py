@@ -18,7 +18,7 @@ from ..planning.numbers import array_of
 from ..planning.plan import Plan
 from ..planning.scene import Scene
 from ..planning.sequence import Sequence, lay_out
-from ..planning.source import PERTURBED
+from ..planning.source import DRAWN, PERTURBED
 from ..planning.source_paths import source_paths
 from ..presets.names import format_same_folder
 from ..scenes.recentring import recentring_m
@@ -184,6 +184,9 @@ def _scene(scene: Scene, there: dict[str, Any], here: dict[str, Any]) -> str | N
         if name == PERTURBED:
             how = "environment and lens act on its light before the view transform, but after it in the dataset"
             return Message(PresetKey(place), f": {how}, which an earlier version made", ANOTHER_NAME)
+        if name == DRAWN:
+            how = "weather and dirt are drawn otherwise on its light than in the dataset"
+            return Message(PresetKey(place), f": {how}, which another version made", ANOTHER_NAME)
         if name.endswith("_sha256") and before.get(name) and now.get(name):
             key = name.removesuffix("_sha256")
             own = Message(PresetKey(f"{place}.{key}"), f": {_short(now[key])} is") if key in now else ""

@@ -31,6 +31,8 @@ if TYPE_CHECKING:  # presets name what packages bring, which import this
 
 PERTURBED = "perturbed"
 """Of a lit source's `hashes`: that environment and lens act on its light before the view transform, as since 0.2."""
+DRAWN = "weather"
+"""Of a lit source's `hashes`: a number, raised when groups give other pictures of its light."""
 
 
 class SourceFrame(Protocol):
