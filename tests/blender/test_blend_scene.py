@@ -282,6 +282,11 @@ def test_what_cannot_be_a_source_is_said_in_words():
     assert "Camera is orthographic, not perspective" in said()
     scene.camera = None
     assert "the scene Scene has no camera of its own" in said()
+    (missing,) = (item for item in inspect_scene(scene, None, None).problems if "no camera" in item.problem)
+    assert "name one of its cameras: Camera" in str(missing.remedy)
+    bpy.data.objects.remove(camera)
+    (missing,) = (item for item in inspect_scene(scene, None, None).problems if "no camera" in item.problem)
+    assert str(missing.remedy) == "add one to it"
 
 
 def test_a_compositor_that_is_not_there_cannot_be_kept(tmp_path):

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Lit frames: environment and lens act on light before the view transform, in both executions and in the preview."""
 
+import json
+
 import cv2
 import numpy as np
 import pytest
@@ -29,10 +31,16 @@ def written(folder, settings, backend):
     return {path.parts[-4]: cv2.imread(str(path))[..., ::-1] for path in out.glob("*/hall/results/frame*.png")}
 
 
-def test_what_the_viewports_compositor_shows_is_written(tmp_path):
-    lit_hall(tmp_path)
-    steps = ", ".join(f"{{{name}: {{severity: 3}}}}" for name in CHAIN)
-    images = written(tmp_path, f"{{name: storm, perturb: [{steps}]}}", "compositor")
+ALL = {name: {"severity": 3} for name in CHAIN}
+SUN = (4.0, 20.0, 2e5)  # its disk in Blender's sky, at a strength of some tenths
+FAINT = {"lens_dirt": {"severity": 3, "glare": 1e-3}}  # so that the sun's glare does not make all white
+
+
+@pytest.mark.parametrize(("chain", "lamps"), [(ALL, LAMPS), (FAINT, SUN)], ids=["lamps", "sun"])
+def test_what_the_viewports_compositor_shows_is_written(chain, lamps, tmp_path):
+    lit_hall(tmp_path, lamps=lamps, lighting=lamps == LAMPS)
+    storm = json.dumps({"name": "storm", "perturb": [{name: values} for name, values in chain.items()]})
+    images = written(tmp_path, storm, "compositor")
     assert np.abs(images["storm"].astype(int) - images["clean"]).mean() > 5
     with opened(tmp_path / "lit.blend", rgb=False, depth=False) as (_, _, intrinsics):
         pass
@@ -40,8 +48,8 @@ def test_what_the_viewports_compositor_shows_is_written(tmp_path):
     scene = bpy.context.scene
     scene.cycles.seed, scene.render.dither_intensity = render_seed(0), 0
     scene.render.compositor_device, scene.render.compositor_precision = "CPU", "FULL"
-    chain = [step_of(name, severity=3) for name in CHAIN]
-    refresh_chain(scene, chain, (0, "hall", "storm"), index_of=lambda _: 0, intrinsics=intrinsics, lit=True)
+    steps = [step_of(name, **values) for name, values in chain.items()]
+    refresh_chain(scene, steps, (0, "hall", "storm"), index_of=lambda _: 0, intrinsics=intrinsics, lit=True)
     scene.render.filepath = str(tmp_path / "shown.png")
     scene.render.image_settings.file_format, scene.render.image_settings.color_mode = "PNG", "RGB"
     with muted_output():

@@ -64,6 +64,19 @@ def test_planes_spread_as_the_published_laws_say(name, values, expected_mm):
             assert deviation_mm(name, z_m, **values) == pytest.approx(expected, rel=0.05), z_m
 
 
+@cases("incidence_deg", [70.0, 78.0, 88.0, 89.9])
+def test_nguyens_law_ends_at_eighty_degrees_of_incidence(incidence_deg):
+    """sigma = .0012 + .0019 (z - .4)^2 + .0001 / sqrt(z) (a / (90 - a))^2, a at most 80; through a long lens."""
+    across = (np.arange(21) - 10) / 50_000.0
+    z_m = 2.0 / (1 + across * math.tan(math.radians(incidence_deg))) * np.ones((21, 1))
+    off_m = [
+        measured("axial_noise", z_m, 50_000.0, frame, lateral_px=0, lateral_steep_px=0) - z_m for frame in range(100)
+    ]
+    angle = min(incidence_deg, 80.0)
+    expected = 0.0012 + 0.0019 * 1.6**2 + 0.0001 / math.sqrt(2) * (angle / (90 - angle)) ** 2
+    assert np.std(np.array(off_m)[:, :, 8:13]) == pytest.approx(expected, rel=0.03)
+
+
 def rounded_deviation_mm(z_m, product_m, sigma_steps, half):
     """The deviation of product / (round(product / z + N(0, sigma) + half) - half), summed over all steps."""
     middle = product_m / z_m

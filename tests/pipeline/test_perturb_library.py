@@ -57,7 +57,7 @@ def test_bytes_and_floats_agree(name, picture):
     before = picture.copy()
     seen = {}
     if registry()[name].needs_depth:
-        with pytest.raises(TypeError, match="needs the frame's depth"):
+        with pytest.raises(TypeError, match="needs the frame's depth; give depth_m"):
             apply(picture, name, severity=3)
         seen["depth_m"] = np.linspace(0, 6, 60 * 90, dtype=np.float32).reshape(60, 90)
     low = apply(picture, name, severity=3, seed=5, frame=7, **seen)
@@ -84,7 +84,7 @@ def test_depth_keeps_its_kind(name):
     before = depth_m.copy()
     seen = {"intrinsics": Intrinsics(90, 60, 50, 50, 44.5, 29.5)}
     if registry()[name].needs_rgb:
-        with pytest.raises(TypeError, match="needs the frame's colour"):
+        with pytest.raises(TypeError, match="needs the frame's colour; give rgb"):
             apply(depth_m, name, severity=5, **seen)
         seen["rgb"] = np.full((60, 90, 3), 128, np.uint8)
     found = apply(depth_m, name, severity=5, seed=1, **seen)

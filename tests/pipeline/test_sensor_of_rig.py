@@ -75,3 +75,29 @@ def test_a_sensor_is_a_device_or_a_perturbation_of_depth(depth, message):
         return
     with pytest.raises(InputError, match=message):
         read_settings(preset, registry())
+
+
+TWICE = [{"stereo": {}}, {"time_of_flight": {}}]
+
+
+@cases(
+    ("rig", "perturb", "message"),
+    [
+        (None, TWICE, r"settings\.0\.perturb\.1: time_of_flight measures depth, which stereo has measured; keep one"),
+        (
+            {"depth": {"sensor": "kinect_v1"}},
+            TWICE[:1],
+            r"settings: s: stereo measures depth, which rig\.depth\.sensor has measured; keep one of them",
+        ),
+        (None, [{"time_of_flight": {"min_m": 4}}], r"time_of_flight: min_m is 4, more than max_m, 3\.86; change one"),
+        (None, [{"structured_light": {"max_m": 0.5}}], r"structured_light: min_m is 0\.8, more than max_m, 0\.5"),
+        (None, [{"lidar": {"max_m": 0.2}}], r"lidar: min_m is 0\.5, more than max_m, 0\.2"),
+    ],
+)
+def test_depth_is_measured_once_within_a_range(tmp_path, rig, perturb, message):
+    with pytest.raises(InputError, match=message):
+        read_settings(
+            read_preset(write_world(tmp_path, settings=[{"name": "s", "perturb": perturb}], rig=rig)), registry()
+        )
+    alone = read_preset(write_world(tmp_path / "b", settings=[{"name": "s", "perturb": TWICE[:1]}]))
+    assert len(read_settings(alone, registry())[0].depth) == 1

@@ -103,6 +103,31 @@ def test_all_hands_give_the_same(layout, tmp_path):
         noisy_world.open(tmp_path / "out")["fast/box"][numbers[-1]].image("flow")
 
 
+@cases("only", ["rgb", "depth"])
+def test_a_folder_with_one_channel_is_opened_by_its_recipe(tmp_path, only):
+    tmp_path /= only
+    output = {"layout": "tum", "modalities": [only]}
+    preset = write_world(
+        tmp_path / "world", frames=2, render={"engine": "embree", "backend": "reference"}, output=output
+    )
+    Run(
+        make_plan(read_preset(preset)), tmp_path / "out", progress=PlainProgress(sys.stderr), stop=threading.Event()
+    ).make_dataset()
+    lacking = {"rgb": "depth", "depth": "colour"}[only]
+    line = rf"clean/box: has no {lacking}, and frames of a folder are opened by .*; open its recipe instead"
+    with pytest.raises(InputError, match=line):
+        noisy_world.open(tmp_path / "out")["clean/box"]
+    recipe = tmp_path / "world/recipe.json"
+    recipe.write_text(recipe_of(tmp_path / "out", PlainProgress(sys.stderr)).text())
+    frame = noisy_world.open(recipe)["clean/box"][1]
+    name = {"rgb": "rgb/000001.png", "depth": "depth/000001.png"}[only]
+    stored = cv2.imread(str(tmp_path / "out/clean/box" / name), cv2.IMREAD_UNCHANGED)
+    if only == "rgb":
+        np.testing.assert_array_equal(frame.rgb, stored[..., ::-1])
+    else:
+        np.testing.assert_allclose(frame.depth_m, stored / 5000, rtol=1e-6)
+
+
 def test_what_is_not_there_is_said(tmp_path):
     preset = write_world(tmp_path / "world", frames=2, render={"engine": "embree", "backend": "reference"})
     Run(

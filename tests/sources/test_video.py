@@ -2,12 +2,16 @@
 """Videos as scenes, and datasets as videos."""
 
 import json
+import os
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
+from worlds import ROOT
 from written import run
 
 from noisy_world.cli.command import main
@@ -66,6 +70,18 @@ def test_what_is_no_video_is_one_line(tmp_path):
     (tmp_path / "short.avi").write_bytes(whole[: len(whole) // 3])
     with pytest.raises(InputError, match=r"short\.avi: is no video that OpenCV can read"):
         read_video(tmp_path / "short.avi")
+
+
+def test_what_ffmpeg_says_does_not_stand_beside_the_line(tmp_path):
+    (tmp_path / "junk.mp4").write_bytes(b"x" * 999)
+    preset = {"scenes": [{"video": "junk.mp4"}], "settings": [{"name": "clean"}], "output": {"modalities": ["rgb"]}}
+    (tmp_path / "preset.json").write_text(json.dumps(preset))
+    words = [sys.executable, "-m", "noisy_world", "generate", tmp_path / "preset.json", "--dry-run"]
+    environment = {**os.environ, "PYTHONPATH": str(ROOT / "addon")}
+    environment.pop("OPENCV_FFMPEG_LOGLEVEL", None)
+    done = subprocess.run(words, env=environment, cwd=tmp_path, check=False, capture_output=True, text=True)
+    assert done.returncode == 1
+    assert re.fullmatch(r".*junk\.mp4: is no video that OpenCV can read; .*\n", done.stderr), done.stderr
 
 
 def test_a_video_that_lacks_frames_is_told(tmp_path):

@@ -15,17 +15,21 @@ from noisy_world.planning import make_plan
 LAMPS = (4.0, 20.0, 100.0)
 
 
-def lit_hall(folder, *, denoising=True):
-    """The hall with three lamps in view, each a ball that emits as many times white, shown by AgX."""
+def lit_hall(folder, *, denoising=True, lamps=LAMPS, lighting=True):
+    """The hall with three lamps in view, each a ball that emits as many times white, shown by AgX.
+
+    lighting: whether they light the hall, too.
+    """
     scene = new_scene(samples=2)
     scene.cycles.use_denoising = denoising
-    for place, strength in enumerate(LAMPS):
+    for place, strength in enumerate(lamps):
         bpy.ops.mesh.primitive_uv_sphere_add(radius=0.15, location=(place - 1, 3, 0.6))
         material = bpy.data.materials.new(f"Lamp {strength:g}")
         shader = material.node_tree.nodes["Principled BSDF"]
         shader.inputs["Emission Color"].default_value = (1, 1, 1, 1)
         shader.inputs["Emission Strength"].default_value = strength
         bpy.context.object.data.materials.append(material)
+        bpy.context.object.visible_diffuse = bpy.context.object.visible_glossy = lighting
     scene.view_settings.view_transform = "AgX"
     scene.frame_end = 1
     return save(folder, "lit")

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The add-on, or the part of it that its previews need, registered in a new file."""
 
+import math
+
 import pytest
 
 
@@ -74,3 +76,37 @@ def editor():
     area = max(bpy.context.window.screen.areas, key=lambda area: area.width * area.height)
     area.type = "IMAGE_EDITOR"
     return area
+
+
+@pytest.fixture
+def hall(add_on, tmp_path):
+    """A lit room of a floor and a cube that moves, seen by a camera on a parent that turns."""
+    import bpy
+    from panel_tools import settings
+
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    scene = bpy.context.scene
+    bpy.ops.mesh.primitive_plane_add(size=8)
+    bpy.ops.mesh.primitive_cube_add(location=(0, 0, 1))
+    cube = bpy.context.object
+    cube.keyframe_insert("location", frame=1)
+    cube.location.x = 1.0
+    cube.keyframe_insert("location", frame=5)
+    sun = bpy.data.objects.new("Sun", bpy.data.lights.new("Sun", "SUN"))
+    rig = bpy.data.objects.new("Rig", None)
+    camera = bpy.data.objects.new("Mine", bpy.data.cameras.new("Mine"))
+    for item in (sun, rig, camera):
+        scene.collection.objects.link(item)
+    camera.parent, camera.location, camera.rotation_euler = rig, (0, -5, 2), (math.radians(80), 0, 0)
+    rig.keyframe_insert("rotation_euler", frame=1)
+    rig.rotation_euler.z = 0.4
+    rig.keyframe_insert("rotation_euler", frame=5)
+    scene.camera = camera
+    scene.render.engine = "CYCLES"
+    scene.cycles.samples = 2
+    scene.render.resolution_x, scene.render.resolution_y = 40, 30
+    scene.frame_start, scene.frame_end, scene.frame_step = 1, 5, 2
+    item = settings()
+    item.mesh_source, item.scene_name, item.output_folder = "SCENE", "hall", str(tmp_path / "out")
+    item.image, item.depth_scale_per_m = "png", 1000.0
+    return scene

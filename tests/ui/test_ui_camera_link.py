@@ -78,3 +78,36 @@ def test_what_is_added_to_this_scene_has_its_frame_rate(add_on):
             assert bpy.ops.noisy_world.add_step(perturbation=name) == {"FINISHED"}
         (snow,) = (item for item in panel.steps if item.perturbation == "snow_depth")
         assert parameters_of(snow).frame_rate_hz == pytest.approx(wanted_hz)
+
+
+def second_camera(scene, frame):
+    """Let a camera that stands elsewhere take over at a frame, by markers, as an artist binds them."""
+    other = bpy.data.objects.new("Other", scene.camera.data.copy())
+    scene.collection.objects.link(other)
+    other.location, other.rotation_euler, other.data.lens = (5.0, 0.0, 4.0), (1.4, 0.0, -0.3), 30.0
+    for at, bound in ((scene.frame_start, scene.camera), (frame, other)):
+        scene.timeline_markers.new("Cut", frame=at).camera = bound
+    return other
+
+
+def test_groups_follow_each_camera_that_a_marker_binds_and_none_flies_between_them(node):
+    scene = bpy.context.scene
+    second_camera(scene, 4)
+    for _ in range(2):
+        assert bpy.ops.noisy_world.link_camera() == {"FINISHED"}
+    rows = ((3, (1.0, 2.25, 3.0), (1.2, 0.0, 0.5), 3.0, 50), (4, (5.0, 0.0, 4.0), (1.4, 0.0, -0.3), 0.0, 30))
+    for frame, place, angles, velocity, lens_mm in (*rows, (5, *rows[1][1:])):
+        scene.frame_set(frame)
+        seen = node.id_data.evaluated_get(bpy.context.evaluated_depsgraph_get()).nodes[node.name]
+        values = {socket.name: socket.default_value for socket in seen.inputs if hasattr(socket, "default_value")}
+        assert tuple(values["Camera Location"]) == pytest.approx(place, abs=1e-5), frame
+        assert tuple(values["Camera Rotation"]) == pytest.approx(angles, abs=1e-5), frame
+        assert tuple(values["Camera Velocity"]) == pytest.approx((0.0, velocity, 0.0), abs=1e-3), frame
+        assert tuple(values["Camera Turning"]) == pytest.approx((0.0, 0.0, 0.0), abs=1e-6), frame
+        assert values["View"] == pytest.approx(2 * np.arctan(36 / 2 / lens_mm), abs=1e-4), frame
+
+
+def test_a_camera_without_perspective_is_refused_in_a_line(node):
+    bpy.context.scene.camera.data.type = "ORTHO"
+    with pytest.raises(RuntimeError, match="Camera is not perspective, as these groups expect: change its type"):
+        bpy.ops.noisy_world.link_camera()

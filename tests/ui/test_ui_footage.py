@@ -93,8 +93,14 @@ def test_plain_images_are_previewed_as_they_are_written(tmp_path):
     assert np.array_equal(cv2.imread(str(written))[..., ::-1], picture)
     with pytest.raises(InputError, match="has no depth"):
         frame_preview.draw_depth(bpy.context.scene)
+    bpy.ops.noisy_world.add_step(perturbation="haze")
+    with pytest.raises(InputError, match=r"Scene > Recording: has no depth; take out what reads depth$"):
+        frame_preview.draw_colour(bpy.context.scene)
+    item.steps.remove(next(place for place, step in enumerate(item.steps) if step.perturbation == "haze"))
     document.save_preset(item, tmp_path / "plates.yaml")
     item.recorded_layout = "auto"
+    with pytest.raises(RuntimeError, match="Scene > Layout: Plain Images reads it"):
+        bpy.ops.noisy_world.generate()
     apply_preset.open_preset(item, tmp_path / "plates.yaml")
     assert item.recorded_layout == "images"
 
@@ -161,6 +167,10 @@ def test_a_video_is_previewed(recording, tmp_path):
     assert np.abs(picture.astype(int) - 140).max() <= 3
     with pytest.raises(InputError, match="scan has no depth"):
         document.save_preset(recording, tmp_path / "a.yaml")
+    with pytest.raises(
+        RuntimeError, match="name the folder of its depth: Depth, or set Render and Output > Write: Color"
+    ):
+        bpy.ops.noisy_world.generate()
     for name, draw in (("depth_gaussian_noise", frame_preview.draw_depth), ("fog_depth", frame_preview.draw_colour)):
         bpy.ops.noisy_world.add_step(perturbation=name)
         with pytest.raises(InputError, match="Scene > Video: has no depth; choose the folder"):

@@ -24,8 +24,8 @@ from noisy_world.ui import (
     preview,
     runs,
     scene_copy,
+    shown_motion,
     stills,
-    view_depth,
     apply_preset,
     described,
     paths,
@@ -34,37 +34,6 @@ from noisy_world.ui import (
 from noisy_world.ui.generate import run_of
 
 pytestmark = pytest.mark.usefixtures("add_on")
-
-
-@pytest.fixture
-def hall(tmp_path):
-    """A lit room of a floor and a cube that moves, seen by a camera on a parent that turns."""
-    bpy.ops.wm.read_factory_settings(use_empty=True)
-    scene = bpy.context.scene
-    bpy.ops.mesh.primitive_plane_add(size=8)
-    bpy.ops.mesh.primitive_cube_add(location=(0, 0, 1))
-    cube = bpy.context.object
-    cube.keyframe_insert("location", frame=1)
-    cube.location.x = 1.0
-    cube.keyframe_insert("location", frame=5)
-    sun = bpy.data.objects.new("Sun", bpy.data.lights.new("Sun", "SUN"))
-    rig = bpy.data.objects.new("Rig", None)
-    camera = bpy.data.objects.new("Mine", bpy.data.cameras.new("Mine"))
-    for item in (sun, rig, camera):
-        scene.collection.objects.link(item)
-    camera.parent, camera.location, camera.rotation_euler = rig, (0, -5, 2), (math.radians(80), 0, 0)
-    rig.keyframe_insert("rotation_euler", frame=1)
-    rig.rotation_euler.z = 0.4
-    rig.keyframe_insert("rotation_euler", frame=5)
-    scene.camera = camera
-    scene.render.engine = "CYCLES"
-    scene.cycles.samples = 2
-    scene.render.resolution_x, scene.render.resolution_y = 40, 30
-    scene.frame_start, scene.frame_end, scene.frame_step = 1, 5, 2
-    item = settings()
-    item.mesh_source, item.scene_name, item.output_folder = "SCENE", "hall", str(tmp_path / "out")
-    item.image, item.depth_scale_per_m = "png", 1000.0
-    return scene
 
 
 def names():
@@ -258,6 +227,37 @@ def test_frames_that_change_after_the_path_was_loaded_are_said_and_break_nothing
     assert len(paths.deviated_poses(hall, paths.clean_poses(hall))) == 5
 
 
+def test_cameras_that_markers_bind_take_turns_on_one_path_and_none_flies_between_them(hall):
+    hall.frame_end, hall.frame_step = 4, 1
+    mine, other = hall.camera, bpy.data.objects.new("Other", hall.camera.data)
+    hall.collection.objects.link(other)
+    other.location = (2.0, -6.0, 1.0)
+    other.rotation_euler.x = math.radians(90)
+    for frame, bound in ((1, mine), (3, other)):
+        hall.timeline_markers.new("Cut", frame=frame).camera = bound
+    bpy.ops.noisy_world.add_step(perturbation="rain_depth")
+    settings().deviation_translation_m = 0.05
+    assert bpy.ops.noisy_world.load_trajectory() == {"FINISHED"}
+    for frame, seen in ((1, mine), (4, other), (2, mine)):
+        hall.frame_set(frame)
+        assert hall.camera == seen
+        assert world.path_summary(hall) == "4 poses keyed, 24 fps"
+        frame_preview.draw_colour(hall)  # which asks for a path that is loaded
+    settings().deviation_translation_m = 0.0
+    sequence, _ = frame_preview.sequence_of(hall)
+    state_at = shown_motion.camera_states(hall, sequence)
+    speeds_m_s = [np.linalg.norm(state_at(frame).velocity_m_s) for frame in range(4)]
+    turning_rad_s = [np.linalg.norm(state_at(frame).turning_rad_s) for frame in range(4)]
+    # The rig turns 0.4 rad in 4 frames, more slowly at its ends; the other camera stands still.
+    assert 0.3 < turning_rad_s[1] < 2.4
+    assert 0.3 * 5 < speeds_m_s[1] < 2.4 * 5
+    assert speeds_m_s[2:] == turning_rad_s[2:] == [0.0, 0.0]
+    moved = state_at(2).position_m - state_at(0).position_m
+    assert np.linalg.norm(moved) == pytest.approx(np.sqrt(2.0**2 + 1.0**2 + 1.0**2), abs=1e-5)
+    hall.timeline_markers[1].frame = 4
+    assert world.path_summary(hall) == ""
+
+
 def test_stereo_is_refused_in_a_line_for_this_scene_and_left_out_of_a_mesh(hall, tmp_path):
     hall.render.use_multiview = True
     with pytest.raises(RuntimeError, match="renders in stereo; turn Stereoscopy off"):
@@ -270,19 +270,14 @@ def test_stereo_is_refused_in_a_line_for_this_scene_and_left_out_of_a_mesh(hall,
     assert hall.render.use_multiview
 
 
-def test_a_view_of_an_engine_that_gives_no_depth_is_shown_by_eevee(hall):
-    space = next(area for area in bpy.context.window.screen.areas if area.type == "VIEW_3D").spaces.active
-    at = SimpleNamespace(scene=hall, space_data=space)
-    space.shading.type = "RENDERED"
-    assert view_depth.lacks_depth(at)
-    bpy.ops.noisy_world.add_step(perturbation="fog")
-    assert view_depth.reading_depth(hall) == ()
-    bpy.ops.noisy_world.add_step(perturbation="fog_depth")
-    assert view_depth.reading_depth(hall) == ("Fog by Depth",)
-    view_depth.show_by_eevee(hall, space.shading)
-    assert (space.shading.type, space.shading.use_scene_lights, space.shading.use_scene_world) == ("MATERIAL", 1, 1)
-    assert hall.render.engine == "CYCLES"
-    assert not view_depth.lacks_depth(at)
+def test_a_scene_whose_unit_is_no_metre_is_told_when_its_path_is_loaded(hall):
+    assert world.load_path(hall)[1] == ()
+    hall.unit_settings.scale_length = 0.01
+    (note,) = world.load_path(hall)[1]
+    assert note == (
+        "This Scene: its unit is 0.01 m (Unit Scale), and counts as 1 m here: path, depth and weather see all of it "
+        "100 times as large; scale it by 0.01, and set Unit Scale to 1"
+    )
 
 
 def test_embree_is_offered_only_where_it_is(hall, monkeypatch):
@@ -318,12 +313,18 @@ def test_a_file_of_ones_own_begins_with_this_scene_and_a_panel_in_use_stays(tmp_
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "plane.blend"))
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "plane.blend"))
     assert (settings().mesh_source, settings().trajectory_source, settings().use_clean) == ("SCENE", "CAMERA", False)
+    assert settings().scene_name == "plane"
+    bpy.ops.wm.read_factory_settings()
+    bpy.ops.mesh.primitive_plane_add()
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "a hall.blend"))  # which names no folder of a dataset
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "a hall.blend"))
+    assert (settings().mesh_source, settings().scene_name) == ("SCENE", "room")
     bpy.ops.wm.read_factory_settings()
     settings().seed = 4  # a panel that was used for the embedded room, which it names by default
     bpy.ops.mesh.primitive_plane_add()
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "used.blend"))
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "used.blend"))
-    assert settings().mesh_source == "ROOM"
+    assert (settings().mesh_source, settings().scene_name) == ("ROOM", "room")
 
 
 def test_clean_frames_are_asked_for(hall):

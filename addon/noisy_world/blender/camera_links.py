@@ -7,14 +7,16 @@ from typing import Any, TypeAlias
 
 import bpy
 import numpy as np
+from mathutils import Matrix
 from numpy.typing import NDArray
 
 from ..core.geometry import rotvec_from_rotation
 from ..core.node_graphs.camera import CAMERA_INPUTS, LOCATION_INPUT, ROTATION_INPUT, TURNING_INPUT, VELOCITY_INPUT
 from ..core.node_graphs.group_inputs import socket_name
+from ..core.scenes.own_scene import SampledCamera
 from .chain_values import BUILT_AS, clear_keys, key_socket
 from .nodes import STAMP
-from .scene_camera import camera_parameters, sampled_camera
+from .scene_camera import bound_cameras, camera_parameters, sampled_camera
 from .typed import set_value
 
 Place: TypeAlias = tuple[bpy.types.NodeTree, bpy.types.NodeGroup | Any]
@@ -61,23 +63,35 @@ def link_camera(scene: bpy.types.Scene) -> list[str]:
 
     Location, rotation, field of view and frame rate follow by drivers that need no script. What a driver cannot know,
     velocity and turning, is keyed over the scene's frames, as means since the frame before; a path that changes later
-    asks for linking again. Sockets that a user has linked to another node stay as they are.
+    asks for linking again. Where markers bind several cameras, all is keyed, as a driver follows one. Sockets that a
+    user has linked to another node stay as they are.
     """
-    camera, places = scene.camera, linkable(scene)
+    camera, places, frames = scene.camera, linkable(scene), range(scene.frame_start, scene.frame_end + 1)
     assert camera is not None, "the scene has a camera"
-    moved = _velocities(scene, camera) if any(VELOCITY_INPUT.name in node.inputs for _, node in places) else {}
+    takes_turns = has_several_cameras(scene)
+    keyed: dict[str, NDArray[np.float64]] = {}
+    if takes_turns or any(VELOCITY_INPUT.name in node.inputs for _, node in places):
+        sampled = sampled_camera(scene, None if takes_turns else camera, frames)
+        keyed = _velocities(sampled, scene.render.fps / scene.render.fps_base)
+        if takes_turns:
+            keyed |= _stands(sampled)
     for tree, node in places:
         for name, channels in ((LOCATION_INPUT.name, "LOC"), (ROTATION_INPUT.name, "ROT")):
-            if (socket := _free(node, name)) is not None:
+            if not takes_turns and (socket := _free(node, name)) is not None:
                 _drive_vector(tree, socket, camera, channels)
         if (socket := _free(node, FRAME_RATE)) is not None:
             _drive(tree, socket, "fps / base", {"fps": (scene, "render.fps"), "base": (scene, "render.fps_base")})
-        if (socket := _free(node, VIEW)) is not None:
+        if not takes_turns and (socket := _free(node, VIEW)) is not None:
             _view(tree, socket, scene, camera)
-        for name, values in moved.items():
+        for name, values in keyed.items():
             if (socket := _free(node, name)) is not None:
-                _key(tree, socket, range(scene.frame_start, scene.frame_end + 1), values)
+                _key(tree, socket, frames, values)
     return [node.label or node.name for _, node in places]
+
+
+def has_several_cameras(scene: bpy.types.Scene) -> bool:
+    """Tell whether markers bind more than one camera, so that they take turns."""
+    return len({item.name for _, item in bound_cameras(scene)}) > 1
 
 
 def _free(node: Any, name: str) -> Any:
@@ -135,21 +149,35 @@ def _view(tree: bpy.types.NodeTree, socket: Any, scene: bpy.types.Scene, camera:
     set_value(socket, float(wide))
 
 
-def _velocities(scene: bpy.types.Scene, camera: bpy.types.Object) -> dict[str, NDArray[np.float64]]:
+def _turns(sampled: SampledCamera) -> NDArray[np.float64]:
+    """Return the rotations (frames, 3, 3) of a camera in the world."""
+    axes = sampled.matrices[:, :3, :3]
+    return axes / np.linalg.norm(axes, axis=1, keepdims=True)
+
+
+def _velocities(sampled: SampledCamera, rate_hz: float) -> dict[str, NDArray[np.float64]]:
     """Return by socket (frames, 3): velocity in the world, m/s, and turning about the camera's axes, rad/s."""
-    sampled = sampled_camera(scene, camera, range(scene.frame_start, scene.frame_end + 1))
-    rate_hz = scene.render.fps / scene.render.fps_base
-    places_m, turns = sampled.matrices[:, :3, 3], sampled.matrices[:, :3, :3]
-    turns = turns / np.linalg.norm(turns, axis=1, keepdims=True)
+    places_m, turns = sampled.matrices[:, :3, 3], _turns(sampled)
     velocity, turning = np.zeros_like(places_m), np.zeros_like(places_m)
     velocity[1:] = np.diff(places_m, axis=0) * rate_hz
     turning[1:] = [rotvec_from_rotation(a.T @ b) * rate_hz for a, b in pairwise(turns)]
+    if sampled.shots is not None:  # no camera flies from one shot to the next
+        cut = np.flatnonzero(np.diff(sampled.shots)) + 1
+        velocity[cut] = turning[cut] = 0
     return {VELOCITY_INPUT.name: velocity, TURNING_INPUT.name: turning}
 
 
+def _stands(sampled: SampledCamera) -> dict[str, NDArray[np.float64]]:
+    """Return by socket how each frame's camera stands: location and rotation (frames, 3), and its view (frames,)."""
+    angles = np.array([Matrix(turn.tolist()).to_euler("XYZ")[:] for turn in _turns(sampled)])
+    view_rad = [2 * np.arctan(item.width_px / 2 / item.fx_px) for item in sampled.parameters]
+    return {LOCATION_INPUT.name: sampled.matrices[:, :3, 3], ROTATION_INPUT.name: angles, VIEW: np.array(view_rad)}
+
+
 def _key(tree: bpy.types.NodeTree, socket: Any, frames: range, values: NDArray[np.float64]) -> None:
-    """Key a vector where it changes; one that does not is set."""
+    """Key numbers (frames,) or vectors (frames, 3) where they change; what does not is set."""
     _undriven(tree, socket)
-    set_value(socket, tuple(values[0].tolist()))
+    rows = [tuple(row) if isinstance(row, list) else row for row in values.tolist()]
+    set_value(socket, rows[0])
     if np.ptp(values, axis=0).max() > STILL:
-        key_socket(tree, socket, list(zip(frames, (tuple(row) for row in values.tolist()), strict=True)))
+        key_socket(tree, socket, list(zip(frames, rows, strict=True)))

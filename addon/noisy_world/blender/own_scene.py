@@ -16,6 +16,7 @@ from ..core.bending import Bending, overscanned
 from ..core.channels.surface_images import SurfaceImages
 from ..core.errors import InputError
 from ..core.geometry import Intrinsics
+from ..core.node_graphs.groups import BRIGHTEST
 from ..core.optics import Distortion
 from ..core.planning.bent_frames import surfaces_bent
 from ..core.planning.source import Motion, RenderedFrame, RenderOptions, SceneLight
@@ -40,7 +41,6 @@ from .volumes import Volumes
 
 COMPOSITE = "Composite"  # the layer of what the compositor makes
 LOOKS = 33  # poses at which the path is looked at while lines are read; chosen, as for a blur
-BRIGHTEST = 65504.0  # light that a half-float holds
 
 
 @dataclass(frozen=True)
@@ -342,7 +342,10 @@ def _shows_centre(scene: bpy.types.Scene, file: OwnSceneFile) -> bool:
 
 
 def light_in(rgba: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Return the light (H, W, 3) of a render (H, W, 4), without what a filter has made negative, at most BRIGHTEST."""
+    """Return the light (H, W, 3) of a render (H, W, 4), without what a filter has made negative, at most BRIGHTEST.
+
+    A group's nodes cut it there, too; the sun's disk is brighter than a half float holds.
+    """
     return np.nan_to_num(np.clip(rgba[..., :3], np.float32(0), np.float32(BRIGHTEST)), copy=False)
 
 

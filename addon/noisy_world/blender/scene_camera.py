@@ -5,9 +5,11 @@ Nothing here changes what is open, but for the frame, which is given back.
 """
 
 from collections.abc import Iterable
+from operator import itemgetter
 
 import bpy
 import numpy as np
+from numpy.typing import NDArray
 
 from ..core.scenes.own_scene import CameraParameters, SampledCamera
 from .typed import camera_of
@@ -33,6 +35,28 @@ def sampled_camera(scene: bpy.types.Scene, camera: bpy.types.Object | None, fram
     if scene.camera != before[2]:
         scene.camera = before[2]
     return SampledCamera(asked, np.array(matrices).reshape(-1, 4, 4), tuple(parameters))
+
+
+def bound_cameras(scene: bpy.types.Scene) -> list[tuple[int, bpy.types.Object]]:
+    """Return the cameras that the scene's markers bind, with the frames from which on, in their order.
+
+    As in Blender, one that is not rendered binds nothing.
+    """
+    bound = ((marker.frame, marker.camera) for marker in scene.timeline_markers)
+    return sorted(((at, item) for at, item in bound if item is not None and not item.hide_render), key=itemgetter(0))
+
+
+def shots_at(scene: bpy.types.Scene, frames: Iterable[float]) -> NDArray[np.int64] | None:
+    """Return the number of the bound camera that takes each frame (N,); None where markers bind fewer than two.
+
+    Before the first marker the scene looks through its camera already, as in Blender.
+    """
+    bound = bound_cameras(scene)
+    order = {item.name: number for number, item in enumerate(dict.fromkeys(item for _, item in bound))}
+    if len(order) < 2:
+        return None
+    rows = np.searchsorted([frame for frame, _ in bound], list(frames), side="right") - 1
+    return np.array([order[bound[max(row, 0)][1].name] for row in rows.tolist()], dtype=np.int64)
 
 
 def show_frame(scene: bpy.types.Scene, frame: float) -> None:

@@ -16,13 +16,14 @@ from ..core.presets.frame_range import FrameRange
 from ..core.scenes.own_scene import OwnScene, Problem, SampledCamera
 from .own_settings import lacks_denoiser, rendered_layer
 from .render import muted_output
-from .scene_camera import camera_alone, sampled_camera
+from .scene_camera import bound_cameras, camera_alone, sampled_camera
 from .scene_files import files_of
 from .scene_objects import numbered_objects
 from .scene_problems import ENGINES, camera_problems, problems_of
 from .typed import cycles as cycles_of
 
 MARK = "@scene "
+SCALE_TOLERANCE = 1e-6  # of Blender's single precision
 SPACING_TOLD_M = 1e-5  # of float32 where the camera is; a note says what is coarser
 
 
@@ -124,13 +125,14 @@ def samples_of(scene: bpy.types.Scene) -> dict[str, int]:
 def _camera_missing(
     scene: bpy.types.Scene, name: str | None, camera: bpy.types.Object | None, *, needed: bool
 ) -> Problem | None:
-    there = ", ".join(sorted(item.name for item in scene.objects if item.type == "CAMERA")) or "none"
+    cameras = sorted(item.name for item in scene.objects if item.type == "CAMERA")
+    there = ", ".join(cameras) or "none"
     if name is not None and (camera is None or camera.type != "CAMERA"):
         what = "is no camera" if camera is not None else "is not there"
         return Problem("camera", f"{name!r} {what} in the scene {scene.name}", f"its cameras: {there}")
-    bound = any(marker.camera is not None for marker in scene.timeline_markers)
-    if needed and name is None and scene.camera is None and not bound:
-        return Problem("blend", f"the scene {scene.name} has no camera of its own", _name_one_of(there))
+    if needed and name is None and scene.camera is None and not bound_cameras(scene):
+        remedy = _name_one_of(there) if cameras else "add one to it"
+        return Problem("blend", f"the scene {scene.name} has no camera of its own", remedy)
     if scene.camera is not None and scene.camera.type != "CAMERA" and name is None:
         return Problem("camera", f"{scene.camera.name} is no camera", _name_one_of(there))
     return None
@@ -140,8 +142,19 @@ def _name_one_of(cameras: str) -> Remedy:
     return either(Message(Action.NAME_CAMERA, f": {cameras}"))
 
 
+def scale_note(scene: bpy.types.Scene) -> str:
+    """Return what to know of a scene whose unit is no metre; "" of others. Renders and their depth count units."""
+    metres = scene.unit_settings.scale_length
+    if abs(metres - 1) < SCALE_TOLERANCE:
+        return ""
+    return (
+        f"its unit is {metres:.4g} m (Unit Scale), and counts as 1 m here: path, depth and weather see all of it "
+        f"{1 / metres:.4g} times as large; scale it by {metres:.4g}, and set Unit Scale to 1"
+    )
+
+
 def _notes(scene: bpy.types.Scene, sampled: SampledCamera | None) -> list[str]:
-    notes = []
+    notes = [note for note in (scale_note(scene),) if note]
     layers = [layer.name for layer in scene.view_layers if layer.use]
     if len(layers) > 1:
         notes.append(f"has {len(layers)} view layers; {layers[0]} is rendered (compositor: keep combines them)")

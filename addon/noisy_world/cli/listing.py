@@ -154,6 +154,7 @@ def list_plan(plan: "Plan", what: str) -> int:
 def print_plan(plan: "Plan", out: Path | str) -> None:
     """Print what a run would do."""
     from ..core.planning.estimate import estimate, size_text
+    from ..core.planning.long_exposures import long_exposures
 
     guess = estimate(plan)
     print(f"preset     {plan.preset.path} (SHA-256 {plan.preset.sha256[:12]})")
@@ -164,6 +165,8 @@ def print_plan(plan: "Plan", out: Path | str) -> None:
         print(f"camera     {whose}{camera.width_px} x {camera.height_px}, fx {camera.fx_px:g}, fy {camera.fy_px:g}")
     if plan.format.note:
         print(f"note       {plan.format.note}")
+    for text in long_exposures(plan):
+        print(f"note       {text}")
     print(f"sequences  {len(plan.sequences)} ({counted(plan.scenes, 'scene')}, {counted(plan.settings, 'setting')})")
     for line in render_lines(plan):
         print(f"  {line}")

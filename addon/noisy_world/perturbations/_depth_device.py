@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Depth sensors as tables: what is below 0 among the parameters of a model is taken from its device's table."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any, TypeVar
 
@@ -32,6 +32,16 @@ def filled(parameters: P, devices: Devices) -> P:
     given: Any = parameters
     own = devices[given.device]
     return replace(given, **{name: value for name, value in own.items() if getattr(given, name) < 0})
+
+
+def range_contradiction(devices: Devices) -> Callable[[Any], str]:
+    """Return what tells of parameters that nothing is between min_m and max_m; a max_m of 0 is left alone."""
+
+    def contradiction(parameters: Any) -> str:
+        own = filled(parameters, devices)
+        return f"min_m is {own.min_m:g}, more than max_m, {own.max_m:g}" if own.min_m > own.max_m > 0 else ""
+
+    return contradiction
 
 
 def camera_of(context: FrameContext, name: str) -> Intrinsics:

@@ -17,6 +17,7 @@ from ._quantiles import CODES, look_up, scaled_normal, uniform_codes
 from ._void import without_void
 
 STEEP_RAD = np.pi / 3  # from which on the law has a term of incidence
+STEEPEST_RAD = np.radians(80.0)  # from which on it stays: it was measured so far (from memory)
 LARGEST_PX = 8.0  # of the sideways error, which the law has grow without bound towards a right angle; chosen
 
 
@@ -25,8 +26,8 @@ class AxialNoise:
     """Normal noise of depth and of place.
 
     Along the axis its deviation at depth z and incidence a is offset + linear (z - from) + quadratic (z - from)^2, and
-    beyond 60 degrees also steep / sqrt(z) (a / (90 - a))^2. Sideways, in pixels, it is lateral + lateral_steep
-    a / (90 - a).
+    beyond 60 degrees also steep / sqrt(z) (a / (90 - a))^2, with no more than 80 degrees. Sideways, in pixels, it is
+    lateral + lateral_steep a / (90 - a).
     """
 
     device: Literal["nguyen_2012", "khoshelham_2012", "azure_kinect"] = key(
@@ -86,7 +87,7 @@ def _sigma_m(depth_m: NDArray[np.float32], own: AxialNoise, angles: NDArray[np.u
     sigma += np.float32(own.offset_m)
     if own.steep > 0 and angles is not None:
         oblique = angles < round(np.cos(STEEP_RAD) * (CODES - 1))
-        ratio = _angle_ratios()[angles[oblique]]
+        ratio = np.minimum(_angle_ratios()[angles[oblique]], np.float32(STEEPEST_RAD / (np.pi / 2 - STEEPEST_RAD)))
         near = np.maximum(depth_m[oblique], np.float32(1e-3))  # void has no depth to take the root of
         sigma[oblique] += np.float32(own.steep) * ratio * ratio / np.sqrt(near)
     return sigma
@@ -145,4 +146,5 @@ PERTURBATION = DepthPerturbation(
     apply=apply,
     temporals=("fresh", "fixed"),
     grain=True,
+    version=2,  # its term of incidence ends at 80 degrees
 )

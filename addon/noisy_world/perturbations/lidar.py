@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ..core.geometry import Intrinsics
 from ..core.perturbing.kinds import DepthPerturbation, FrameContext
 from ..core.schema import key
-from ._depth_device import NOISE_SEVERITIES, Devices, camera_of, filled, noise_of_device, of_device
+from ._depth_device import NOISE_SEVERITIES, Devices, camera_of, filled, noise_of_device, of_device, range_contradiction
 from ._incidence import cosine_of_incidence
 from ._void import without_void
 
@@ -134,6 +134,7 @@ PERTURBATION = DepthPerturbation(
     severities={"noise": NOISE_SEVERITIES},
     source="our own: the device's errors, halved and doubled; beams and ranges: from memory of Velodyne's manuals",
     apply=apply,
+    contradiction=range_contradiction(DEVICES),
     temporals=("fresh", "fixed"),
     grain=True,
 )

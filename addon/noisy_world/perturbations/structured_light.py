@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ..core.perturbing.kinds import DepthPerturbation, FrameContext
 from ..core.schema import key
 from ._bands import bands, by_bands
-from ._depth_device import NOISE_SEVERITIES, Devices, camera_of, filled, noise_of_device, of_device
+from ._depth_device import NOISE_SEVERITIES, Devices, camera_of, filled, noise_of_device, of_device, range_contradiction
 from ._depth_shadow import shadowed
 from ._quantiles import look_up, scaled_normal, uniform_codes
 from ._shifted import shifted_places, taken
@@ -167,6 +167,7 @@ PERTURBATION = DepthPerturbation(
     severities={"noise": NOISE_SEVERITIES},
     source="our own: the device's errors, halved and doubled; the laws: ICL-NUIM, BlenSor",
     apply=apply,
+    contradiction=range_contradiction(DEVICES),
     temporals=("fresh", "fixed"),
     grain=True,
 )

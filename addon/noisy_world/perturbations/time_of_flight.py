@@ -14,7 +14,7 @@ from ..core.geometry import Intrinsics
 from ..core.linear_light import decoded
 from ..core.perturbing.kinds import DepthPerturbation, FrameContext
 from ..core.schema import key
-from ._depth_device import NOISE_SEVERITIES, Devices, camera_of, filled, noise_of_device, of_device
+from ._depth_device import NOISE_SEVERITIES, Devices, camera_of, filled, noise_of_device, of_device, range_contradiction
 from ._detours import by_one_bounce
 from ._incidence import cosine_of_incidence
 from ._quantiles import look_up, scaled_normal, uniform_codes
@@ -220,6 +220,7 @@ PERTURBATION = DepthPerturbation(
     severities={"noise": NOISE_SEVERITIES},
     source="our own: the device's errors, halved and doubled; the law: derived from four samples of a phase",
     apply=apply,
+    contradiction=range_contradiction(DEVICES),
     needs_rgb=True,
     temporals=("fresh", "fixed"),
     grain=True,

@@ -28,6 +28,8 @@ from ..core.trajectories.trajectory import Trajectory
 from .earlier import EarlierFrames
 from .stage_timer import DECODING, StageTimer
 
+SKY_BEHIND_GLASS_M = 500.0  # as far away as haze, rain and snow take the sky to be
+
 
 class CleanFrame:
     """The images of a source frame, each read when it is first needed."""
@@ -172,9 +174,15 @@ class CleanFrame:
         return self._depth_in_colour_m
 
     def read_seen_depth_m(self) -> NDArray[np.float32]:
-        """Return the depth of what colour shows, through panes of glass, for what acts on colour; as `read_depth_m`."""
+        """Return the depth of what colour shows, through panes of glass, for what acts on colour; as `read_depth_m`.
+
+        Of a lit frame, sky behind a pane is a far surface: the sky that a window shows does not light the room's air.
+        """
         behind_m = depth_behind_glass(self._image)
-        return self.read_depth_m() if behind_m is None else behind_m
+        if behind_m is None or self.light is None:
+            return self.read_depth_m() if behind_m is None else behind_m
+        window = (self.read_depth_m() > 0) & ~(behind_m > 0)
+        return np.where(window, np.float32(SKY_BEHIND_GLASS_M), behind_m)
 
     def read_rgb(self) -> NDArray[np.float32]:
         """Return colour (H, W, 3), float32 in [0, 1], in depth's pixels as these are written, for contexts likewise."""
@@ -229,7 +237,10 @@ class Camera:
         )
 
     def motion(self, sequence: Sequence, frame: int) -> CameraMotion | None:
-        """Return how the camera moves at a frame of a sequence: its frames show the path's at an unchanged rate."""
+        """Return how the camera moves at a frame of a sequence: its frames show the path's at an unchanged rate.
+
+        Where the view has cut to another camera, that one is at rest: no camera flew from the one to the other.
+        """
         if self.path is None:
             return None
         before = max(frame - 1, 0)
@@ -237,4 +248,6 @@ class Camera:
         if not self.path.known[rows].all():
             return None
         first, earlier, now = self.path.c2w[rows]
-        return motion_between(first, earlier, now, float(self.path.stamps_s[frame] - self.path.stamps_s[before]))
+        cut = self.path.cuts_between(rows[1], rows[2])
+        seconds = 0.0 if cut else float(self.path.stamps_s[frame] - self.path.stamps_s[before])
+        return motion_between(first, earlier, now, seconds)

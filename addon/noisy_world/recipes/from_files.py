@@ -67,6 +67,11 @@ class OpenedFolder(Opened):
         return self._opened(name)
 
     def _open(self, name: str) -> "SequenceOfFiles":
+        written = self._identity.get("output", {}).get("modalities", COLOUR_AND_DEPTH)
+        if lacking := [CHANNELS[channel].spoken for channel in COLOUR_AND_DEPTH if channel not in written]:
+            problem = f"has no {lacking[0]}, and frames of a folder are opened by colour and depth"
+            remedy = "open its recipe instead, which 'noisy-world recipe' writes"
+            raise InputError(self._places[name], problem, remedy=remedy)
         return SequenceOfFiles(name, self._places[name])
 
 

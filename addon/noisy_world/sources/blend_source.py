@@ -134,7 +134,8 @@ class BlendSource(SimpleSource):
         sampled = self.found.camera
         assert sampled is not None, "the look has found one"
         frames = np.array(sampled.frames)
-        return Trajectory(rigid_c2w(sampled.matrices, self.place), (frames - frames[0]) / self.found.fps)
+        stamps_s = (frames - frames[0]) / self.found.fps
+        return Trajectory(rigid_c2w(sampled.matrices, self.place), stamps_s, shots=sampled.shots)
 
     @cached_property
     def scene_frames(self) -> tuple[float, ...]:

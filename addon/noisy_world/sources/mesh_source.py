@@ -329,6 +329,8 @@ class OpenMesh:
             declared = "is the trajectory of this mesh, and are its pose and axes declared as the file has them?"
             self._note(f"{where} sees nothing; {declared}")
             return
+        if request.rays.readout is not None and request.rays.depth_rolls:
+            return  # each line is of a pose of its own
         for mesh in self._unchecked:
             if problem := reprojection_problem(mesh, request.depth_c2w, self._camera, depth_m, self._lens):
                 self._note(f"{where}: {problem}")

@@ -5,7 +5,9 @@ from typing import Any
 
 import bpy
 
-from ..blender.camera_links import link_camera, linkable
+from ..blender.camera_links import has_several_cameras, link_camera, linkable
+from ..blender.scene_camera import bound_cameras
+from ..blender.typed import camera_of
 from ..core.errors import NoisyWorldError
 from .operators import UNDOABLE, OnScene, guarded
 
@@ -34,9 +36,18 @@ class NoisyWorldLinkCamera(OnScene, bpy.types.Operator):
         """Link them."""
 
         def work() -> str:
-            if context.scene.camera is None or context.scene.camera.type != "CAMERA":
+            scene = context.scene
+            if scene.camera is None or scene.camera.type != "CAMERA":
                 raise NoisyWorldError("the scene's camera is no camera: choose one in Scene > Camera")
-            return f"Linked to {context.scene.camera.name}: {', '.join(link_camera(context.scene))}"
+            bound = tuple(dict.fromkeys(item for _, item in bound_cameras(scene)))
+            cameras = bound if has_several_cameras(scene) else (scene.camera,)
+            for item in cameras:
+                if camera_of(item).type != "PERSP":
+                    raise NoisyWorldError(f"{item.name} is not perspective, as these groups expect: change its type")
+            nodes = ", ".join(link_camera(scene))
+            if len(cameras) == 1:
+                return f"Linked to {scene.camera.name}: {nodes}"
+            return f"Keyed along {', '.join(item.name for item in cameras)}, which markers bind: {nodes}"
 
         return guarded(self, work)
 

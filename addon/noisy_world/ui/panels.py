@@ -24,6 +24,7 @@ from . import (
     preview,
     real_cameras,
     tracking,
+    view_depth,
     world,
 )
 from .described import CAMERA, DEVIATION, OUTPUT, PERTURBATIONS, SCENE, TRAJECTORY
@@ -273,6 +274,7 @@ class NOISYWORLD_PT_perturbations(PanelSection, bpy.types.Panel):
         pictures.draw_buttons(layout)
         if (step := active_step(panel)) is not None and step.perturbation in registry():
             write(layout, context, line_on(perturbation_of(step)), "INFO")
+            view_depth.draw_beside(layout, context, step)
             draw_step(layout, step)
             motion_plot.draw(layout, panel, step)
             if text := other_rate(panel, step):

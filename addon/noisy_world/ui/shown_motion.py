@@ -7,7 +7,7 @@ from dataclasses import replace
 import bpy
 import numpy as np
 
-from ..blender.scene_camera import sampled_camera
+from ..blender.scene_camera import sampled_camera, shots_at
 from ..core.planning.sequence import Sequence
 from ..core.schema import ConfigPath
 from ..core.trajectories.camera_state import CameraState, camera_state_of
@@ -34,7 +34,8 @@ def shown_path(scene: bpy.types.Scene, sources: Collection[int]) -> Trajectory |
         moved = deviated_poses(scene, c2w)
         keyed = c2w if moved is None else moved
         stamps_s = clean_stamps_s(scene)
-        return Trajectory(keyed, stamps_s) if len(stamps_s) == len(keyed) else None
+        shots = shots_at(scene, path_frames(scene)) if this_scene.follows(panel) else None
+        return Trajectory(keyed, stamps_s, shots=shots) if len(stamps_s) == len(keyed) else None
     return _sampled(scene, sorted(set(sources))) if this_scene.follows(panel) and scene.camera is not None else None
 
 
@@ -47,7 +48,7 @@ def _sampled(scene: bpy.types.Scene, sources: list[int]) -> Trajectory:
     c2w[sources] = rigid_c2w(found.matrices, ConfigPath(this_scene.CAMERA_FIELD))
     posed = np.zeros(len(stamps_s), dtype=np.bool_)
     posed[sources] = True
-    return Trajectory(c2w, stamps_s, posed=posed)
+    return Trajectory(c2w, stamps_s, posed=posed, shots=shots_at(scene, path_frames(scene)))
 
 
 def camera_at(scene: bpy.types.Scene, sequence: Sequence, frame: int) -> Camera:

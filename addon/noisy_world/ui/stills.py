@@ -54,11 +54,13 @@ def request_of(scene: bpy.types.Scene, indices: Iterable[int]) -> StillRequest:
 
 
 def check_depth(scene: bpy.types.Scene) -> None:
-    """Raise InputError where the dataset shows a video that has no depth."""
+    """Raise InputError where the dataset shows footage that has no depth."""
     panel = panel_of(scene)
     if footage.is_shown(panel) and not recorded(panel).source.capabilities.depth:
         name = {item: label for item, label, _ in ITEMS}[panel.mesh_source]
-        raise InputError(f"Scene > {name}", "has no depth", remedy="choose the folder of its depth, or leave that out")
+        without = "take out what reads depth"
+        remedy = without if panel.mesh_source == "RECORDING" else f"choose the folder of its depth, or {without}"
+        raise InputError(f"Scene > {name}", "has no depth", remedy=remedy)
 
 
 def beside(left: NDArray[np.uint8], right: NDArray[np.uint8]) -> NDArray[np.uint8]:

@@ -7,8 +7,8 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ..blender.scene_camera import camera_parameters, sampled_camera
-from ..blender.scene_inspection import inspect_scene
+from ..blender.scene_camera import bound_cameras, camera_parameters, sampled_camera
+from ..blender.scene_inspection import inspect_scene, scale_note
 from ..blender.scene_problems import camera_problems
 from ..core.errors import InputError
 from ..core.geometry import Intrinsics
@@ -90,7 +90,9 @@ def sampled_path(scene: bpy.types.Scene) -> Trajectory:
     sampled = sampled_camera(scene, None, frame_range(scene).frames)
     for item in camera_problems(sampled, lens_given=panel_of(scene).lens_source == "GIVEN"):
         raise InputError(CAMERA_FIELD, item.problem, remedy=item.remedy)
-    return Trajectory(rigid_c2w(sampled.matrices, ConfigPath(CAMERA_FIELD)), stamps_of(scene))
+    c2w = rigid_c2w(sampled.matrices, ConfigPath(CAMERA_FIELD))
+    note = scale_note(scene)
+    return Trajectory(c2w, stamps_of(scene), (f"This Scene: {note}",) if note else (), shots=sampled.shots)
 
 
 def check(scene: bpy.types.Scene) -> None:
@@ -109,7 +111,7 @@ def entry(panel: Any, place: Any) -> dict[str, Any]:
     scene: bpy.types.Scene = panel.id_data
     said: dict[str, Any] = {"blend": place(str(blend_file(scene))), "scene": scene.name}
     if follows(panel):
-        if scene.camera is not None and not any(marker.camera is not None for marker in scene.timeline_markers):
+        if scene.camera is not None and not bound_cameras(scene):
             said["camera"] = scene.camera.name
         chosen = frame_range(scene)
         said["frames"] = f"{chosen.first}:{chosen.last}" + (f":{chosen.step}" if chosen.step > 1 else "")
@@ -124,13 +126,17 @@ def entry(panel: Any, place: Any) -> dict[str, Any]:
 
 def motion_state(scene: bpy.types.Scene) -> list[Any]:
     """Return what tells whether the scene's own camera still goes as it was sampled: what moves it, and its frames."""
-    chosen, item, moved_by = frame_range(scene), scene.camera, []
-    while item is not None:
-        still = item.animation_data is None and not item.constraints
-        pose = [round(value, 6) for row in item.matrix_basis for value in row] if still else []
-        moved_by.append([item.name, keys_state(item), pose])
-        item = item.parent
-    return [[chosen.first, chosen.last, chosen.step], moved_by]
+    chosen, moved_by = frame_range(scene), []
+    bound = bound_cameras(scene)
+    for camera in dict.fromkeys(item for _, item in bound) if bound else (scene.camera,):
+        item = camera
+        while item is not None:
+            still = item.animation_data is None and not item.constraints
+            pose = [round(value, 6) for row in item.matrix_basis for value in row] if still else []
+            moved_by.append([item.name, keys_state(item), pose])
+            item = item.parent
+    cuts = [[frame, item.name] for frame, item in bound]
+    return [[chosen.first, chosen.last, chosen.step], moved_by, *([cuts] if cuts else [])]
 
 
 def has_moved(scene: bpy.types.Scene, frame: float, c2w: NDArray[np.float64]) -> bool:

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Views whose compositor is given no depth: those of Cycles and Workbench; and a button for one that has it."""
 
+from typing import Any
+
 import bpy
 
 from ..core.labels import title
@@ -65,15 +67,34 @@ def _stays_workbench(scene: bpy.types.Scene) -> bool:
 
 def reading_depth(scene: bpy.types.Scene) -> tuple[str, ...]:
     """Return the names of the panel's perturbations that read depth."""
-    known = (registry().get(step.perturbation) for step in panel_of(scene).steps if step.enabled)
-    found = (item for item in known if isinstance(item, ColourPerturbation) and item.needs_depth)
+    found = (registry()[step.perturbation] for step in panel_of(scene).steps if step.enabled and _reads_depth(step))
     return tuple(dict.fromkeys(title(item.label) for item in found))
+
+
+def _reads_depth(step: Any) -> bool:
+    known = registry().get(step.perturbation)
+    return isinstance(known, ColourPerturbation) and known.needs_depth
 
 
 def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     """Draw what the view in use does not show as it is written, and the button."""
     if not lacks_depth(context) or not (names := reading_depth(context.scene)):
         return
-    text = f"This view has no depth, so it does not show {enumerated(names)} as in the dataset; EEVEE's has one"
-    write(layout, context, text, "ERROR")
+    text = f"This view has no depth, so it does not show {enumerated(names)} as in the dataset"
+    if _stays_workbench(context.scene):
+        write(layout, context, f"{text}; Preview Frame does", "ERROR")
+        return
+    write(layout, context, f"{text}; EEVEE's has one", "ERROR")
+    layout.operator(ShowByEevee.bl_idname, icon="SHADING_RENDERED")
+
+
+def draw_beside(layout: bpy.types.UILayout, context: bpy.types.Context, step: Any) -> None:
+    """Draw it in short beside the selected step: a long list hides the section of the preview."""
+    shown = panel_of(context.scene).preview and step.enabled and _reads_depth(step)
+    if not shown or not lacks_depth(context):
+        return
+    if _stays_workbench(context.scene):
+        write(layout, context, "This view has no depth for it: see Preview Frame", "ERROR")
+        return
+    write(layout, context, "This view has no depth for it", "ERROR")
     layout.operator(ShowByEevee.bl_idname, icon="SHADING_RENDERED")

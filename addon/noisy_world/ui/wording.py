@@ -34,6 +34,9 @@ _WITHOUT_PROPERTY = {
 }  # fmt: skip
 """The field of the panel for keys that no property of its own gives; without the numbers of lists."""
 
+_CHOICES = {"output.modalities": {"[rgb]": "Color"}}
+"""Their choices in words, by the values that messages name."""
+
 _OF_STEP = {"levels": "severity"}
 """The property of an entry of the list that gives a key of another name."""
 
@@ -83,7 +86,7 @@ def _shown(path: str) -> ShownField | None:
     """Return the field or the section that shows all that a key is."""
     names = [name for name in path.split(".") if not name.isdigit()]
     if label := _WITHOUT_PROPERTY.get(".".join(names)):
-        return ShownField(label, {})
+        return ShownField(label, _CHOICES.get(".".join(names), {}))
     begins = [(PresetSpec, names)]
     if names[0] == "scenes":
         begins = [(kind.keys, names[1:]) for kind in SOURCES.values()]

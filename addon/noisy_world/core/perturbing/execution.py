@@ -93,10 +93,11 @@ def move(steps: MotionSteps, trajectory: Trajectory, identifiers: Identifiers) -
                 "has to keep both, and choose is what leaves poses out"
             )
         name, posed = step.perturbation.name, trajectory.posed if moved.posed is None else moved.posed
+        moved = replace(moved, posed=posed, shots=trajectory.shots)
         if step.perturbation.continuous:
-            trajectory = replace(moved, posed=posed)
+            trajectory = moved
         else:
-            trajectory = replace(moved, posed=posed, curve=None, independent=f"{name} moves each pose by itself")
+            trajectory = replace(moved, curve=None, independent=f"{name} moves each pose by itself")
     return trajectory
 
 
@@ -268,7 +269,7 @@ def perturb_colour(
 ) -> NDArray[np.float32]:
     """Carry out one step on (H, W, 3) float32; the result may lie outside [0, 1]. context: the step's own."""
     if step.perturbation.needs_depth and context.read_depth_m is None:
-        raise TypeError(f"{step.perturbation.name} needs the frame's depth")
+        raise TypeError(f"{step.perturbation.name} needs the frame's depth; give depth_m")
     if step.perturbation.decides is not None and context.read_decided is None:
         ((_, context, _),) = deciding(((step, context, severity),))
     made = step.perturbation.apply(rgb, step.parameters(severity), context)
@@ -296,7 +297,7 @@ class DepthWork(_ImageWork[DepthPerturbation]):
         image = None
         for step, context, severity in self.active:
             if step.perturbation.needs_rgb and context.read_rgb is None:
-                raise TypeError(f"{step.perturbation.name} needs the frame's colour")
+                raise TypeError(f"{step.perturbation.name} needs the frame's colour; give rgb")
             before = depth_m if image is None else image
             image = _checked_image(step, step.perturbation.apply(before, step.parameters(severity), context), before)
         return image

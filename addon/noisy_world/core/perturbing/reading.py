@@ -90,6 +90,8 @@ def parse_steps(items: Sequence[Any], place: ConfigPath, registry: Registry) -> 
             raise where.error(f"{name} is given twice", "it acts once on a sequence")
         if same and isinstance(perturbation, ColourPerturbation) and perturbation.decides is not None:
             raise where.error(f"{name} is given twice", "a camera has one of it")
+        if is_sensor(perturbation) and (first := next(filter(is_sensor, (step.perturbation for step in steps)), None)):
+            raise where.error(f"{name} measures depth, which {first.name} has measured", "keep one of them")
         steps.append(_parse_step(perturbation, values, where.at(str(name)), same))
     return tuple(sorted(steps, key=lambda step: propagation_key(step.perturbation)))
 
@@ -113,12 +115,17 @@ def parse_sensor(value: object, place: ConfigPath, registry: Registry) -> Step[D
     return replace(_parse_step(perturbation, values, place.at(name), 0), stream=SENSOR_STREAM)
 
 
+def is_sensor(perturbation: Perturbation) -> bool:
+    """Tell whether a perturbation is a depth sensor: it has a table of devices."""
+    return isinstance(perturbation, DepthPerturbation) and "device" in get_type_hints(perturbation.parameters)
+
+
 def _devices(registry: Registry) -> dict[str, str]:
     """Return by each device that a perturbation of depth has a table of the name of that perturbation."""
     found: dict[str, str] = {}
     for item in registry.values():
-        if isinstance(item, DepthPerturbation):
-            device = get_type_hints(item.parameters).get("device")
+        if is_sensor(item):
+            device = get_type_hints(item.parameters)["device"]
             found |= {name: item.name for name in get_args(device) if name not in found}
     return found
 

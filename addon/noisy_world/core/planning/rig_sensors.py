@@ -7,8 +7,8 @@ from typing import Any
 
 from ..inertial.imu import MOST_SAMPLES, Imu
 from ..perturbing.kinds import DepthPerturbation
-from ..perturbing.reading import Registry, parse_sensor
-from ..perturbing.steps import Setting, Step
+from ..perturbing.reading import Registry, is_sensor, parse_sensor
+from ..perturbing.steps import Setting, Step, steps_of_kind
 from ..presets.preset import ImuSpec, Preset, SensorSpec
 from ..schema import ConfigPath
 from ..trajectories.rig import Rig, Sensor, sensor_from_extrinsics
@@ -26,8 +26,14 @@ def depth_sensor(preset: Preset, registry: Registry) -> tuple[Step[DepthPerturba
 
 
 def check_sensors(settings: tuple[Setting, ...], preset: Preset) -> None:
-    """Refuse perturbations that need colour and depth from one pose, where the sensors have two."""
+    """Refuse depth that is measured twice, and what needs colour and depth from one pose where the sensors have two."""
     rig = preset.spec.rig
+    for setting in settings:
+        own = steps_of_kind(setting.steps, DepthPerturbation)
+        measured = [step.perturbation for step in (*setting.sensor, *own) if is_sensor(step.perturbation)]
+        if setting.sensor and len(measured) > 1:
+            problem = f"{setting.name}: {measured[1].name} measures depth, which rig.depth.sensor has measured"
+            raise preset.place("settings").error(problem, "keep one of them")
     if rig is None or rig.depth is None or rig.depth.shares_place(rig.rgb):
         return
     if rig.depth.has_camera or rig.depth.registered:

@@ -60,6 +60,13 @@ class SampledCamera:
     matrices: NDArray[np.float64]
     parameters: tuple[CameraParameters, ...]
 
+    @property
+    def shots(self) -> NDArray[np.int64] | None:
+        """The number of the camera that takes each frame (N,), in the order of appearance; None of one camera."""
+        names = [item.camera for item in self.parameters]
+        seen = {name: number for number, name in enumerate(dict.fromkeys(names))}
+        return np.array([seen[name] for name in names], dtype=np.int64) if len(seen) > 1 else None
+
 
 @dataclass(frozen=True)
 class Problem:

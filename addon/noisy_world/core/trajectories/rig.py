@@ -54,6 +54,7 @@ def sensor_trajectory(robot: Trajectory, sensor: Sensor) -> Trajectory:
         posed=robot.posed,
         curve=MountedCurve(robot.continuous, sensor.robot_from_sensor),
         independent=robot.independent,
+        shots=robot.shots,
     )
 
 

@@ -35,7 +35,8 @@ class Trajectory:
     notes: what a user should know about how the path was read, one sentence each.
     posed: (N,) bool, whether a frame's pose is known; None where all are. An unknown one has any pose in c2w.
     curve: the path in continuous time that the poses lie on; None is the one through them. independent: why there is
-    nothing between the poses, "" where there is.
+    nothing between the poses, "" where there is. shots: (N,) int, equal where one camera takes the poses; between two
+    that differ the view cuts from one camera to another. None where it never does.
     Raises ValueError for other shapes, values that are not finite and stamps that do not increase.
     """
 
@@ -45,6 +46,7 @@ class Trajectory:
     posed: NDArray[np.bool_] | None = None
     curve: Curve | None = None
     independent: str = ""
+    shots: NDArray[np.int64] | None = None
 
     def __post_init__(self) -> None:
         c2w = np.array(self.c2w, dtype=np.float64, order="C")
@@ -60,6 +62,8 @@ class Trajectory:
         posed = None if self.posed is None or np.all(self.posed) else np.array(self.posed, dtype=np.bool_)
         if posed is not None and posed.shape != (len(c2w),):
             raise ValueError(f"{len(c2w)} poses need as many words on whether they are known, not {posed.shape}")
+        if self.shots is not None and self.shots.shape != (len(c2w),):
+            raise ValueError(f"{len(c2w)} poses need as many shots, not {self.shots.shape}")
         c2w.setflags(write=False)
         stamps_s.setflags(write=False)
         object.__setattr__(self, "posed", posed)
@@ -74,10 +78,15 @@ class Trajectory:
         """(N,) bool: whether a frame's pose is known."""
         return np.ones(len(self), dtype=np.bool_) if self.posed is None else self.posed
 
+    def cuts_between(self, one: int, other: int) -> bool:
+        """Tell whether two frames are seen by two cameras."""
+        return self.shots is not None and bool(self.shots[one] != self.shots[other])
+
     def at(self, rows: Sequence[int] | slice | NDArray[np.integer], stamps_s: NDArray[np.float64]) -> "Trajectory":
         """Return the poses of some rows under other time stamps (M,); without the notes."""
         posed = None if self.posed is None else self.posed[rows]
-        return Trajectory(self.c2w[rows], stamps_s, posed=posed, independent=self.independent)
+        shots = None if self.shots is None else self.shots[rows]
+        return Trajectory(self.c2w[rows], stamps_s, posed=posed, independent=self.independent, shots=shots)
 
     def followed(self, rows: NDArray[np.integer]) -> "Trajectory":
         """Return the poses of some rows (M,), M <= N, under the first M stamps; without the notes.

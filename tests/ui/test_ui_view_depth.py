@@ -1,0 +1,52 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Views whose compositor has no depth: the tab says so, and offers what has one."""
+
+from types import SimpleNamespace
+
+import pytest
+from panel_tools import settings
+
+bpy = pytest.importorskip("bpy", reason="bpy is not installed")
+
+from noisy_world.ui import view_depth
+
+
+def test_a_view_of_an_engine_that_gives_no_depth_is_shown_by_eevee(hall):
+    space = next(area for area in bpy.context.window.screen.areas if area.type == "VIEW_3D").spaces.active
+    at = SimpleNamespace(scene=hall, space_data=space)
+    space.shading.type = "RENDERED"
+    assert view_depth.lacks_depth(at)
+    bpy.ops.noisy_world.add_step(perturbation="fog")
+    assert view_depth.reading_depth(hall) == ()
+    bpy.ops.noisy_world.add_step(perturbation="fog_depth")
+    assert view_depth.reading_depth(hall) == ("Fog by Depth",)
+    view_depth.show_by_eevee(hall, space.shading)
+    assert (space.shading.type, space.shading.use_scene_lights, space.shading.use_scene_world) == ("MATERIAL", 1, 1)
+    assert hall.render.engine == "CYCLES"
+    assert not view_depth.lacks_depth(at)
+
+
+def test_a_view_of_workbench_offers_no_button_that_cannot_be_pressed(hall, monkeypatch):
+    space = next(area for area in bpy.context.window.screen.areas if area.type == "VIEW_3D").spaces.active
+    at = SimpleNamespace(scene=hall, space_data=space)
+    space.shading.type, said, buttons = "RENDERED", [], []
+    bpy.ops.noisy_world.add_step(perturbation="fog_depth")
+    monkeypatch.setattr(view_depth, "write", lambda _layout, _context, text, _icon: said.append(text))
+    layout = SimpleNamespace(operator=lambda name, **_: buttons.append(name))
+    for engine in ("CYCLES", "BLENDER_WORKBENCH"):
+        hall.render.engine = engine
+        view_depth.draw(layout, at)
+    assert [text.rpartition("; ")[2] for text in said] == ["EEVEE's has one", "Preview Frame does"]
+    assert buttons == ["noisy_world.show_by_eevee"]
+    bpy.ops.noisy_world.add_step(perturbation="fog")
+    by_depth, over_images = sorted(settings().steps, key=lambda step: step.perturbation == "fog")
+    said.clear()
+    buttons.clear()
+    view_depth.draw_beside(layout, at, by_depth)
+    settings().preview = True
+    for engine in ("BLENDER_WORKBENCH", "CYCLES"):
+        hall.render.engine = engine
+        for step in (by_depth, over_images):
+            view_depth.draw_beside(layout, at, step)
+    assert said == ["This view has no depth for it: see Preview Frame", "This view has no depth for it"]
+    assert buttons == ["noisy_world.show_by_eevee"]
