@@ -64,9 +64,10 @@ def save(path: Path, picture: NDArray[np.uint8]) -> None:
 
 
 def effects() -> dict[str, ColourPerturbation]:
-    """Return the perturbations that work in linear light, or by depth: weather, lenses."""
+    """Return the perturbations of air and lens that work in linear light, or by depth: weather, lenses."""
     colour = {name: item for name, item in registry().items() if isinstance(item, ColourPerturbation) and item.build}
-    return {name: item for name, item in colour.items() if item.needs_depth or item.linear}
+    seen = {name: item for name, item in colour.items() if item.stage in ("environment", "lens")}
+    return {name: item for name, item in seen.items() if item.needs_depth or item.linear}
 
 
 def pictures(name: str, frame: LitFrame) -> dict[str, NDArray[np.uint8]]:
@@ -94,10 +95,12 @@ def line(made: Mapping[str, NDArray[np.uint8]]) -> NDArray[np.uint8]:
 
 
 def severe(name: str, severity: float) -> ColourStep:
-    """Return the step of a perturbation, drifting where it can."""
+    """Return the step of a perturbation, drifting where it can, by the severities of streets where it has them."""
     values: dict[str, object] = {"severity": severity}
     if "drift" in effects()[name].temporals:
         values["temporal"] = "drift"
+    if "outdoors" in effects()[name].other_severities:
+        values["outdoors"] = True
     (step,) = parse_steps([{name: values}], ConfigPath("weather_pictures"), registry())
     return step
 

@@ -3,6 +3,8 @@
 
 import numpy as np
 import pytest
+from noisy_world.core.node_graphs.graph import Graph, GroupInput
+from noisy_world.core.node_graphs.on_arrays import carried_out
 from noisy_world.core.perturbing.execution import ColourWork
 from noisy_world.core.perturbing.kinds import FrameContext
 from noisy_world.core.perturbing.lit import on_light
@@ -10,8 +12,8 @@ from noisy_world.core.perturbing.reading import parse_steps
 from noisy_world.core.schema import ConfigPath
 from noisy_world.perturbations import registry
 from noisy_world.perturbations._air_light import air_light, robust_mean
-from noisy_world.perturbations._lamp_light import DROP, FLAKE, lamp_kernel
-from noisy_world.perturbations._round_streaks import streak_profile
+from noisy_world.perturbations._lamp_light import DROP, FLAKE, VOLUMES, WIDTHS_RAD
+from noisy_world.perturbations._lit_sheet_nodes import SPREAD, ellipse
 from srgb import encoded
 
 DUSK = np.array([0.1620, 0.1001, 0.1070], np.float32)  # 112, 89, 92 of 255
@@ -81,7 +83,9 @@ def test_lamps_have_a_halo_that_falls_with_the_angle(name):
 
 def test_the_lamps_kernel_is_one_over_the_angle_and_the_drops_share_snells():
     angles = np.array([0.02, 0.05, 0.1, 0.2, 0.4])
-    assert np.abs([lamp_kernel(angle) * angle - 1 for angle in angles]).max() < 0.06
+    widths, volumes = np.array(WIDTHS_RAD), np.array(VOLUMES)
+    sums = (volumes * np.exp(-0.5 * (angles[:, None] / widths) ** 2) / (2 * np.pi * widths**2)).sum(axis=1)
+    assert np.abs(sums * angles - 1).max() < 0.06
     inside = np.linspace(1e-4, np.pi / 2 - 1e-4, 200_001)
     within = np.arcsin(np.sin(inside) / 1.333)
     across, along = (
@@ -108,19 +112,33 @@ def test_flakes_shine_beside_a_lamp_and_take_the_air_s_light_far_from_it():
         assert near > 5 * far > 0, name
 
 
-def test_a_round_streak_hides_its_own_area_as_widely_as_a_disc_that_runs():
-    for run in (0.0, 1.0, 6.0):
-        places = np.linspace(-run - 1.1, run + 1.1, 1601)
-        beside = np.linspace(-1.1, 1.1, 801)
-        seen = streak_profile(places[None, :], beside[:, None], run)
-        area = seen.sum() * (places[1] - places[0]) * (beside[1] - beside[0])
-        assert area == pytest.approx(np.pi, rel=2e-3)
-        assert seen.min() >= 0
-        # The paraboloid's variance along a line is 1/6, that of a way is a twelfth of its square; they add up.
-        variance = (seen.sum(axis=0) * places**2).sum() / seen.sum()
-        assert variance == pytest.approx(1 / 6 + run**2 / 12, rel=2e-3)
-    # At rest it is the paraboloid itself.
-    assert streak_profile(np.array([0.3]), np.array([0.4]), 0.0)[0] == pytest.approx(2 * (1 - 0.25), rel=1e-3)
+def streak(away_px, run_px, radius_px, blurred_px):
+    """What a streak hides by its nodes, at places (H, W) right and down of its middle. run_px: right and down."""
+    graph = Graph("Streak", "")
+    sides = [graph.input(GroupInput(name, "float", 0.0, "")) for name in ("Right", "Down", "Run right", "Run down")]
+    squares = [graph.input(GroupInput(name, "float", 1.0, "")) for name in ("Area", "Blurred", "Longest")]
+    graph.output("Hidden", ellipse(graph, sides[:2], sides[2:], (squares[0], squares[1]), squares[2]), "float")
+    spread_px = [SPREAD * each for each in run_px]
+    given = dict(zip(("Right", "Down", "Run right", "Run down"), (*away_px, *spread_px), strict=True))
+    given |= {"Area": radius_px**2, "Blurred": blurred_px**2, "Longest": 1e6}
+    return carried_out(graph, given)["Hidden"][::-1].astype(np.float64)
+
+
+@pytest.mark.parametrize("run_px", [(0.0, 0.0), (3.0, 0.0), (12.0, 16.0)])
+def test_a_round_streak_hides_its_own_area_as_widely_as_a_disc_that_runs(run_px):
+    step_px, blurred_px = 0.05, 3.0
+    places = np.arange(-20, 20, step_px, dtype=np.float32)
+    away_px = np.meshgrid(places, places)
+    seen = streak(away_px, run_px, 0.2, blurred_px)
+    assert seen.min() >= 0
+    assert seen.sum() * step_px**2 == pytest.approx(np.pi * 0.2**2, rel=2e-3)
+    for axis, along in enumerate(run_px):
+        # The paraboloid's variance along a line is a sixth of its radius squared, that of a way a twelfth; they add up.
+        variance = (seen * away_px[axis].astype(np.float64) ** 2).sum() / seen.sum()
+        assert variance == pytest.approx(blurred_px**2 / 6 + along**2 / 12, rel=5e-3)
+    # At rest it is the paraboloid itself: twice its mean in the middle.
+    middle = streak([np.zeros((1, 1), np.float32)] * 2, (0.0, 0.0), 0.2, blurred_px)
+    assert middle[0, 0] == pytest.approx(2 * (0.2 / blurred_px) ** 2, rel=1e-3)
 
 
 @pytest.mark.parametrize("name", BY_DEPTH)

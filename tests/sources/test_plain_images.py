@@ -66,6 +66,10 @@ def test_what_needs_depth_or_poses_says_so_in_a_line(tmp_path):
     for change, words in (
         ("output.modalities=[rgb, depth]", "plates has no depth, but output.modalities asks for it; set output"),
         ("settings=[{name: a, perturb: [{haze: {severity: 1}}]}]", "a needs depth, and plates has none"),
+        (
+            "settings=[{name: a, perturb: [{camera_motion_blur: {}}]}]",
+            "looks between the frames, but plain images have",
+        ),
         ("settings=[{name: a, perturb: [{motion_deviation: {rotation_deg: 1}}]}]", "cannot be seen from elsewhere"),
         ("camera={width: 8, height: 6, fx: 4, fy: 4, cx: 3, cy: 2}", "its images are 16 x 12"),
         ("scenes.0.undistort=true", r"undistort: plain images have no file that says their lens; leave it out"),

@@ -2,12 +2,16 @@
 """Videos as scenes, and datasets as videos."""
 
 import json
+import os
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
+from worlds import ROOT
 from written import run
 
 from noisy_world.cli.command import main
@@ -66,6 +70,18 @@ def test_what_is_no_video_is_one_line(tmp_path):
     (tmp_path / "short.avi").write_bytes(whole[: len(whole) // 3])
     with pytest.raises(InputError, match=r"short\.avi: is no video that OpenCV can read"):
         read_video(tmp_path / "short.avi")
+
+
+def test_what_ffmpeg_says_does_not_stand_beside_the_line(tmp_path):
+    (tmp_path / "junk.mp4").write_bytes(b"x" * 999)
+    preset = {"scenes": [{"video": "junk.mp4"}], "settings": [{"name": "clean"}], "output": {"modalities": ["rgb"]}}
+    (tmp_path / "preset.json").write_text(json.dumps(preset))
+    words = [sys.executable, "-m", "noisy_world", "generate", tmp_path / "preset.json", "--dry-run"]
+    environment = {**os.environ, "PYTHONPATH": str(ROOT / "addon")}
+    environment.pop("OPENCV_FFMPEG_LOGLEVEL", None)
+    done = subprocess.run(words, env=environment, cwd=tmp_path, check=False, capture_output=True, text=True)
+    assert done.returncode == 1
+    assert re.fullmatch(r".*junk\.mp4: is no video that OpenCV can read; .*\n", done.stderr), done.stderr
 
 
 def test_a_video_that_lacks_frames_is_told(tmp_path):
@@ -127,6 +143,22 @@ def test_a_video_is_a_scene(tmp_path, capfd):
     assert main(["generate", str(path), "--out", str(tmp_path / "noisy.avi")]) != 0
     assert "is there already; --overwrite replaces it" in capfd.readouterr().err
     assert sorted(item.name for item in tmp_path.iterdir()) == ["noisy.avi", "out", "preset.json", "walk.avi"]
+
+
+def test_a_video_stands_under_its_name_when_it_is_whole(tmp_path, capfd, monkeypatch):
+    film(tmp_path / "walk.avi")
+    path = preset_of(tmp_path)
+    assert main(["generate", str(path), "--out", str(path / "noisy.avi")]) == 1
+    assert re.search(r"preset\.json: cannot be written: .+; mend that, or name another place\n", capfd.readouterr().err)
+    before = sorted(tmp_path.rglob("*"))
+
+    def stopped(video, frames, rate_hz):
+        assert write_video(video, frames, rate_hz) == COUNT
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("noisy_world.cli.as_video.write_video", stopped)
+    assert main(["generate", str(path), "--out", str(tmp_path / "noisy.avi")]) != 0
+    assert sorted(tmp_path.rglob("*")) == before
 
 
 def depth_of(folder, steps):

@@ -117,6 +117,7 @@ def test_the_preview_and_the_scene_s_own_groups_are_keyed_as_the_generator_decid
     chain = shown_chain(lamps)
     before = keyed(lamps, chain.nodes["Auto-exposure"], "Exposure")
     assert np.ptp(before) == 0, "without metered frames it follows mid-grey"
+    assert metered.follows_grey(lamps)
     assert bpy.ops.noisy_world.bake_exposure(size="FULL") == {"FINISHED"}
     assert bpy.ops.noisy_world.bake_groups(size="FULL") == {"FINISHED"}
     wanted, flicker = recorded(lamps, tmp_path)
@@ -153,6 +154,12 @@ def test_what_is_metered_is_kept_so_that_a_slider_needs_no_rendering(lamps, tmp_
     mean = [float(light.astype(float).mean(axis=(0, 1)) @ (0.2126, 0.7152, 0.0722)) for light in lights]
     np.testing.assert_allclose(at_once[1:], np.log2(0.18 / np.array(mean[:-1])), atol=2e-3)
     assert abs(late[3] - at_once[3]) > 0.5
+    assert not metered.follows_grey(bpy.context.scene)
+    lamps.frame_end += 1
+    preview.touch(lamps, "preview")
+    preview.flush()
+    assert metered.follows_grey(lamps), "a frame was added that nobody has metered, and the tab says so"
+    lamps.frame_end -= 1
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "kept.blend"))
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "kept.blend"))
     scene = bpy.context.scene

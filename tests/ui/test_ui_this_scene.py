@@ -313,12 +313,18 @@ def test_a_file_of_ones_own_begins_with_this_scene_and_a_panel_in_use_stays(tmp_
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "plane.blend"))
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "plane.blend"))
     assert (settings().mesh_source, settings().trajectory_source, settings().use_clean) == ("SCENE", "CAMERA", False)
+    assert settings().scene_name == "plane"
+    bpy.ops.wm.read_factory_settings()
+    bpy.ops.mesh.primitive_plane_add()
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "a hall.blend"))  # which names no folder of a dataset
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "a hall.blend"))
+    assert (settings().mesh_source, settings().scene_name) == ("SCENE", "room")
     bpy.ops.wm.read_factory_settings()
     settings().seed = 4  # a panel that was used for the embedded room, which it names by default
     bpy.ops.mesh.primitive_plane_add()
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "used.blend"))
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "used.blend"))
-    assert settings().mesh_source == "ROOM"
+    assert (settings().mesh_source, settings().scene_name) == ("ROOM", "room")
 
 
 def test_clean_frames_are_asked_for(hall):

@@ -4,7 +4,7 @@
 Where there is sky the air has the sky's own colour, as what is far fades into the horizon; elsewhere that of the mean
 of the surfaces. Both are means that a lamp hardly moves: each pixel weighs 1 / (1 + (l / (4 m))^4), with l its
 luminance and m a first mean, that of fourth roots to the fourth power. The weights are smooth, so the light is even
-from frame to frame.
+from frame to frame. Of lit frames, which arrays give to nodes, the mean of 16 pixels is one.
 """
 
 from dataclasses import dataclass

@@ -2,7 +2,7 @@
 """What a camera's automatics make of earlier frames: a first-order lag, sampled at frames that need not be regular."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Hashable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,10 +33,13 @@ def lag_weights(stamps_s: Sequence[float], now_s: float, lag_s: float) -> NDArra
 
 
 def lagged(
-    context: FrameContext, lag_s: float, wanted: Callable[[EarlierFrame], NDArray[np.float64]]
+    context: FrameContext, lag_s: float, wanted: Callable[[EarlierFrame], NDArray[np.float64]], by: Hashable
 ) -> NDArray[np.float64]:
-    """Return what an automatic is at in a frame. wanted: what it would have, seeing a frame."""
+    """Return what an automatic is at in a frame. wanted: what it would have, seeing a frame. by: what decides that."""
     frames = context.earlier(lag_span_s(lag_s))
     now_s = frames[-1].stamp_s if context.stamp_s is None else context.stamp_s
     weights = lag_weights([frame.stamp_s for frame in frames], now_s, lag_s)
-    return np.sum([weight * wanted(frame) for weight, frame in zip(weights, frames, strict=True)], axis=0)
+    for frame in frames:
+        if by not in frame.asked:
+            frame.asked[by] = wanted(frame)
+    return np.sum([weight * frame.asked[by] for weight, frame in zip(weights, frames, strict=True)], axis=0)

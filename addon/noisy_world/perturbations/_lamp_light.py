@@ -32,11 +32,3 @@ VOLUMES = tuple(math.log(2) * math.sqrt(8 * math.pi) * width * (2 if width == 0.
 def lamps_key() -> float:
     """Return the parameter that says how strong that light is."""
     return key("light of lamps in the air, on lit scenes, times its estimate", default=1.0, minimum=0, maximum=100)
-
-
-def lamp_kernel(angle_rad: float) -> float:
-    """Return the sum of Gaussians that stands for 1 / angle, a steradian."""
-    return sum(
-        volume * math.exp(-0.5 * (angle_rad / width) ** 2) / (2 * math.pi * width**2)
-        for volume, width in zip(VOLUMES, WIDTHS_RAD, strict=True)
-    )

@@ -15,12 +15,13 @@ from ..core.node_graphs.graph import Graph, GroupInput, Kind, Socket
 from ..core.node_graphs.groups import Canvas
 from ._falling_tile import EXCESS
 from ._particles import NEAR_M
-from ._round_streaks import LEAST_ROUND_PX, SPREAD
 from ._sheet_nodes import FIRST_PURPOSE, LEAST_ROOM, START_SLABS, Sizes, swept, view_slopes
 from ._streaks import MOST_OPAQUE
 
 # Chosen: 2 % of what is seen is beyond the last sheet.
 LIT_SIZES = (Sizes(0.0, 2.0, 0.5, 4, (-0.25, 0.2)), Sizes(2.0, EXCESS, 1.8, 4, (0.45, -0.25)))
+LEAST_ROUND_PX = 2.0  # of a particle's width as it is drawn, so that pixels sample it evenly; it is fainter instead
+SPREAD = math.sqrt(0.5)  # of a run: the half axis of an ellipse as wide
 KEYS = 64.0  # a sheet's key is less; it keeps the digits of what is added to it
 # Of the numbers that a cell draws, chosen: irrational steps, and slopes so steep that no part of 512 x 512 cells
 # correlates with another by more than 0.04.
@@ -326,7 +327,7 @@ def _sheet_graph() -> Graph:
             away.append(graph.math("MULTIPLY_ADD", apart[0], steps[0], apart[1] * steps[1]) * nearness)
             ran = graph.math("MULTIPLY_ADD", moved, taken["Lean"], taken[f"Run {way}"])
             run.append(graph.math("MULTIPLY_ADD", ran, nearness, taken[f"Sweep {way}"]))
-        hidden = _ellipse(graph, away, run, (area, blurred), taken["Longest"])
+        hidden = ellipse(graph, away, run, (area, blurred), taken["Longest"])
     with graph.section("What passes"):
         there = graph.math("COMPARE", nearness, taken["Middle"], taken["Range"]) * (shown > taken["Least"])
         graph.output("Seen", 1.0 - hidden * there, "float", "Share of the light that passes")
@@ -342,13 +343,18 @@ def _drawn(graph: Graph, corners: list[Socket], key: Socket) -> tuple[Socket, So
     return first, second, third
 
 
-def _ellipse(
+def ellipse(
     graph: Graph, away: list[Socket], run: list[Socket], squares: tuple[Socket, Socket], longest: Socket
 ) -> Socket:
-    """Return what a streak hides, as `_round_streaks` says.
+    """Return what a streak hides.
 
-    away, run: right and down, pixels: how far it is, and how far it is spread. squares: of the particle's radius, and
-    of its blurred one.
+    A particle out of focus is a paraboloid, which is smooth at the edge of its blurred disc of radius b. While the
+    shutter is open it runs a way of l: its streak is the paraboloid over an ellipse, b across and sqrt(b^2 + l^2 / 2)
+    along, with the variances of what the run makes of the disc, and as faint as it is larger. So it hides what the
+    particle does, and its direction takes no root.
+
+    away, run: right and down, pixels: how far it is, and SPREAD times the run. squares: of the particle's radius, and
+    of its blurred one. longest: square of the ellipse's length over its width, at most.
     """
     area, radius = squares
     # Never quite at rest, so that it has a direction.

@@ -58,7 +58,7 @@ def decides(parameters: AutoExposure, context: FrameContext) -> Mapping[str, flo
         asked = math.log2(parameters.target / light) if light > 0 else most
         return np.array(min(max(asked, shortest), most))
 
-    stops = float(lagged(context, parameters.lag_s, wanted))
+    stops = float(lagged(context, parameters.lag_s, wanted, ("auto_exposure", parameters)))
     time_stops = min(stops, longest)
     return {
         "exposure_ms": parameters.reference_ms * 2.0**time_stops,

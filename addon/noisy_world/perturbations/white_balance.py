@@ -45,7 +45,7 @@ def decides(parameters: WhiteBalance, context: FrameContext) -> Mapping[str, flo
         mean = np.maximum(frame.light.astype(np.float64).mean(axis=(0, 1)), 1e-9)
         return np.clip(parameters.strength * np.log2(mean[1] / mean), -parameters.most_stops, parameters.most_stops)
 
-    stops = lagged(context, parameters.lag_s, wanted)
+    stops = lagged(context, parameters.lag_s, wanted, ("white_balance", parameters))
     warm = parameters.warmth_stops / 2
     gains = 2.0 ** (stops + np.array([warm + parameters.tint_stops, 0.0, parameters.tint_stops - warm]))
     gains /= gains @ np.array(LUMINANCE)

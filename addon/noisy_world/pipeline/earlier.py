@@ -4,6 +4,7 @@
 import threading
 from collections import OrderedDict
 from collections.abc import Callable, Hashable
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +24,7 @@ class EarlierFrames:
     def __init__(self, stamps_s: NDArray[np.float64], read: Callable[[int], NDArray[np.float32]]) -> None:
         self._stamps_s = stamps_s
         self._read = read
-        self._kept: OrderedDict[int, NDArray[np.float32]] = OrderedDict()
+        self._kept: OrderedDict[int, EarlierFrame] = OrderedDict()
         self._lock = threading.Lock()
 
     def before(self, sequence: Sequence, frame: int) -> tuple[ReadEarlier, Hashable]:
@@ -35,7 +36,7 @@ class EarlierFrames:
         sources = tuple(int(sequence.source_frames[number]) for number in numbers)
         stamps_s = self._stamps_s
         seen = tuple(
-            EarlierFrame(float(stamps_s[number]), self._light(source))
+            replace(self._frame(source), stamp_s=float(stamps_s[number]))
             for number, source in zip(numbers, sources, strict=True)
         )
 
@@ -49,16 +50,18 @@ class EarlierFrames:
         own = sequence.source_frames[frame]
         for number in earlier_than(self._stamps_s, frame, sequence.setting.looks_back_s):
             if (source := int(sequence.source_frames[number])) != own:
-                self._light(source)
+                self._frame(source)
 
     def keep(self, source: int, light: NDArray[np.float32]) -> None:
         """Keep what a meter sees of a source frame."""
         with self._lock:
-            self._kept[source] = light
+            self._kept[source] = EarlierFrame(0.0, light)
             while len(self._kept) > KEPT:
                 self._kept.popitem(last=False)
 
-    def _light(self, source: int) -> NDArray[np.float32]:
-        if (light := self._kept.get(source)) is None:
-            self.keep(source, light := self._read(source))
-        return light
+    def _frame(self, source: int) -> EarlierFrame:
+        if (frame := self._kept.get(source)) is None:
+            light = self._read(source)
+            self.keep(source, light)
+            frame = self._kept.get(source) or EarlierFrame(0.0, light)
+        return frame

@@ -255,7 +255,7 @@ def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
             row = layout.row(align=True)
             row.operator(operator.bl_idname, icon="CAMERA_DATA").size = "SMALL"
             row.operator(operator.bl_idname, text="", icon="FULLSCREEN_ENTER").size = "FULL"
-    if decides(panel_of(scene)) and metered.KEPT not in scene and not footage.is_shown(panel_of(scene)):
+    if panel_of(scene).preview and decides(panel_of(scene)) and metered.follows_grey(scene):
         write(layout, context, "Exposure follows mid-gray here; Bake Exposure shows it as it is written", "INFO")
 
 

@@ -1,9 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What the panel begins with in a file that it has not been used in: an artist's own scene is what it is about."""
 
+from pathlib import Path
+
 import bpy
 from bpy.app.handlers import persistent
 
+from ..core.presets.names import safe_name
 from .excluded import RENDERED
 from .properties import panel_of
 
@@ -11,9 +14,15 @@ STARTUP = {"Cube", "Light"}  # what Blender's default scene renders
 
 
 def begin(scene: bpy.types.Scene) -> None:
-    """Let a scene's panel begin with This Scene, where it was never used and there is more than the default scene."""
+    """Let a scene's panel begin with This Scene, where it was never used and there is more than the default scene.
+
+    The dataset's scene has the file's name, where a folder can have it.
+    """
     if scene.library is None and scene.is_editable and not is_used(scene) and has_own_content(scene):
         panel_of(scene).mesh_source = "SCENE"
+        name = Path(bpy.data.filepath).stem
+        if name and not safe_name(name):
+            panel_of(scene).scene_name = name
 
 
 def is_used(scene: bpy.types.Scene) -> bool:

@@ -34,6 +34,7 @@ class _Known:
     by_frame: dict[int, Mapping[str, FrameContext]]
 
 
+_grey: set[int] = set()  # scenes whose preview follows mid-grey, as some of their frames were not metered
 _known: dict[int, _Known] = {}  # by scene: a slider of another step decides nothing anew
 
 
@@ -77,6 +78,7 @@ def decided_at(scene: bpy.types.Scene, sequence: Sequence) -> DecidedAt | None:
     if all(step.perturbation.decides is None for step in setting.rgb):
         return None
     stamps_s, earlier = clean_stamps_s(scene), earlier_of(scene, sequence)
+    (_grey.add if setting.looks_back and earlier is None else _grey.discard)(scene.session_uid)
     light: Any = None if earlier is None else scene[KEPT]["light"]
     made_from = [setting, sequence.identifiers, sequence.source_frames, stamps_s.tolist(), light]
     known = _known.get(scene.session_uid)
@@ -91,6 +93,11 @@ def decided_at(scene: bpy.types.Scene, sequence: Sequence) -> DecidedAt | None:
         return by_frame[frame]
 
     return decided
+
+
+def follows_grey(scene: bpy.types.Scene) -> bool:
+    """Tell whether what a scene's preview decided last is as if all frames before had been mid-grey."""
+    return scene.session_uid in _grey
 
 
 def _decided(

@@ -35,8 +35,7 @@ class ImageHeader:
 
     channels: 1 grey, 3 colour, 4 CMYK; without alpha, those of the palette's colours where it has one. bits: of a
     value. alpha: whether pixels may be transparent. orientation: Exif's, 1 to 8. sequential: of a JPEG, that it holds
-    one scan of all channels. sampling: of a JPEG, the horizontal and vertical factors of each channel. content_at:
-    where in a JPEG the data of the first scan begin.
+    one scan of all channels. sampling: of a JPEG, the horizontal and vertical factors of each channel.
     """
 
     kind: Literal["png", "jpg", "exr"]
@@ -49,7 +48,6 @@ class ImageHeader:
     orientation: int = UPRIGHT
     sequential: bool = True
     sampling: tuple[tuple[int, int], ...] = ()
-    content_at: int = 0
 
     @property
     def size_px(self) -> tuple[int, int]:

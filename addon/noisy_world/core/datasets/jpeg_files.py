@@ -46,7 +46,7 @@ def jpeg_header(stream: BinaryIO) -> ImageHeader:
     scanned = read_exactly(stream, length)
     if frame is None or not scanned:
         raise DamagedImageError(_APART)
-    return _header(*frame, orientation, scanned[0], stream.tell())
+    return _header(*frame, orientation, scanned[0])
 
 
 def next_segment(stream: BinaryIO) -> tuple[int, int]:
@@ -68,10 +68,10 @@ def next_segment(stream: BinaryIO) -> tuple[int, int]:
     return marker, length - 2
 
 
-def _header(marker: int, content: bytes, orientation: int, scanned: int, at: int) -> ImageHeader:
+def _header(marker: int, content: bytes, orientation: int, scanned: int) -> ImageHeader:
     """Read a frame's start: bits (1), height (2), width (2), channels (1), for each its name, factors and table (3).
 
-    scanned: the channels of the first scan. at: where it begins.
+    scanned: the channels of the first scan.
     """
     if len(content) < 6 or len(content) != 6 + 3 * content[5]:
         raise DamagedImageError(_APART)
@@ -89,5 +89,4 @@ def _header(marker: int, content: bytes, orientation: int, scanned: int, at: int
         orientation=orientation,
         sequential=marker != _PROGRESSIVE and scanned == channels,
         sampling=tuple((content[row + 1] >> 4, content[row + 1] & 15) for row in range(6, len(content), 3)),
-        content_at=at,
     )

@@ -2,6 +2,7 @@
 """Video files: their frames one after another, by OpenCV."""
 
 import math
+import os
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -119,6 +120,7 @@ def write_video(path: Path, frames: Iterable[NDArray[np.uint8]], rate_hz: float)
     """
     import cv2
 
+    _quieten_ffmpeg()
     writer, count = None, 0
     try:
         for rgb in frames:
@@ -135,6 +137,11 @@ def write_video(path: Path, frames: Iterable[NDArray[np.uint8]], rate_hz: float)
     return count
 
 
+def _quieten_ffmpeg() -> None:
+    """Have FFmpeg, which OpenCV asks when it is first used, say nothing beside the line that an error becomes."""
+    os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "8")  # AV_LOG_FATAL
+
+
 def _opened(path: Path) -> Any:
     import cv2
 
@@ -143,6 +150,7 @@ def _opened(path: Path) -> Any:
     except OSError as error:
         problem = "no such video" if isinstance(error, FileNotFoundError) else f"cannot be read: {error.strerror}"
         raise InputError(path, problem) from error
+    _quieten_ffmpeg()
     capture = cv2.VideoCapture(str(path))
     if not capture.isOpened():
         raise InputError(

@@ -2,8 +2,8 @@
 """What a camera's automatics have seen before a frame: the clean frames of its sequence, small, in linear light."""
 
 from bisect import bisect_right
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Hashable, Sequence
+from dataclasses import dataclass, field
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -20,11 +20,13 @@ class EarlierFrame:
     """A frame as a meter sees it.
 
     stamp_s: its time stamp, seconds. light: (h, w, 3) float32, linear, at most 32 pixels a side; each pixel the mean of
-    what it stands for. It is not to be written to.
+    what it stands for. It is not to be written to. asked: what automatics would have, seeing it, by what decides that;
+    frames of one light share it, as each is looked at from many later ones.
     """
 
     stamp_s: float
     light: NDArray[np.float32]
+    asked: dict[Hashable, NDArray[np.float64]] = field(default_factory=dict[Hashable, NDArray[np.float64]], repr=False)
 
 
 ReadEarlier: TypeAlias = Callable[[float], tuple[EarlierFrame, ...]]

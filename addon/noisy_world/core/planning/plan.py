@@ -244,6 +244,8 @@ def _renders(plan: Plan, scene: Scene) -> list[Render]:
     shared: list[Sequence] = []
     moved: dict[Hashable, Render] = {}
     for setting in plan.settings:
+        moving, _ = split_motion(setting.motion, exposed=clocked or bool(setting.exposure))
+        _check_exposure(setting, moving, scene, preset)
         if (setting.needs_depth or setting.measures_travel) and not scene.source.capabilities.depth:
             problem = f"{setting.name} needs depth, and {scene.name} has none"
             raise scene.error(problem, "take that setting out", lacks="depth")
@@ -256,8 +258,6 @@ def _renders(plan: Plan, scene: Scene) -> list[Render]:
                 f"{setting.name}: {pairing} leaves none of the {scene.frame_count} frames of {scene.name}",
                 "change its parameters; desync has edge: clamp",
             )
-        moving, _ = split_motion(setting.motion, exposed=clocked or bool(setting.exposure))
-        _check_exposure(setting, moving, scene, preset)
         if clocked:
             check_clock(setting, moving, preset)
         if not moving and not setting.exposure:
