@@ -35,13 +35,15 @@ def hall(tmp_path_factory):
     return hall_in(tmp_path_factory.mktemp("hall"))
 
 
-def hall_in(folder, *, still=False, denoised=False):
-    """Write it. still: the camera does not move. denoised: it is set up so."""
+def hall_in(folder, *, still=False, denoised=False, focused=False):
+    """Write it. still: the camera does not move. denoised, focused: it is set up so, the latter with depth of field."""
     scene = new_scene(samples=1)
     if still:
         bpy.data.objects["Rig"].animation_data_clear()
     scene.render.use_motion_blur = True
     scene.cycles.use_denoising = denoised
+    dof = bpy.data.objects["Camera"].data.dof
+    dof.use_dof, dof.aperture_fstop, dof.focus_distance = focused, 0.5, 2.0
     glow = bpy.data.materials.new("glow")
     nodes, links = glow.node_tree.nodes, glow.node_tree.links
     place, emission = nodes.new("ShaderNodeTexCoord"), nodes.new("ShaderNodeEmission")
@@ -184,6 +186,16 @@ def test_lines_behind_a_lens_are_those_of_single_bent_renders(hall, direction):
     )
     assert psnr(frame.light.rgb, sharp.light.rgb) < 40
     assert psnr(sharp.light.rgb, pinhole.light.rgb) < 40
+
+
+def test_depth_of_lines_behind_a_lens_is_right_where_it_is_rendered_apart(tmp_path):
+    """As of a camera with depth of field, whose own render would falsify it."""
+    hall = hall_in(tmp_path / "focused", focused=True)
+    frame, _ = exposed(hall, rolling(), camera=BENT)
+    times_s = ((np.arange(BENT["height"]) + 0.5) / BENT["height"] - 0.5) * 0.04
+    for line, (made, _) in enumerate(instants(hall, times_s, rolling(), camera=BENT)):
+        np.testing.assert_allclose(frame.depth_m[line], made.depth_m[line], rtol=1e-6)
+    assert (frame.depth_m > 0).all()
 
 
 def test_blur_lens_and_lines_are_right_together(hall):

@@ -145,6 +145,22 @@ def test_a_video_is_a_scene(tmp_path, capfd):
     assert sorted(item.name for item in tmp_path.iterdir()) == ["noisy.avi", "out", "preset.json", "walk.avi"]
 
 
+def test_a_video_stands_under_its_name_when_it_is_whole(tmp_path, capfd, monkeypatch):
+    film(tmp_path / "walk.avi")
+    path = preset_of(tmp_path)
+    assert main(["generate", str(path), "--out", str(path / "noisy.avi")]) == 1
+    assert re.search(r"preset\.json: cannot be written: .+; mend that, or name another place\n", capfd.readouterr().err)
+    before = sorted(tmp_path.rglob("*"))
+
+    def stopped(video, frames, rate_hz):
+        assert write_video(video, frames, rate_hz) == COUNT
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("noisy_world.cli.as_video.write_video", stopped)
+    assert main(["generate", str(path), "--out", str(tmp_path / "noisy.avi")]) != 0
+    assert sorted(tmp_path.rglob("*")) == before
+
+
 def depth_of(folder, steps):
     """Write a depth image for each of some arrays, numbered from 8, so that text order is another."""
     folder.mkdir(exist_ok=True)

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.datasets.image_reading import read_pixels
+from ..core.datasets.storage import ELSEWHERE, storage_errors
 from ..core.datasets.video_files import WRITTEN, write_video
 from ..core.errors import StorageError
 
@@ -43,11 +44,9 @@ def videos_of(plan: "Plan", out: Path, *, overwrite: bool) -> dict[str, Path]:
 def make_videos(plan: "Plan", videos: dict[str, Path], make: Callable[[Path], object]) -> None:
     """Make the dataset in a folder beside the videos, write these, and remove it. make: makes it in a folder."""
     beside = next(iter(videos.values())).parent
-    try:
+    with storage_errors(beside, ELSEWHERE):
         beside.mkdir(parents=True, exist_ok=True)
         folder = tempfile.TemporaryDirectory(prefix=".noisy_world-", dir=beside)
-    except OSError as error:
-        raise StorageError(str(error.strerror or error), file=beside) from error
     with folder as name:
         out = Path(name) / "dataset"
         make(out)
@@ -57,7 +56,11 @@ def make_videos(plan: "Plan", videos: dict[str, Path], make: Callable[[Path], ob
             rate_hz = 1 / float(np.median(gaps_s)) if gaps_s.size else 30.0
             for sequence in (item for item in render.sequences if item.folder in videos):
                 names = [out / sequence.folder / plan.format.names(stamps).rgb(frame) for frame in sequence.frames]
-                write_video(videos[sequence.folder], _colours(names), rate_hz)
+                video = videos[sequence.folder]
+                made = Path(name) / video.name  # moved when it is whole
+                write_video(made, _colours(names), rate_hz)
+                with storage_errors(video, ELSEWHERE):
+                    made.replace(video)
 
 
 def _colours(files: list[Path]) -> Iterator[NDArray[np.uint8]]:

@@ -25,7 +25,7 @@ def main(arguments: list[str], entry: Entry) -> int:
 
 def write(options: argparse.Namespace) -> int:
     """Write the recipe."""
-    from ..core.datasets.storage import storage_errors
+    from ..core.datasets.storage import ELSEWHERE, storage_errors
     from ..recipes.making import unnamed_sequences
     from ..recipes.of_dataset import recipe_of
     from .running import listener
@@ -36,7 +36,7 @@ def write(options: argparse.Namespace) -> int:
     if options.out is None:
         sys.stdout.write(text)
     else:
-        with storage_errors(options.out):
+        with storage_errors(options.out, ELSEWHERE):
             options.out.write_text(text, encoding="utf-8")
     if others := unnamed_sequences(recipe):
         say(

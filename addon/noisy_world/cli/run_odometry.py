@@ -75,7 +75,7 @@ def track(options: argparse.Namespace) -> int:
 
 def _tracked(sequence: Path, out: Path, progress: Progress, stop: "threading.Event") -> str:
     """Follow the camera through one sequence; return how it went. Raises InterruptedRunError."""
-    from ..core.datasets.storage import storage_errors
+    from ..core.datasets.storage import ELSEWHERE, storage_errors
     from ..core.errors import InterruptedRunError
     from ..evaluation.odometry.frames import read_index
     from ..evaluation.odometry.running import run
@@ -83,7 +83,7 @@ def _tracked(sequence: Path, out: Path, progress: Progress, stop: "threading.Eve
     from ..evaluation.systems.index import given_sequence
 
     given = given_sequence(sequence)
-    with storage_errors(out):
+    with storage_errors(out, ELSEWHERE):
         out.mkdir(parents=True, exist_ok=True)
     given.write_index(out / INDEX, None)
     result = run(read_index(out / INDEX), progress=progress, stopped=stop.is_set)

@@ -75,7 +75,7 @@ def _parse(arguments: list[str], entry: Entry) -> argparse.Namespace:
 
 def score(options: argparse.Namespace) -> int:
     """Score, print and write what is asked for."""
-    from ..core.datasets.storage import storage_errors, write_atomic
+    from ..core.datasets.storage import ELSEWHERE, storage_errors, write_atomic
     from ..core.extras import need
     from ..evaluation.metrics import Alignment, frame_errors_text, score_trajectory
     from ..evaluation.metrics.reading import read_poses_to_compare
@@ -104,7 +104,7 @@ def score(options: argparse.Namespace) -> int:
     for note in found.notes:
         say(f"warning: {note}")
     if options.errors is not None:
-        with storage_errors(options.errors):
+        with storage_errors(options.errors, ELSEWHERE):
             options.errors.write_text(frame_errors_text(found.frame_errors), encoding="utf-8")
     if options.plot is not None:
         write_atomic(options.plot, picture(found, poses.truth, options.plot.suffix[1:].lower()), options.plot.parent)

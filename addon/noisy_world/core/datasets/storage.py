@@ -19,6 +19,7 @@ from ..regular_files import read_bytes
 from .hashing import read_sha256
 
 _UNFINISHED = itertools.count()
+ELSEWHERE = "mend that, or name another place"
 FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
 
 
@@ -66,7 +67,7 @@ def made_beside(out: Path) -> Iterator[Path]:
     Folders above it are made. Raises StorageError where it cannot be written.
     """
     parent = out.absolute().parent
-    with storage_errors(out, "mend that, or name another place"):
+    with storage_errors(out, ELSEWHERE):
         parent.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(dir=parent, prefix=".unfinished-") as folder:
             made = Path(folder) / out.name
