@@ -158,6 +158,17 @@ CLAIMS = [
     ),
     ("of colour alone the study cannot tell, {} (p {})", ratio(DEPTH, WAYS[2]), p_of(DEPTH, WAYS[2])),
     (
+        "makes depth alone worse, {} times (p {}), and of colour alone the study cannot tell either, {}.",
+        ratio("clean_sensor", WAYS[1]),
+        p_of("clean_sensor", WAYS[1]),
+        ratio("clean_sensor", WAYS[2]),
+    ),
+    (
+        "noise of 1 cm costs depth alone most, {}, and both together {}; that colour alone, at {}, is",
+        *(mean("clean_sensor", system=system) for system in (WAYS[1], WAYS[0], WAYS[2])),
+    ),
+    ("the path driven four times as fast, of which the study cannot tell, {}:", ratio("speed_x4", "kiss_icp")),
+    (
         "worse with noise on depth, {} times (p {}) and with motion blur, {} (p {}).",
         *(value(setting, WAYS[0]) for setting in (DEPTH, "motion_blur_s3") for value in (ratio, p_of)),
     ),

@@ -14,7 +14,13 @@ from .axis import Axis
 from .psychometric import LEVEL, chances, interval, next_place, prior, quantile, updated
 
 FEWEST_RUNS = 10
-"""Before a search ends. Chosen."""
+"""Before a search ends without a threshold. Chosen."""
+FEWEST_TO_FIND = 25
+"""Before a threshold is found. Chosen: fewer outcomes do not tell how gradual the rise is, and an interval that allows
+for any is too wide where it is abrupt and too narrow where it is gradual."""
+NARROW_IN_A_ROW = 3
+"""Runs after which the interval is narrow enough, one after the other. Chosen: a search that ended at the first would
+end where chance has made it narrow."""
 
 
 @dataclass(frozen=True)
@@ -109,7 +115,7 @@ def search(
     known = chances(tuple(map(axis.place_of, values)))
     posterior = prior(known)
     verdict = Verdict.ENDED
-    runs = 0
+    runs = narrow = 0
     while runs < most and verdict is Verdict.ENDED:
         place = next_place(posterior, known)
         planned = Planned(runs, scene_of(runs, scenes, seed), seed + runs, values[place])
@@ -119,13 +125,12 @@ def search(
         posterior = updated(posterior, known[:, place], failed=not trial.succeeded)
         runs += 1
         low, high = interval(posterior)
-        if runs < FEWEST_RUNS:
-            continue
-        if low >= 1.0:
+        narrow = narrow + 1 if low >= 0.0 and high <= 1.0 and high - low <= width else 0
+        if runs >= FEWEST_RUNS and low >= 1.0:
             verdict = Verdict.HOLDS
-        elif high <= 0.0:
+        elif runs >= FEWEST_RUNS and high <= 0.0:
             verdict = Verdict.FAILS
-        elif low >= 0.0 and high <= 1.0 and high - low <= width:
+        elif (runs >= FEWEST_TO_FIND and narrow >= NARROW_IN_A_ROW) or (runs == most and narrow):
             verdict = Verdict.FOUND
     low, high = interval(posterior)
     middle, low, high = (
