@@ -29,6 +29,7 @@ from .earlier import EarlierFrames
 from .stage_timer import DECODING, StageTimer
 
 SKY_BEHIND_GLASS_M = 500.0  # as far away as haze, rain and snow take the sky to be
+OUTDOORS = 0.02  # share of open sky from which on that holds; less counts in part, so that nothing jumps; chosen
 
 
 class CleanFrame:
@@ -176,13 +177,16 @@ class CleanFrame:
     def read_seen_depth_m(self) -> NDArray[np.float32]:
         """Return the depth of what colour shows, through panes of glass, for what acts on colour; as `read_depth_m`.
 
-        Of a lit frame, sky behind a pane is a far surface: the sky that a window shows does not light the room's air.
+        Of a lit frame, sky behind a pane is a surface: the sky that a window shows does not light the room's air. It is
+        far away beside open sky, so that a pane punches no hole into weather, and at the pane in a room without any.
         """
         behind_m = depth_behind_glass(self._image)
         if behind_m is None or self.light is None:
             return self.read_depth_m() if behind_m is None else behind_m
-        window = (self.read_depth_m() > 0) & ~(behind_m > 0)
-        return np.where(window, np.float32(SKY_BEHIND_GLASS_M), behind_m)
+        pane_m = self.read_depth_m()
+        outdoors = min(float((pane_m == 0).mean()) / OUTDOORS, 1.0)
+        sky_m = pane_m ** np.float32(1 - outdoors) * np.float32(SKY_BEHIND_GLASS_M**outdoors)
+        return np.where((pane_m > 0) & ~(behind_m > 0), sky_m, behind_m)
 
     def read_rgb(self) -> NDArray[np.float32]:
         """Return colour (H, W, 3), float32 in [0, 1], in depth's pixels as these are written, for contexts likewise."""
