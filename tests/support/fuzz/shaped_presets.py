@@ -17,6 +17,7 @@ from noisy_world.core.perturbing.kinds import SEQUENCE_KINDS, PairingPerturbatio
 from noisy_world.core.presets.preset import EMBREE_SAMPLES, WORKBENCH_SAMPLES, CameraSpec, RenderSpec
 from noisy_world.core.presets.scene_keys import HandheldSpec
 from noisy_world.core.trajectories.pose_text import FORMATS
+from noisy_world.core.perturbing.reading import is_sensor
 from noisy_world.perturbations import registry
 
 WORDS = (
@@ -57,6 +58,8 @@ def _value(hint: Any, info: Any, rng):
         return pick(rng, get_args(hint))
     if hint is bool:
         return bool(rng.integers(2))
+    if hint is str and info.file is not None:
+        return ""  # no file
     if hint is str:
         return pick(rng, tuple(info.choices)) if info.choices else "x"
     if hint in (int, float):
@@ -122,7 +125,9 @@ def _setting(rng, number, known):
     steps = {}
     for _ in range(int(rng.integers(0, 4))):
         steps |= {name: {name: value} for name, value in _step(rng, known).items()}
-    return {"name": f"setting{number}", "perturb": list(steps.values())}
+    measuring = [name for name in steps if is_sensor(known[name])]  # depth is measured once
+    kept = [step for name, step in steps.items() if name not in measuring[1:]]
+    return {"name": f"setting{number}", "perturb": kept}
 
 
 def _document(rng):
@@ -137,6 +142,8 @@ def _document(rng):
     scenes = [_scene(rng, k) for k in range(int(rng.integers(1, 4)))]
     recorded = any("sequence" in scene for scene in scenes)
     known = {name: each for name, each in registry().items() if not (recorded and name in ELSEWHERE)}
+    if render.get("engine") != "embree":
+        known = {name: each for name, each in known.items() if not getattr(each, "rays", None)}
     document = {
         "scenes": scenes,
         "settings": [_setting(rng, k, known) for k in range(int(rng.integers(1, 5)))],
