@@ -85,7 +85,7 @@ CLAIMS = [
     ("docs/cost.md", r"are ([\d,]+) sequences of", [8 * settings("noisy_rooms")]),
     ("docs/evaluation.md", r"for two rooms, (\d+) settings", [settings("benchmark")]),
     ("docs/results.md", r"All (\d+) settings were run", [settings("six_rooms")]),
-    ("docs/report.md", r"two systems, two rooms, (\d+) settings", [settings("benchmark")]),
+    ("docs/report.md", r"six systems in six rooms under (\d+) settings", [settings("six_rooms")]),
     ("docs/study_plan.md", r"Six embedded rooms, (\d+) settings", [settings("six_rooms")]),
     ("docs/study_plan.md", r"over the (\d+) settings of that system", [settings("six_rooms") - 1]),
     ("docs/node_groups.md", r"all (\d+) groups of the shelf", [len([item for item in COLOUR if item.build])]),
