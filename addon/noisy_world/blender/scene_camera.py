@@ -94,7 +94,6 @@ def camera_parameters(scene: bpy.types.Scene, camera: bpy.types.Object) -> Camer
         fy_px=fx_px / aspect,
         cx_px=(width_px - 1) / 2 - data.shift_x * side_px,
         cy_px=(height_px - 1) / 2 + data.shift_y * side_px / aspect,
-        lens_mm=data.lens,
         near_m=data.clip_start,
         far_m=data.clip_end,
     )

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Generate: a Blender in the background makes the dataset that the panel describes; the panel shows its progress."""
 
+import atexit
 from typing import TYPE_CHECKING, Any
 
 import bpy
@@ -315,18 +316,25 @@ def _leave_file(*_: object) -> None:
     stop_all()
 
 
+def _leave() -> None:
+    """End a run, and take the handlers away: the bpy module calls them when Python has forgotten this module."""
+    stop_all()
+    for handlers in LEAVING:
+        handlers.remove(_leave_file)
+
+
 def register() -> None:
     """Register the operators, the part in the status bar, and the handlers that end a run when its file is closed."""
     _register_classes()
     bpy.types.STATUSBAR_HT_header.append(DRAWS)
     for handlers in LEAVING:
         handlers.append(_leave_file)
+    atexit.register(_leave)
 
 
 def unregister() -> None:
     """Unregister all of it, and end a run."""
-    stop_all()
-    for handlers in LEAVING:
-        handlers.remove(_leave_file)
+    _leave()
+    atexit.unregister(_leave)
     bpy.types.STATUSBAR_HT_header.remove(DRAWS)
     _unregister_classes()

@@ -19,6 +19,7 @@ FOLDER = Path(__file__).resolve().parent / "thumbnails"
 
 OWN_SUFFIXES = (".jpg", ".png")
 COLUMNS, SCALE = 6, 4.0  # of a list; chosen: all of a list in a window of 900 pixels, at a picture's own size
+WIDE = 46  # in units of the interface; chosen: no label is cut
 _loaded: dict[str, Any] = {}  # the pictures that were shown, by file
 
 
@@ -86,7 +87,7 @@ def _popover(name: str, label: str, said: str, content: Callable[[bpy.types.UILa
         content(layout_of(self))
 
     members = {
-        "bl_label": label, "bl_space_type": "VIEW_3D", "bl_region_type": "HEADER", "bl_ui_units_x": 36, "draw": draw,
+        "bl_label": label, "bl_space_type": "VIEW_3D", "bl_region_type": "HEADER", "bl_ui_units_x": WIDE, "draw": draw,
         "__module__": __name__, "__doc__": said,
     }  # fmt: skip
     return type(name, (bpy.types.Panel,), members)

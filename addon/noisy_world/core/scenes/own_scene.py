@@ -20,8 +20,7 @@ from .scene_object import SceneObject
 class CameraParameters:
     """How a camera of Blender's sees, apart from its pose.
 
-    camera: the object's name. kind: PERSP, ORTHO, PANO or CUSTOM. lens_mm: of a perspective one. near_m, far_m: its
-    clipping.
+    camera: the object's name. kind: PERSP, ORTHO, PANO or CUSTOM. near_m, far_m: its clipping.
     """
 
     camera: str
@@ -32,7 +31,6 @@ class CameraParameters:
     fy_px: float
     cx_px: float
     cy_px: float
-    lens_mm: float
     near_m: float
     far_m: float
 
