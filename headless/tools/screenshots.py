@@ -148,7 +148,7 @@ def photograph_add_on(folder: Path) -> Iterator[float]:
     yield SETTLE_S
     show_camera(view)
     yield from until_drawn()
-    yield from scroll_to_end(view)  # only now, when the tab has all its lines
+    yield from scroll_to_end(view, steps=12)  # to what is previewed
     yield from until_drawn()
     photograph(folder / "add_on_preview.jpg", part_of(view))
     shading_of(space_of(view)).type = "SOLID"
@@ -251,7 +251,7 @@ def photograph_shots(folder: Path) -> Iterator[float]:
     with override(window=window(), area=view, region=sidebar(view)):
         bpy.ops.wm.call_panel(name=pictures.POPOVERS["physical"], keep_open=True)
     yield from until_drawn()
-    photograph(folder / "add_on_pictures.jpg", "800x590+0+310")  # where it opens, with the mouse in the corner
+    photograph(folder / "add_on_pictures.jpg", "1000x590+0+310")  # where it opens, with the mouse in the corner
     noisy_world.unregister()
 
 
