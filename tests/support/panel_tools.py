@@ -5,8 +5,10 @@ import bpy
 import numpy as np
 import yaml
 
+from noisy_world.core.perturbing.reading import is_sensor
 from noisy_world.core.scenes.mesh import Mesh
 from noisy_world.core.scenes.ply_writer import write_ply
+from noisy_world.perturbations import registry
 
 
 def settings():
@@ -41,3 +43,11 @@ def use_files(tmp_path, count=10):
     item.mesh_path = square(tmp_path / "square.ply")
     item.trajectory_path, poses = straight(tmp_path / "traj.txt", count)
     return poses
+
+
+def leave_one_sensor(panel, name):
+    """Take a sensor of depth off the list where another is about to be added: depth is measured once."""
+    sensors = {item.name for item in registry().values() if is_sensor(item)}
+    if name in sensors:
+        for index in reversed([k for k, item in enumerate(panel.steps) if item.perturbation in sensors]):
+            panel.steps.remove(index)

@@ -8,10 +8,10 @@ from pathlib import Path
 import bpy
 import pytest
 from cases import cases
-from panel_tools import open_document, settings, use_files
+from panel_tools import leave_one_sensor, open_document, settings, use_files
 
 from noisy_world.core.errors import InputError
-from noisy_world.core.perturbing.reading import is_sensor, parse_settings
+from noisy_world.core.perturbing.reading import parse_settings
 from noisy_world.core.presets.preset import read_preset
 from noisy_world.perturbations import registry
 from noisy_world.sources import read_scenes
@@ -253,8 +253,7 @@ def of_ones_own(tmp_path):
 
 @cases("path", SINGLE)
 def test_a_shipped_perturbation_leaves_everything_else_alone(of_ones_own, path):
-    name = path.stem
-    leave_one_sensor(of_ones_own, name)
+    leave_one_sensor(of_ones_own, name := path.stem)
     rest, before = described()
     assert use(path) == {"FINISHED"}
     again, after = described()
@@ -270,14 +269,6 @@ def test_a_shipped_perturbation_leaves_everything_else_alone(of_ones_own, path):
     assert made.parameters(made.severity) == wanted
     order = [item.perturbation.name for item in steps_of_panel()]
     assert order == sorted(order, key=list(registry()).index)
-
-
-def leave_one_sensor(panel, name):
-    """Take a sensor of depth off the list where another is about to be added: depth is measured once."""
-    sensors = {item.name for item in registry().values() if is_sensor(item)}
-    if name in sensors:
-        for index in reversed([k for k, item in enumerate(panel.steps) if item.perturbation in sensors]):
-            panel.steps.remove(index)
 
 
 def steps_of_panel():
