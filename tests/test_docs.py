@@ -17,10 +17,16 @@ import yaml
 from worlds import ROOT, generate, write_world
 
 from noisy_world.cli.command import SUBCOMMANDS
+from noisy_world.core.channels import CHANNELS
+from noisy_world.core.datasets.layouts import LAYOUTS
 from noisy_world.core.planning.plan import read_settings
 from noisy_world.core.presets.preset import PresetSpec, read_preset
+from noisy_world.evaluation.maps.names import MAP_METRICS
+from noisy_world.evaluation.metrics import METRICS
+from noisy_world.evaluation.systems.registry import find_system, shipped_names
 from noisy_world.perturbations import registry
 from noisy_world.planning import make_plan
+from noisy_world.sources import SOURCES
 
 PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")])
 sys.path.append(str(ROOT / "docs/examples"))
@@ -119,18 +125,26 @@ def test_the_references_examples_are_code():
     assert list(unmarked_examples("Text.\n\nfrom a import b\n\n    b(1)")) == ["from a import b"]
 
 
-def test_the_readme_is_short_and_its_lines_even():
-    lines = (ROOT / "README.md").read_text(encoding="utf-8").splitlines()
-    assert len(lines) <= 107
-    assert [line for line in lines if len(line) > 120 and not line.startswith("|")] == []
+def registered():
+    """What users choose from, by the pages that have to name it."""
+    own = [name for name, item in registry().items() if item.distribution is None]
+    extras = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["optional-dependencies"]
+    return {
+        "perturbations": own,
+        "gallery": own,
+        "channels": CHANNELS,
+        "layouts": LAYOUTS,
+        "metrics": [*METRICS, *(name for name, metric in MAP_METRICS.items() if metric.group != "paper")],
+        "generate": SOURCES,
+        "systems": [name for name in shipped_names() if find_system(name).remedy == ""],
+        "install": extras,
+    }
 
 
-def test_the_architecture_is_read_in_ten_minutes():
-    text = (ROOT / "docs/architecture.md").read_text(encoding="utf-8")
-    words, changes = text.split("## Words that are ours")[1].split("## The eight changes")
-    assert len(re.findall(r"^\| (?!word|---)", words, re.MULTILINE)) <= 30
-    assert len(re.findall(r"^\| (?!to add|---)", changes, re.MULTILINE)) == 8
-    assert len(text.split()) < 1600
+@pytest.mark.parametrize(("page", "names"), registered().items(), ids=registered())
+def test_what_users_choose_from_is_named_on_its_page(page, names):
+    text = (ROOT / f"docs/{page}.md").read_text(encoding="utf-8")
+    assert [name for name in names if not re.search(rf"\b{name}\b", text)] == []
 
 
 def test_commands_and_files_on_the_pages_exist():
@@ -230,7 +244,6 @@ def test_the_citation_and_the_pages_are_of_this_version():
 def test_the_tutorials_preset_is_what_the_tutorial_says():
     plan = make_plan(read_preset(ROOT / "docs/examples/tour.yaml", []), None)
     assert [sequence.folder for sequence in plan.sequences] == ["clean/room", "noisy/room", "late_depth/room"]
-    assert all(len(sequence.frames) in (116, 120) for sequence in plan.sequences)
     assert len(plan.renders) == 1
 
 

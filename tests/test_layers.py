@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Importing the core loads neither Blender nor the heavy libraries, and the layers hold where lint cannot see."""
 
-import ast
 import subprocess
 import sys
 from pathlib import Path
@@ -85,21 +84,3 @@ def test_the_lint_rules_would_catch_a_breach(tmp_path):
     found = subprocess.run(command, capture_output=True, text=True, check=False).stdout
     for name in breaches:
         assert name in found.replace(str(tmp_path), ""), f"a breach in {name} went unseen:\n{found}"
-
-
-def test_no_file_is_longer_than_400_lines():
-    # What is longer holds two subjects, and nobody reads it whole.
-    roots = [ADDON / "noisy_world", ADDON.parent / "headless", ADDON.parent / "tests"]
-    lines = {path: len(path.read_text(encoding="utf-8").splitlines()) for root in roots for path in root.rglob("*.py")}
-    assert len(lines) > 150, "the folders are not where this test looks"
-    too_long = {str(path.relative_to(ADDON.parent)): count for path, count in lines.items() if count > 400}
-    assert not too_long
-
-
-def test_a_class_name_stands_for_one_thing():
-    places = {}
-    for path in ADDON.rglob("*.py"):
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
-                places.setdefault(node.name, []).append(str(path.relative_to(ADDON)))
-    assert {name: found for name, found in places.items() if len(found) > 1} == {}

@@ -4,7 +4,6 @@
 import csv
 import json
 import math
-import statistics
 
 import pytest
 from worlds import ROOT
@@ -118,24 +117,3 @@ def test_runs_through_60_degrees_of_320_x_240_are_flagged_and_those_of_the_study
     assert camera_of(study)["width"] / camera_of(study)["fx"] == 2.0  # 90 degrees
     wide = clean_gate(read_results(study))
     assert [scene.wrong for scene in wide.scenes if scene.system == "orb_slam3"] == [""] * 6
-
-
-def test_the_page_says_what_the_narrow_camera_had():
-    """The medians of each room's three runs, and the worst run of room 0."""
-    runs = {}
-    with (ROOT / "docs/data/narrow_camera/tables/runs.csv").open(newline="") as file:
-        for row in csv.DictReader(file):
-            runs.setdefault(row["scene"], []).append((float(row["ate_rmse_m"]), float(row["scale"])))
-    ates = {room: statistics.median(1e3 * ate_m for ate_m, _ in of_room) for room, of_room in runs.items()}
-    scales = {room: statistics.median(scale for _, scale in of_room) for room, of_room in runs.items()}
-    rest = sorted(runs.keys() - {"room1", "room5"})
-    worst_mm, largest = 1e3 * max(runs["room0"])[0], max(scale for _, scale in runs["room0"])
-    wanted = (
-        f"room 1, {ates['room1']:.1f} mm and a scale of {scales['room1']:.3f}, and",
-        f"room 5, {ates['room5']:.1f} mm and {scales['room5']:.3f}.",
-        f"medians of {min(ates[room] for room in rest):.1f} to {max(ates[room] for room in rest):.1f} mm and",
-        f"and {min(scales[room] for room in rest):.3f} to {max(scales[room] for room in rest):.3f};",
-        f"single runs reach {worst_mm:.1f} mm and {largest:.3f} in room 0.",
-    )
-    page = " ".join((ROOT / "docs/systems.md").read_text(encoding="utf-8").split())
-    assert [text for text in wanted if text not in page] == []
