@@ -64,7 +64,7 @@ OPENED = "fog_depth"
 PREVIEWED = (("fog", 2), ("gaussian_noise", 1))
 PATH = {"handheld_frames": 160, "handheld_speed_m_s": 1.0}
 TRACKED_IN = "desync"
-TRACKED: dict[str, Any] = {  # a path that turns enough for late depth to matter
+TRACKED: dict[str, Any] = {  # a path that turns enough for depth of another moment to matter
     "room_seed": 1, "handheld_frames": 300, "handheld_rate_hz": 20.0, "handheld_speed_m_s": 0.5,
     "width_px": 320, "height_px": 240, "fx_px": 277.0, "fy_px": 277.0, "cx_px": 159.5, "cy_px": 119.5,
 }  # fmt: skip

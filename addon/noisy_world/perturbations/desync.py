@@ -16,7 +16,8 @@ class Desync:
     """Which depth is paired with which colour, and what happens at the ends."""
 
     offset: int = key(
-        "depth of frame i + offset goes with colour of frame i",
+        "depth of frame i + offset goes with colour of frame i: above 0, depth was taken after its colour; below 0 it "
+        "comes late",
         unit="frames",
         default=5,
         minimum=-10_000,
@@ -33,7 +34,8 @@ class Desync:
 def apply(count: int, parameters: Desync, context: SequenceContext) -> NDArray[np.int64]:
     """Return (count,) int64: for each frame the one whose depth is paired with it, -1 where the frame is left out.
 
-    D'[i] = D[i + offset] (paper, section "RGB-D desynchronization").
+    D'[i] = D[i + offset] (paper, section "RGB-D desynchronization", which calls an offset above 0 a delay): depth that
+    was taken after its colour. Depth that arrives late, by a latency of n frames, has the offset -n.
     """
     source = np.arange(count) + parameters.offset
     if parameters.mode == "dynamic":

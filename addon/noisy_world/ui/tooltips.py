@@ -121,7 +121,7 @@ SEEN: dict[str, dict[str, str]] = {
         "max_m": "Lower: more of what is far has no depth",
     },
     "desync": {
-        "offset": "Further from 0: depth shows a moment further from the color's; its sign says before or after",
+        "offset": "Above 0: depth was taken after its color. Below 0: before it, as depth that comes late",
         "mode": "Whether all frames are off by the same, or each by a draw of its own",
         "edge": "What happens where depth would come from before the first frame or after the last",
     },
