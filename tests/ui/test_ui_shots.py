@@ -32,21 +32,22 @@ START = "tell(start={'label': 'rendering', 'total': 2, 'done': 0})\ntell(advance
 
 @pytest.fixture
 def stage(tmp_path):
-    """A lit plane seen by two cameras, one that moves and one that stands."""
+    """A lit plane seen by two cameras that move, in a collection as Blender's own new ones are."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     scene = bpy.context.scene
     bpy.ops.mesh.primitive_plane_add(size=8)
     sun = bpy.data.objects.new("Sun", bpy.data.lights.new("Sun", "SUN"))
     scene.collection.objects.link(sun)
+    collection = bpy.data.collections.new("Collection")
+    scene.collection.children.link(collection)
     for name, x in (("Wide", -1.0), ("Close", 1.0)):
         camera = bpy.data.objects.new(name, bpy.data.cameras.new(name))
-        scene.collection.objects.link(camera)
+        collection.objects.link(camera)
         camera.location, camera.rotation_euler = (x, -4, 2), (math.radians(65), 0, 0)
-    wide = bpy.data.objects["Wide"]
-    wide.keyframe_insert("location", frame=1)
-    wide.location.x = 0.0
-    wide.keyframe_insert("location", frame=9)
-    scene.camera = wide
+        camera.keyframe_insert("location", frame=1)
+        camera.location.x = 0.0
+        camera.keyframe_insert("location", frame=9)
+    scene.camera = bpy.data.objects["Wide"]
     scene.render.engine = "CYCLES"
     scene.cycles.samples = 1
     scene.render.resolution_x, scene.render.resolution_y = 32, 24

@@ -80,12 +80,13 @@ class RenderCamera:
     def follow(self, c2w: NDArray[np.float64]) -> None:
         """Look from a pose at the frame that the scene shows, and move as the artist's camera does around it."""
         assert self._model is not None
-        graph = self._scene.view_layers[0].depsgraph
-        assert graph is not None
-        under = np.array(self._model.evaluated_get(graph).matrix_world, dtype=np.float64)
+        layer = self._scene.view_layers[0]
         if self.camera.parent != self._model:
             self.camera.parent = self._model
             self.camera.matrix_parent_inverse = Matrix.Identity(4)
+            layer.update()  # only from now on is a model evaluated that the view layer leaves out
+        assert layer.depsgraph is not None
+        under = np.array(self._model.evaluated_get(layer.depsgraph).matrix_world, dtype=np.float64)
         self.camera.matrix_basis = Matrix((np.linalg.inv(under) @ blender_from_opencv_c2w(c2w)).tolist())
         self._be_scenes()
 

@@ -18,22 +18,27 @@ from .typed import camera_of
 def sampled_camera(scene: bpy.types.Scene, camera: bpy.types.Object | None, frames: Iterable[float]) -> SampledCamera:
     """Return a camera at some frames of a scene, which has to be a window's or have a view layer that is evaluated.
 
-    camera: None for the scene's own, which markers may switch. The scene shows its own frame again in the end, and
-    looks through its own camera.
+    camera: None for the scene's own, which markers may switch. Another one is made the scene's for each frame, as
+    Blender evaluates what a view layer leaves out for the scene's camera and those of markers alone. The scene shows
+    its own frame again in the end, and looks through its own camera.
     """
     asked = tuple(frames)
     before = (scene.frame_current, scene.frame_subframe, scene.camera)
     matrices, parameters = [], []
-    for frame in asked:
-        show_frame(scene, frame)
-        seen_by = camera or scene.camera
-        assert seen_by is not None, "the scene has a camera"
-        evaluated = seen_by.evaluated_get(_evaluated(scene))
-        matrices.append(np.array(evaluated.matrix_world, dtype=np.float64))
-        parameters.append(camera_parameters(scene, evaluated))
-    scene.frame_set(before[0], subframe=before[1])
-    if scene.camera != before[2]:
-        scene.camera = before[2]
+    try:
+        for frame in asked:
+            if camera is not None and scene.camera != camera:  # a marker may have switched it at the frame before
+                scene.camera = camera
+            show_frame(scene, frame)
+            seen_by = camera or scene.camera
+            assert seen_by is not None, "the scene has a camera"
+            evaluated = seen_by.evaluated_get(_evaluated(scene))
+            matrices.append(np.array(evaluated.matrix_world, dtype=np.float64))
+            parameters.append(camera_parameters(scene, evaluated))
+    finally:
+        scene.frame_set(before[0], subframe=before[1])
+        if scene.camera != before[2]:
+            scene.camera = before[2]
     return SampledCamera(asked, np.array(matrices).reshape(-1, 4, 4), tuple(parameters))
 
 
