@@ -23,6 +23,7 @@ from ..core.perturbing.steps import Step
 from ..core.scratch import ScratchFolder
 from ..core.trajectories.camera_state import camera_state_of
 from ..core.trajectories.motion import CameraMotion
+from ..core.utf8_names import utf8_name
 from .nodes import ensure_group, remove_group
 from .render import muted_output
 from .scratch_images import float_image, image_node, read_rows, write_plain_floats
@@ -355,7 +356,7 @@ class _Layers:
         self._files: dict[tuple[str, ...], bpy.types.CompositorNodeOutputFile] = {}
         for number, names in enumerate(batched(nodes, LAYERS)):
             file = new_node(tree, bpy.types.CompositorNodeOutputFile)
-            file.directory, file.file_name = str(folder), f"{output}-{number}"
+            file.directory, file.file_name = utf8_name(folder), f"{output}-{number}"
             file.save_as_render = False
             assert file.format is not None
             write_plain_floats(file.format)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from ..core.node_graphs.graph import INTERFACE, BroughtImage, Graph, GroupInput, Node, Panel, Socket
 from ..core.node_graphs.node_layout import Arrangement, arrange
+from ..core.utf8_names import utf8_name
 from .typed import interface, new_node, new_socket, new_tree, set_pixels, set_value, use_as_data
 
 T = TypeVar("T", bound=bpy.types.ID)
@@ -305,10 +306,11 @@ def ensure_picture(picture: BroughtImage) -> bpy.types.Image:
 
 
 def _packed_file(path: Path) -> bpy.types.Image:
-    image = bpy.data.images.load(str(path))
+    image = bpy.data.images.load(utf8_name(path))
     use_as_data(image)
     image.pack()
-    image.filepath_raw = f"//{path.name}"  # the name alone: no path of this machine goes into the user's file
+    # The name alone: no path of this machine goes into the user's file.
+    image.filepath_raw = utf8_name(f"//{path.name}")
     return image
 
 

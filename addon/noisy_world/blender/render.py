@@ -14,6 +14,7 @@ from ..core.channels.surface import Fact, Surface
 from ..core.errors import StorageError
 from ..core.planning.source import RenderedFrame
 from ..core.scratch import ScratchFolder
+from ..core.utf8_names import utf8_name
 from .read_lines import Band, bordered
 from .scratch_images import write_plain_floats
 from .typed import camera_of, override
@@ -50,7 +51,7 @@ class RenderFile:
         self.folder = self._scratch.path
         self._path = self.folder / "frame.exr"
         render = scene.render
-        render.filepath = str(self._path)
+        render.filepath = utf8_name(self._path)
         render.use_file_extension = False
         render.use_overwrite = True
         render.use_placeholder = False
@@ -82,7 +83,7 @@ class RenderFile:
             raise StorageError(
                 f"Blender could not write its scratch file: {problem or 'no file came'}", file=self._path
             )
-        with OpenEXR.File(str(self._path), separate_channels=True) as file:
+        with OpenEXR.File(utf8_name(self._path), separate_channels=True) as file:
             named = {tuple(name.rsplit(".", 2)): item.pixels[crop] for name, item in file.channels().items()}
         return {".".join(name[1:]): pixels for name, pixels in named.items() if name[0] == layer}
 

@@ -14,6 +14,7 @@ import numpy as np
 from ..core.messages import Action, Message, Remedy, either
 from ..core.presets.frame_range import FrameRange
 from ..core.scenes.own_scene import OwnScene, Problem, SampledCamera
+from ..core.utf8_names import utf8_name
 from .own_settings import lacks_denoiser, rendered_layer
 from .render import muted_output
 from .scene_camera import bound_cameras, camera_alone, sampled_camera
@@ -55,7 +56,7 @@ def _answer(asked: dict[str, Any]) -> dict[str, Any]:
 def open_file(path: str) -> None:
     """Open a .blend without running what it holds. Raises RuntimeError where it is none."""
     with muted_output():
-        bpy.ops.wm.open_mainfile(filepath=path, load_ui=False, use_scripts=False)
+        bpy.ops.wm.open_mainfile(filepath=utf8_name(path), load_ui=False, use_scripts=False)
 
 
 def show_scene(scene: bpy.types.Scene) -> None:

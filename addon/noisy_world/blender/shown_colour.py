@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from ..core.datasets.image_reading import read_pixels
 from ..core.errors import StorageError
+from ..core.utf8_names import utf8_name
 from .render import muted_output
 from .typed import set_pixels
 
@@ -55,7 +56,7 @@ class ShownColour:
         self._path.unlink(missing_ok=True)
         try:
             with muted_output():
-                self._image.save_render(str(self._path), scene=self._writer)
+                self._image.save_render(utf8_name(self._path), scene=self._writer)
         except RuntimeError as error:
             raise StorageError(f"Blender could not write its scratch file: {error}", file=self._path) from error
         bgr = read_pixels(self._path, cv2.IMREAD_UNCHANGED)

@@ -2,10 +2,13 @@
 """The parser of every command line: what is wrong is one line, and a misspelt word is answered with what is near it."""
 
 import argparse
+import sys
 from collections.abc import Iterable, Sequence
 from typing import Any, NoReturn
 
+from ..core.errors import one_line
 from ..core.near import nearest
+from ..core.utf8_names import RENAME, is_utf8
 
 
 class Parser(argparse.ArgumentParser):
@@ -19,8 +22,11 @@ class Parser(argparse.ArgumentParser):
     def parse_args(  # pyright: ignore[reportIncompatibleMethodOverride]  its overloads tell types of namespaces
         self, args: Iterable[str] | None = None, namespace: Any = None
     ) -> Any:
-        """Parse the words; end with a line where one has no place, and say which option is near it."""
-        options, others = self.parse_known_args(None if args is None else list(args), namespace)
+        """Parse the words; end with a line where one is not UTF-8, or has no place, with the option that is near it."""
+        words = sys.argv[1:] if args is None else list(args)
+        if odd := next((word for word in words if not is_utf8(word)), ""):
+            self.error(f"{one_line(odd)} is not UTF-8; where it names a file, {RENAME}")
+        options, others = self.parse_known_args(words, namespace)
         if others:
             self.error(self._no_place(others[0]))
         return options

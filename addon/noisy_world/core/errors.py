@@ -35,10 +35,16 @@ def _in_one_line(part: Part) -> Part:
 
 
 def one_line(text: str) -> str:
-    """Return a text with what a line cannot show (line ends, control characters) as Python's escapes."""
+    """Return a text with what a line cannot show as Python's escapes: line ends, bytes of names that are not UTF-8."""
     if text.isprintable():
         return text
-    return "".join(letter if letter.isprintable() else ascii(letter)[1:-1] for letter in text)
+    return "".join(letter if letter.isprintable() else _escaped(letter) for letter in text)
+
+
+def _escaped(letter: str) -> str:
+    """Return the escape of a letter; of a byte that stands as half a surrogate pair, as Python reads names, its own."""
+    byte = ord(letter) - 0xDC00
+    return f"\\x{byte:02x}" if 0x80 <= byte <= 0xFF else ascii(letter)[1:-1]
 
 
 class InputError(NoisyWorldError):

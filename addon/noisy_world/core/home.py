@@ -5,14 +5,19 @@ import os
 import sys
 from pathlib import Path
 
+from .errors import one_line
 from .schema import ConfigPath
+from .utf8_names import NOT_UTF8, RENAME, is_utf8
 
 
 def with_home(text: str) -> Path:
     """Return a path with ~ or ~user at its beginning replaced by that home folder; any other path as it is.
 
-    Raises LookupError, with what is wrong and how to mend it in one line, where there is no such user.
+    Raises LookupError, with what is wrong and how to mend it in one line, where there is no such user, and where the
+    path is not UTF-8.
     """
+    if not is_utf8(text):
+        raise LookupError(f"{one_line(text)} {NOT_UTF8}; {RENAME}")
     base, rest = split_home(text)
     return Path(rest) if base is None else base / rest
 
@@ -48,9 +53,20 @@ def located(folder: Path, text: str, place: ConfigPath) -> tuple[Path, str]:
 
 
 def path_in(folder: Path, text: str, place: ConfigPath) -> Path:
-    """Return the file or folder that a path of a preset in `folder` means. Raises InputError as `located` does."""
+    """Return the file or folder that a path of a preset in `folder` means.
+
+    Raises InputError as `located` does, and where its name is not UTF-8.
+    """
     base, rest = located(folder, text, place)
-    return base / rest
+    path = base / rest
+    check_utf8(path, place)
+    return path
+
+
+def check_utf8(path: Path, place: ConfigPath) -> None:
+    """Refuse a file or folder that a key of a preset leads to where its name is not UTF-8."""
+    if not is_utf8(path):
+        raise place.error(f"{path} {NOT_UTF8}", RENAME)
 
 
 def private_cache_folder() -> Path | None:

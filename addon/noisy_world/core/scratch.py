@@ -7,6 +7,7 @@ swept.
 """
 
 import contextlib
+import errno
 import os
 import shutil
 import sys
@@ -17,6 +18,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from .errors import StorageError
+from .utf8_names import NOT_UTF8, is_utf8
 
 SCRATCH_PREFIX = "noisy-world-scratch-"
 SHARED_MEMORY = Path("/dev/shm")  # noqa: S108 - a folder of our own is made in it
@@ -31,7 +33,7 @@ class ScratchFolder:
         Raises StorageError where no folder can be made.
         """
         try:
-            disk = Path(tempfile.gettempdir())
+            disk = _temporary_folder()
             in_memory = SHARED_MEMORY.is_dir() and os.access(SHARED_MEMORY, os.W_OK)
             for folder in {disk, SHARED_MEMORY} if in_memory else {disk}:
                 sweep(folder)
@@ -45,6 +47,14 @@ class ScratchFolder:
     def remove(self) -> None:
         """Remove the folder with all that is in it."""
         self._remove()
+
+
+def _temporary_folder() -> Path:
+    """Return the system's folder of temporary files. Raises OSError where Blender could not be given its name."""
+    folder = Path(tempfile.gettempdir())
+    if not is_utf8(folder):
+        raise OSError(errno.EILSEQ, f"{folder} {NOT_UTF8}")
+    return folder
 
 
 def sweep(parent: Path) -> None:

@@ -12,6 +12,7 @@ from ..core.extras import blender_missing
 from ..core.presets.frame_range import FrameRange
 from ..core.scenes.own_scene import OwnScene
 from ..core.schema import ConfigPath
+from ..core.utf8_names import utf8_name
 
 MARK = "@scene "
 PACKAGE = Path(__file__).resolve().parents[1]
@@ -60,7 +61,7 @@ def inspect_blend(
 def _inspected(path: Path, request: str) -> dict[str, Any]:
     if (kept := _INSPECTIONS.get((path, request))) is not None and kept[0] == _changed(path, kept[1]):
         return kept[1]
-    asked = {**json.loads(request), "file": str(path)}
+    asked = {**json.loads(request), "file": utf8_name(path)}
     ran = subprocess.run(  # noqa: S603 - this program
         inspection_command(), input=json.dumps(asked), capture_output=True, text=True, encoding="utf-8", check=False
     )

@@ -37,6 +37,7 @@ from ..core.scenes.scene_object import SceneObject
 from ..core.scenes.textures import read_picture
 from ..core.scenes.turning import Up, turned
 from ..core.scratch import ScratchFolder
+from ..core.utf8_names import utf8_name
 
 REFUSED, NOT_FINITE, REFUSAL = 4, 5, "refused.txt"  # as blender.importing.program ends, and where it says why
 # Chosen: twenty times what a file of a million triangles takes.
@@ -104,8 +105,8 @@ def _import(path: Path, folder: Path, **more: object) -> ImportedScene:
     check_numbers(path)
     header = read_gltf_header(path) if found.name == "glTF" else None
     order = {
-        "path": str(path.absolute()),
-        "folder": str(folder),
+        "path": utf8_name(path.absolute()),
+        "folder": utf8_name(folder),
         "format": found.name,
         "compression": "" if header is None else header.compression,
         "webp": header is not None and header.webp,

@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import ClassVar
 
-from ..core.home import located, path_in
+from ..core.home import check_utf8, located, path_in
 from ..core.messages import CommandLineOnly
 from ..core.planning.scene import FoundScene, K, SceneEntry, SourceKind
 from ..core.planning.source import Source
@@ -47,6 +47,7 @@ class FileSource(SourceKind[K]):
         check_one_name(entry, len(found), self.several)
         scenes = []
         for text in found:
+            check_utf8(folder / text, place)
             parts = matched_parts(pattern, text)
             name = named(entry, parts) or "_".join(parts)
             scenes.append(FoundScene(entry, name, partial(self.open_file, entry, name, folder / text, parts)))

@@ -6,6 +6,7 @@ from typing import Any
 
 import bpy
 
+from ..core.utf8_names import utf8_name
 from .operators import CANCELLED, DONE
 
 PACKAGE = (__package__ or "").rpartition(".")[0]  # bl_ext.<repository>.noisy_world, or noisy_world in a checkout
@@ -55,7 +56,7 @@ class NoisyWorldAddAssetLibrary(bpy.types.Operator):
     def execute(self, _: bpy.types.Context) -> set[str]:
         """Add them."""
         # Blender's own operator reloads shelves and menus; the functions of the collection do not.
-        bpy.ops.preferences.asset_library_add(directory=str(FOLDER))
+        bpy.ops.preferences.asset_library_add(directory=utf8_name(FOLDER))
         made = entry()
         if made is None:
             self.report({"ERROR"}, f"{FOLDER}: Blender did not take the asset library")
@@ -125,7 +126,7 @@ def register() -> None:
     if (kept := _kept()) is not None and kept.returns:
         kept.returns = False
         if entry() is None:
-            libraries().new(name=NAME, directory=str(FOLDER))
+            libraries().new(name=NAME, directory=utf8_name(FOLDER))
 
 
 def unregister() -> None:

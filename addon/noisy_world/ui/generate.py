@@ -11,6 +11,7 @@ from ..core.channels import CHANNELS
 from ..core.errors import InputError
 from ..core.labels import american
 from ..core.messages import Action, offers
+from ..core.utf8_names import utf8_name
 from . import excluded
 from .following import Following, redraw
 from .long_text import write
@@ -246,7 +247,7 @@ class NoisyWorldOpenOutput(bpy.types.Operator):
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Open it."""
-        return {*bpy.ops.wm.path_open(filepath=str(output_folder(panel_of(context.scene))))}
+        return {*bpy.ops.wm.path_open(filepath=utf8_name(output_folder(panel_of(context.scene))))}
 
 
 def operators() -> Any:

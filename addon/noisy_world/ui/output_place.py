@@ -8,6 +8,7 @@ import bpy
 
 from ..core.errors import InputError
 from ..core.home import with_home
+from ..core.utf8_names import NOT_UTF8, RENAME, is_utf8
 
 
 def output_folder(panel: Any) -> Path:
@@ -16,16 +17,19 @@ def output_folder(panel: Any) -> Path:
 
 
 def folder_of(named: str, field: str) -> Path:
-    """Return a folder that a field names. Raises InputError where it names none."""
+    """Return a folder that a field names. Raises InputError where it names none, or one whose name is not UTF-8."""
     text = named.strip()
     if not text:
         raise InputError(field, "no folder is named", remedy="choose one")
     if text.startswith("//") and not bpy.data.filepath:
         raise InputError(field, f"{text} is beside this file, which has no place yet", remedy="save it")
     try:
-        return Path(bpy.path.abspath(str(with_home(text)) if text.startswith("~") else text)).resolve()
+        folder = Path(bpy.path.abspath(str(with_home(text)) if text.startswith("~") else text)).resolve()
     except LookupError as error:
         raise InputError(field, str(error)) from error
+    if not is_utf8(folder):
+        raise InputError(field, f"{folder} {NOT_UTF8}", remedy=RENAME)
+    return folder
 
 
 def absolute(path: str) -> str:

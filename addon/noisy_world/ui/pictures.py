@@ -11,6 +11,7 @@ import bpy.utils.previews
 
 from ..blender.typed import layout_of
 from ..core.perturbing.kinds import Perturbation
+from ..core.utf8_names import utf8_name
 from .offered import BENCHMARK, PHYSICAL, Offered, offered, short_label
 from .preset_files import listed, own_folder, preset_label, shipped_folder
 
@@ -43,7 +44,7 @@ def _icon(file: Path) -> int:
         _loaded["pictures"] = bpy.utils.previews.new()
     pictures = _loaded["pictures"]
     key = f"{file}:{file.stat().st_mtime_ns}"
-    picture = pictures[key] if key in pictures else pictures.load(key, str(file), "IMAGE")
+    picture = pictures[key] if key in pictures else pictures.load(key, utf8_name(file), "IMAGE")
     return picture.icon_id
 
 

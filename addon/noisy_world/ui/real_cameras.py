@@ -18,6 +18,7 @@ from ..core.perturbing.reading import parse_steps
 from ..core.presets.device_camera import with_device
 from ..core.presets.preset import CameraSpec
 from ..core.schema import ConfigPath, parse
+from ..core.utf8_names import utf8_name
 from ..perturbations import registry
 from .described import EMBREE, notify_once, tell
 from .document import CAMERA, INTRINSICS, PANEL
@@ -129,7 +130,7 @@ def register() -> None:
     """Load the pictures, and register the classes."""
     pictures = bpy.utils.previews.new()
     for name in CAMERA_DEVICES:
-        pictures.load(name, str(PICTURES / f"{name}.jpg"), "IMAGE")
+        pictures.load(name, utf8_name(PICTURES / f"{name}.jpg"), "IMAGE")
     _loaded.append(pictures)
     _register()
 

@@ -17,6 +17,7 @@ from ..blender.chain_scene import SHOWN, hide_chain, shown_chain
 from ..blender.chain_values import LEFT_AT
 from ..core.datasets.storage import storage_errors
 from ..core.errors import StorageError
+from ..core.utf8_names import utf8_name
 from .described import tell
 from .handlers import Handlers
 from .output_place import output_folder
@@ -131,7 +132,7 @@ def _write(path: Path) -> None:
     former = filepaths.file_preview_type
     filepaths.file_preview_type = "NONE"  # or Blender would draw the scene for it
     try:
-        bpy.ops.wm.save_as_mainfile(filepath=str(path), copy=True, check_existing=False, relative_remap=True)
+        bpy.ops.wm.save_as_mainfile(filepath=utf8_name(path), copy=True, check_existing=False, relative_remap=True)
     except RuntimeError as error:  # Blender reports in this way that it could not save
         raise StorageError(f"the scene cannot be saved: {str(error).strip()}", file=path) from error
     finally:

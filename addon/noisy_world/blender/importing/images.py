@@ -13,6 +13,7 @@ from ...core.regular_files import read_bytes
 from ...core.scenes.beside import is_file, is_inside
 from ...core.scenes.imported import ImportedImage
 from ...core.scenes.picture_size import check_size_px, header_size_px
+from ...core.utf8_names import utf8_name
 
 
 class UnusablePictureError(Exception):
@@ -78,7 +79,7 @@ def _size_by_library(file: Path) -> tuple[int, int] | None:
     """Return the size of a picture of any kind that Blender reads, by the header; None for what is none."""
     add_library_folders()
     oiio = importlib.import_module("OpenImageIO")
-    opened = oiio.ImageInput.open(str(file))
+    opened = oiio.ImageInput.open(utf8_name(file))
     if opened is None:
         oiio.geterror()  # otherwise it is printed when the process ends
         return None
@@ -126,7 +127,7 @@ class ImageFiles:
             if image.file_format != "PNG":  # to ask has it decoded
                 image.file_format = "PNG"
             with contextlib.suppress(RuntimeError):
-                image.save(filepath=str(file), save_copy=True)
+                image.save(filepath=utf8_name(file), save_copy=True)
             if not file.is_file():
                 file.write_bytes(data)  # which then says what is wrong
         return ImportedImage(image_name(image), file.name, linear)
@@ -135,7 +136,7 @@ class ImageFiles:
         named, path = bpy.path.abspath(image.filepath), located(self._mesh_folder, image)
         if Path(named) != path:
             self.notes.append(f"its texture is named {named[:200]!r}: {path.name} beside the mesh was taken")
-            image.filepath = str(path)
+            image.filepath = utf8_name(path)
             image.reload()
 
 

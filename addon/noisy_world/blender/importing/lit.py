@@ -8,6 +8,7 @@ import bpy
 import mathutils
 
 from ...core.scenes.turning import Up
+from ...core.utf8_names import utf8_name
 from ..typed import cycles, get_value, inputs, node_tree
 from .images import check_image, located
 
@@ -23,7 +24,7 @@ def save_lit(blend: Path, stands: Up | None, asked: Up | None, mesh_folder: Path
         if image.source == "FILE":
             check_image(mesh_folder, image, blend.parent / "image")
             if image.packed_file is None:
-                image.filepath = str(located(mesh_folder, image))
+                image.filepath = utf8_name(located(mesh_folder, image))
                 image.pack()  # what lies beside the mesh may change
     if not _shines():
         return "holds no lights and nothing that shines, so it is black with light: scene; leave light out"
@@ -36,7 +37,7 @@ def save_lit(blend: Path, stands: Up | None, asked: Up | None, mesh_folder: Path
     cycles(scene).use_denoising = False
     cycles(scene).use_adaptive_sampling = False
     scene.view_settings.view_transform = "Standard"
-    bpy.ops.wm.save_as_mainfile(filepath=str(blend), copy=True)
+    bpy.ops.wm.save_as_mainfile(filepath=utf8_name(blend), copy=True)
     return ""
 
 

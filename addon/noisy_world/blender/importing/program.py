@@ -19,6 +19,7 @@ from ...core.messages import Message
 from ...core.scenes.beside import is_inside
 from ...core.scenes.imported import FACES_EXCLUDED, ImportedScene, write_imported
 from ...core.scenes.turning import Up
+from ...core.utf8_names import utf8_name
 from ..scene_objects import numbered_objects
 from .base_colour import surface_of
 from .compressed import compression_problem
@@ -143,24 +144,27 @@ def _still() -> tuple[str, ...]:
 def _gltf(path: str, webp: bool, _lit: bool) -> None:
     with finite_gltf():
         bpy.ops.import_scene.gltf(
-            filepath=path, import_webp_texture=webp, disable_bone_shape=True, import_select_created_objects=False
+            filepath=utf8_name(path),
+            import_webp_texture=webp,
+            disable_bone_shape=True,
+            import_select_created_objects=False,
         )
 
 
 def _obj(path: str, _webp: bool, _lit: bool) -> None:
-    bpy.ops.wm.obj_import(filepath=path, forward_axis="Y", up_axis="Z", validate_meshes=False)  # as stored
+    bpy.ops.wm.obj_import(filepath=utf8_name(path), forward_axis="Y", up_axis="Z", validate_meshes=False)  # as stored
 
 
 def _stl(path: str, _webp: bool, _lit: bool) -> None:
-    bpy.ops.wm.stl_import(filepath=path, use_mesh_validate=False)  # as stored
+    bpy.ops.wm.stl_import(filepath=utf8_name(path), use_mesh_validate=False)  # as stored
 
 
 def _fbx(path: str, _webp: bool, _lit: bool) -> None:
-    bpy.ops.wm.fbx_import(filepath=path, use_anim=False, validate_meshes=False)
+    bpy.ops.wm.fbx_import(filepath=utf8_name(path), use_anim=False, validate_meshes=False)
 
 
 def _usd(path: str, _webp: bool, lit: bool) -> None:
-    bpy.ops.wm.usd_import(filepath=path, import_cameras=False, import_lights=lit, validate_meshes=False)
+    bpy.ops.wm.usd_import(filepath=utf8_name(path), import_cameras=False, import_lights=lit, validate_meshes=False)
 
 
 _IMPORTERS: dict[str, Callable[[str, bool, bool], None]] = {

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from ...core.scenes.beside import check_no_pipe, is_inside, leads_out
 from ...core.scenes.turning import Up
+from ...core.utf8_names import utf8_name
 from .images import add_library_folders
 
 
@@ -37,8 +38,8 @@ def inspect_usd(path: Path) -> UsdInspection:
 
     try:
         _check_layers(path)
-        stage = Usd.Stage.Open(str(path))
-        layers, assets, missing = UsdUtils.ComputeAllDependencies(str(path))
+        stage = Usd.Stage.Open(utf8_name(path))
+        layers, assets, missing = UsdUtils.ComputeAllDependencies(utf8_name(path))
     except Tf.ErrorException as error:
         # Its own words may be bytes that are no text, and name files of the machine that built it.
         raise RuntimeError("USD's library cannot open it; the file is damaged: export it again") from error
@@ -61,7 +62,7 @@ def _check_layers(path: Path) -> None:
         if layer in seen:
             continue
         seen.add(layer)
-        sublayers, others, payloads = UsdUtils.ExtractExternalReferences(layer)
+        sublayers, others, payloads = UsdUtils.ExtractExternalReferences(utf8_name(layer))
         for name in (*sublayers, *others, *payloads):
             outer = Ar.SplitPackageRelativePathOuter(name)[0]
             place = Path(os.path.normpath(Path(layer).parent / outer.removeprefix("file://").removeprefix("file:")))

@@ -32,6 +32,7 @@ from ..regular_files import read_text
 from ..schema import deciding_values
 from ..trajectories.rig import Rig, Sensor
 from ..trajectories.trajectory import Trajectory
+from ..utf8_names import NOT_UTF8, RENAME, is_utf8
 from .depth_range import RangeLoss
 from .layouts import EVERY, OutputFormat
 from .records import OUT_OF_RANGE
@@ -155,13 +156,22 @@ def _scene(plan: Plan, scene: Scene, camera: Intrinsics, paths: bool) -> dict[st
             path[BETWEEN] = between_sha256(scene.source.trajectory())
     return {
         "entry": relevant_entry(scene.entry),
-        "inputs": plain_values(scene.source.hashes()),
+        "inputs": _inputs(scene),
         **_channels(plan, scene),
         "camera": _camera(camera),
         **scene.source.optics(camera).content(),
         "path": path,
         **_keys({} if scene.entry is None else scene.entry.deciding()),
     }
+
+
+def _inputs(scene: Scene) -> dict[str, Any]:
+    """Return the names and hashes of a scene's files. Raises InputError for a name that JSON cannot hold."""
+    found = plain_values(scene.source.hashes())
+    for text in found.values():
+        if isinstance(text, str) and not is_utf8(text):
+            raise scene.place.error(f"{text} {NOT_UTF8}", RENAME)
+    return found
 
 
 def _channels(plan: Plan, scene: Scene) -> dict[str, dict[str, str]]:

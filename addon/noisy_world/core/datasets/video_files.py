@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from ..errors import InputError, StorageError
 from ..regular_files import check_regular
+from ..utf8_names import utf8_name
 
 SUFFIXES = (".mp4", ".avi", ".mkv", ".mov", ".webm", ".m4v")
 _UNCERTAIN = 0.01  # chosen: a count that follows from length and rate is off by as much where the rate varies
@@ -126,7 +127,7 @@ def write_video(path: Path, frames: Iterable[NDArray[np.uint8]], rate_hz: float)
         for rgb in frames:
             if writer is None:
                 code = cv2.VideoWriter.fourcc(*WRITTEN[path.suffix.lower()])
-                writer = cv2.VideoWriter(str(path), code, rate_hz, (rgb.shape[1], rgb.shape[0]))
+                writer = cv2.VideoWriter(utf8_name(path), code, rate_hz, (rgb.shape[1], rgb.shape[0]))
                 if not writer.isOpened():
                     raise StorageError("OpenCV cannot write a video there", file=path)
             writer.write(np.ascontiguousarray(rgb[..., ::-1]))
@@ -151,7 +152,7 @@ def _opened(path: Path) -> Any:
         problem = "no such video" if isinstance(error, FileNotFoundError) else f"cannot be read: {error.strerror}"
         raise InputError(path, problem) from error
     _quieten_ffmpeg()
-    capture = cv2.VideoCapture(str(path))
+    capture = cv2.VideoCapture(utf8_name(path))
     if not capture.isOpened():
         raise InputError(
             path, "is no video that OpenCV can read", remedy=f"it reads {', '.join(SUFFIXES)}, for instance"

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from ..errors import InputError
 from ..regular_files import open_regular
+from ..utf8_names import utf8_name
 from .beside import check_no_pipe, is_file, is_inside
 from .mesh_formats import FORMAT_BYTES, MeshFormat, format_of, not_a_mesh
 from .obj_file import check_obj, check_obj_numbers, faces_of_obj, files_of_obj
@@ -48,10 +49,13 @@ def check_mesh(path: Path) -> None:
 def files_beside(path: Path) -> list[Path]:
     """Return the files beside a mesh that it is made of, as far as a look at it tells; those that are there.
 
-    Of USD only the importer knows them. Raises InputError as check_mesh does.
+    Of USD only the importer knows them. Raises InputError as check_mesh does, and where a name is not UTF-8.
     """
     found = imported_format(path)
-    return texture_files(path) if found is None else _BESIDE[found.name](path)
+    files = texture_files(path) if found is None else _BESIDE[found.name](path)
+    for file in files:
+        utf8_name(file)
+    return files
 
 
 def check_numbers(path: Path) -> None:
