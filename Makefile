@@ -21,7 +21,7 @@ test -n "$(PYTHON)" || { echo "make: Python 3.13 is needed; get it, with 'uv pyt
 endef
 
 .DEFAULT_GOAL := help
-.PHONY: help venv demo picture gallery thumbnails rooms screenshots assets example film extension ice wheel docs test test-below test-above test-python311 fuzz bench benchmark lint format lock slam-env blender-env peer-env corruptions-env clean
+.PHONY: help venv demo picture gallery thumbnails rooms screenshots assets example film extension ice wheel docs test test-below test-above test-python311 test-bare fuzz bench benchmark lint format lock slam-env blender-env peer-env corruptions-env clean
 
 help: ## list the targets
 	@grep -hE '^[a-z0-9-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 16
@@ -30,8 +30,9 @@ venv: $(VENV)/.installed ## make .venv with the pinned packages
 
 $(VENV)/.installed: requirements.lock
 	@$(NEEDS_PYTHON)
+	PYTHONPATH=addon "$(PYTHON)" -m noisy_world.cli.system_libraries # before half a gigabyte is downloaded
 	$(ENVIRONMENT) "$(PYTHON)" $(VENV) $(PINNED) $<
-	PYTHONPATH=addon $(PY) -m noisy_world.cli.system_libraries
+	PYTHONPATH=addon $(PY) -m noisy_world.cli.system_libraries # what the package at hand is really linked against
 	touch $@
 
 demo: venv ## render presets/demo.yaml into out/demo
@@ -119,6 +120,9 @@ test-python311: .venv-python311/.installed ## run tests of what needs no Blender
 	@test -n "$(PYTHON311)" || { echo "make: no Python 3.11 is here" >&2; exit 1; }
 	$(ENVIRONMENT) "$(PYTHON311)" .venv-python311 $(PINNED) $<
 	touch $@
+
+test-bare: ## run `make demo` and `make test` on a bare Debian, as a new user has it: needs root and debootstrap
+	headless/tools/bare_debian.sh
 
 fuzz: venv ## try mutated inputs: CASES=20000 SEED=0; PEER names a Python with evo, plyfile and pillow, which are asked too
 	$(PY) tests/fuzz_inputs.py --cases $(or $(CASES),20000) --seed $(or $(SEED),0) $(if $(PEER),--peer $(PEER))

@@ -39,7 +39,28 @@ fi
 can_cache || set -- --no-cache-dir "$@"
 rm -f "$folder/.installed"
 : >"$folder/.unfinished"
+# One line for each package that pip downloads, with its size; for the largest also how far it is.
+tell() {
+  total=$(cat "$@" 2>/dev/null | grep -c '^[A-Za-z0-9_.-]*\(\[[^]]*\]\)\{0,1\}==')
+  awk -v folder="$folder" -v total="$total" '
+    function say(text) { print "make: " folder ": " text; fflush() }
+    /^ *Collecting / { n++; if (n > total) total = n }
+    /^ *Downloading / { size = $NF == "MB)" || $NF == "kB)" ? $(NF - 1) " " $NF : $NF; gsub(/[()]/, "", size)
+      name = $2; sub(/.*\//, "", name); split(name, part, "-"); quarter = 1
+      say("package " n " of " total ": " part[1] " " part[2] ", " size) }
+    /^Progress / { if ($4 > 5e7 && $2 < $4 && $2 >= $4 * quarter / 4) { say("  " 25 * quarter " %"); quarter++ } }
+    /^Installing collected packages/ { say("unpacking " split($0, names, ",") " packages") }' >&2
+}
+
+# What pip puts on a line to be read: from 24.1 on also how far a download is.
+bar=$("$folder/bin/python" -c 'import pip; print("raw" if tuple(map(int, pip.__version__.split(".")[:2])) >= (24, 1) else "off")' 2>/dev/null)
+
 # Python compiles what is imported, a fifth of what is installed; to compile all of it takes longer than to unpack it.
-"$folder/bin/python" -m pip install --no-compile --quiet --disable-pip-version-check "$@" ||
+for file; do :; done
+{
+  "$folder/bin/python" -m pip install --no-compile --disable-pip-version-check --progress-bar "${bar:-off}" "$@"
+  echo $? >"$folder/.status"
+} | tell "$file"
+[ "$(cat "$folder/.status")" = 0 ] ||
   complain "the packages of $folder could not be installed, for the reason above; the next make begins anew"
-rm -f "$folder/.unfinished"
+rm -f "$folder/.status" "$folder/.unfinished"

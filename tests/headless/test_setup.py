@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What sets a machine up: missing libraries are named by their packages, and the lock is what it should be."""
 
+import importlib.util
 import os
 import re
 import shutil
@@ -8,6 +9,7 @@ import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import pytest
 from worlds import ROOT
@@ -42,6 +44,17 @@ def test_missing_libraries_become_debian_packages():
 def test_here_nothing_is_missing():
     pytest.importorskip("bpy", reason="bpy is not installed")
     assert system_libraries.missing_libraries() == []
+
+
+def test_what_bpy_needs_of_the_system_is_known_before_it_is_installed():
+    spec = importlib.util.find_spec("bpy")
+    if spec is None or not sys.platform.startswith("linux"):
+        pytest.skip("bpy is not installed, or is not linked as on Linux")
+    own = Path(spec.origin).with_name("__init__.so")
+    said = subprocess.run(["ldd", own], capture_output=True, text=True, check=True).stdout
+    linked = dict(re.findall(r"^\s*(\S+) => (/\S+)", said, re.MULTILINE))
+    of_the_system = {name for name, path in linked.items() if not Path(path).is_relative_to(own.parent)}
+    assert set(system_libraries.OF_BPY) == of_the_system & set(system_libraries.DEBIAN_PACKAGES)
 
 
 def test_the_lock_pins_hashes_and_names_no_address():
@@ -92,7 +105,7 @@ WORKING = """#!/bin/sh
 case "$*" in
   "-m venv "*) mkdir -p "$3/bin" && cp "$0" "$3/bin/python" && echo venv >>"{log}" ;;
   *"-m pip install"*)
-    touch "$(dirname "$0")/../half"
+    touch "$(dirname "$0")/../half"; cat "$(dirname "$0")/../../said" 2>/dev/null
     sleep "${{SLOW:-0}}"; [ -z "${{BROKEN:-}}" ] || {{ echo "ERROR: No matching distribution" >&2; exit 1; }}
     echo "$*" >>"{log}"; mv "$(dirname "$0")/../half" "$(dirname "$0")/../whole" ;;
   *"import pip"*) [ -e "$(dirname "$0")/../" ] ;;
@@ -156,6 +169,32 @@ def test_a_python_without_venv_is_one_line_and_leaves_nothing(checkout, target, 
     assert "install Debian's python3.13-venv, or say PYTHON" in ours[0]  # both are this Python, by their version
     assert "ensurepip" not in out
     assert not (checkout / folder).exists()
+
+
+def test_missing_libraries_are_told_before_anything_is_downloaded(checkout):
+    put(checkout, WORKING, "python3.13")
+    (checkout / "addon/noisy_world/cli/system_libraries.py").write_text("raise SystemExit('bpy needs libGL.so.1')\n")
+    status, _, err = made(checkout, "venv")
+    assert status != 0
+    assert "bpy needs libGL.so.1" in err
+    assert not (checkout / ".venv").exists()
+
+
+def test_what_is_downloaded_is_told_with_its_size_and_how_far_it_is(checkout):
+    put(checkout, WORKING, "python3.13")
+    (checkout / "requirements.lock").write_text(
+        "bpy==5.2.3 \\\n    --hash=sha256:00\nnumpy==2.5.5 \\\n    --hash=sha256:00\n"
+    )
+    (checkout / "said").write_text(
+        "Collecting bpy==5.2.3 (from -r requirements.lock (line 1))\n  Downloading bpy-5.2.3-cp313.whl (402.8 MB)\n"
+        + "".join(f"Progress {k}00000000 of 400000000\n" for k in range(5))
+        + "Collecting numpy==2.5.5\n  Using cached numpy-2.5.5-cp313.whl (15 MB)\n"
+        "Installing collected packages: numpy, bpy\n"
+    )
+    _, _, err = made(checkout, "venv")
+    assert [line.removeprefix("make: .venv: ").strip() for line in err.splitlines()] == [
+        "package 1 of 2: bpy 5.2.3, 402.8 MB", "25 %", "50 %", "75 %", "unpacking 2 packages",
+    ]  # fmt: skip
 
 
 def test_what_such_a_python_left_before_is_repaired(checkout):

@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Find the system libraries that a package needs and this machine lacks; install them if root on Debian.
 
-    python -m noisy_world.cli.system_libraries        # those of bpy
+    python -m noisy_world.cli.system_libraries        # those of bpy, also before it is installed
 
 Rendering with Cycles needs no display, but the package is linked against X and GL all the same.
 """
 
+import ctypes
 import importlib.util
 import os
 import re
@@ -15,7 +16,12 @@ import sys
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
-# What bpy 5.2 links against, and the windows of ORB-SLAM3, which are never opened, by Debian's package names.
+# What bpy 5.2 is linked against and does not bring along.
+OF_BPY = (
+    "libX11.so.6", "libXrender.so.1", "libXfixes.so.3", "libXi.so.6", "libXext.so.6", "libxkbcommon.so.0", "libSM.so.6",
+    "libICE.so.6", "libGL.so.1",
+)  # fmt: skip
+# By Debian's package names: those, and what the windows of ORB-SLAM3 are linked against, which are never opened.
 DEBIAN_PACKAGES = {
     "libX11.so.6": "libx11-6",
     "libXrender.so.1": "libxrender1",
@@ -86,11 +92,22 @@ def debian_packages(names: list[str]) -> list[str]:
 
 
 def missing_libraries() -> list[str]:
-    """Return the libraries that the dynamic linker does not find for bpy; [] where there is no ldd."""
+    """Return the libraries that the dynamic linker does not find for bpy, whether it is installed yet or not.
+
+    [] where the system is not Linux, or bpy is there and ldd is not.
+    """
     spec = importlib.util.find_spec("bpy")
     if spec is None or spec.origin is None:
-        return []
+        return [name for name in OF_BPY if sys.platform.startswith("linux") and not _can_be_loaded(name)]
     return missing_for([Path(spec.origin).with_name("__init__.so")])
+
+
+def _can_be_loaded(name: str) -> bool:
+    try:
+        ctypes.CDLL(name)
+    except OSError:
+        return False
+    return True
 
 
 def missing_for(libraries: Iterable[Path]) -> list[str]:

@@ -1,4 +1,4 @@
-"""Building ORB-SLAM from source: what is refused, what is kept, and what its driver is given; cmake is a stand-in."""
+"""Building ORB-SLAM from source: what is refused, what is kept, and what its driver is given; tools are stand-ins."""
 
 import json
 import subprocess
@@ -39,8 +39,9 @@ def source(tmp_path):
 def tools(tmp_path, monkeypatch):
     folder = tmp_path / "tools"
     folder.mkdir()
-    (folder / "cmake").write_text(CMAKE.format())
-    (folder / "cmake").chmod(0o755)
+    for name, text in (("cmake", CMAKE.format()), ("c++", "#!/bin/sh\n"), ("make", "#!/bin/sh\n")):
+        (folder / name).write_text(text)
+        (folder / name).chmod(0o755)
     monkeypatch.setenv("ASKED", str(tmp_path / "asked"))
     monkeypatch.setenv("PATH", f"{folder}:/usr/bin:/bin")
     monkeypatch.setattr(building, "train", lambda: "10 6 0 0\n")
@@ -80,7 +81,8 @@ def test_what_cannot_be_built_is_a_line(source, tmp_path, tools, monkeypatch):
         build(source, tmp_path / "new")
     monkeypatch.delenv("BROKEN")
     assert build(source, tmp_path / "new"), "what was made half is made anew"
-    (tools / "cmake").unlink()
+    for name in ("cmake", "c++", "make"):
+        (tools / name).unlink()
     monkeypatch.setenv("PATH", str(tools))
     with pytest.raises(MissingDependencyError, match=r"needs cmake, c\+\+, make; on Debian: apt-get install cmake"):
         build(source, tmp_path / "other")
