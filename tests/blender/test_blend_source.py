@@ -114,6 +114,20 @@ def test_flow_of_whole_runs_and_of_shards_and_of_faster_motion(hall, tmp_path):
     assert made(preset, tmp_path / "two", jobs=2, workers=backwards) == alone
 
 
+def test_a_single_frame_takes_motion_and_shutters(hall, tmp_path):
+    (hall / "still.yaml").write_text(
+        "scenes: [{name: hall, blend: hall.blend, frames: '2:2'}]\n"
+        "settings: [{name: clean}, {name: fast, perturb: [{faster_motion: {factor: 3}}]},\n"
+        "  {name: rolling, perturb: [{rolling_shutter: {readout_ms: 5}}]},\n"
+        "  {name: blur, perturb: [{camera_motion_blur: {shutter_ms: 10}}]}]\n"
+        "render: {backend: reference}\noutput: {image: png}\n"
+    )
+    files = made(hall / "still.yaml", tmp_path / "out")
+    for setting in ("fast", "rolling", "blur"):
+        assert sum(name.startswith(f"{setting}/hall/results/") for name in files) == 2
+        assert files[f"{setting}/hall/traj.txt"] == files["clean/hall/traj.txt"]
+
+
 def plan_of(hall, **keys):
     path = hall / "other.yaml"
     path.write_text(json.dumps({"scenes": [{"name": "hall", "blend": "hall.blend", "frames": "1:2", **keys}]}))

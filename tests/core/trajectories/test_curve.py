@@ -12,7 +12,8 @@ from scipy.spatial.transform import Rotation
 
 from noisy_world.core.errors import NoisyWorldError
 from noisy_world.core.geometry import pose
-from noisy_world.core.trajectories.curve import NaturalSpline
+from noisy_world.core.trajectories.curve import MountedCurve, NaturalSpline, WarpedCurve, motion_of
+from noisy_world.core.trajectories.deviation import DeviatingCurve, Pulses, Sines
 from noisy_world.core.trajectories.frame_request import FrameRequest, Shutter
 from noisy_world.core.trajectories.rig import Sensor, sensor_trajectory
 from noisy_world.core.trajectories.rotation_spline import RotationSpline
@@ -91,6 +92,39 @@ def test_half_turns_between_poses_and_a_single_pose():
     assert turned == pytest.approx(math.pi / 2, abs=1e-12)
     alone = evenly_stamped(turning_path([0.3]), 1.0)
     np.testing.assert_array_equal(alone.pose_at(17.0), alone.c2w[0])
+
+
+@cases("count", [1, 2, 3])
+@cases("asked", [0, 1, 4])
+def test_every_curve_takes_any_number_of_times_and_of_poses(count, asked):
+    stamps_s, times_s = np.arange(count) / 4, np.linspace(-0.3, 0.9, asked)
+    path = Trajectory(turning_path(stamps_s), stamps_s)
+    spline = NaturalSpline(stamps_s, np.stack([stamps_s, 2 * stamps_s], axis=-1))
+    speed = np.array([1.0, 2.0]) if count > 1 else np.zeros(2)
+    np.testing.assert_allclose(spline.at(times_s), times_s[:, None] * speed, atol=1e-12)
+    first, second = spline.derivatives_at(times_s)
+    np.testing.assert_allclose(first, np.broadcast_to(speed, (asked, 2)), atol=1e-12)
+    np.testing.assert_allclose(second, np.zeros((asked, 2)), atol=1e-12)
+    signals = [Sines(*np.ones((3, 3, 2))), Pulses(np.array([0.1]), 0.2, np.ones((1, 3)))]
+    curves = [
+        (path.continuous, 1.0),
+        (WarpedCurve(path.continuous, NaturalSpline(stamps_s, 2 * stamps_s[:, None])), 2.0),
+        (MountedCurve(path.continuous, np.eye(4)), 1.0),
+    ]
+    for curve, pace in curves:
+        moved = np.array([turning_path(pace * time_s) for time_s in times_s if count > 1]).reshape(-1, 4, 4)
+        wanted = moved if count > 1 else np.broadcast_to(path.c2w[0], (asked, 4, 4))
+        np.testing.assert_allclose(curve.pose_at(times_s), wanted, atol=1e-12)
+        motion = motion_of(curve, times_s)
+        rate_rad_s = np.radians(40.0) * pace if count > 1 else 0.0
+        np.testing.assert_allclose(np.linalg.norm(motion.rate_rad_s, axis=-1), np.full(asked, rate_rad_s), atol=1e-9)
+    for signal in signals:
+        deviating = DeviatingCurve(path.continuous, 0.0, signal, signal)
+        assert deviating.pose_at(times_s).shape == (asked, 4, 4)
+        assert motion_of(deviating, times_s).rate_rad_s.shape == (asked, 3)
+    assert path.poses_at(times_s).shape == (asked, 4, 4)
+    assert replace(path, independent="each stands by itself").poses_at(times_s[:0]).shape == (0, 4, 4)
+    assert path.known_at(times_s).shape == (asked,)
 
 
 def test_parts_of_a_path_lie_on_it():

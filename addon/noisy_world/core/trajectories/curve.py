@@ -88,7 +88,7 @@ class NaturalSpline:
         found = low + u * (begin + u * (square + u * cube))
         found = np.where(u == 1.0, self.values[np.minimum(left + 1, len(self.knots) - 1)], found)
         beyond = np.where((t < inside)[:, None], self._slopes[0], self._slopes[-1])
-        return (found + (t - inside)[:, None] * beyond).reshape(*asked.shape, -1)
+        return (found + (t - inside)[:, None] * beyond).reshape(*asked.shape, self.values.shape[1])
 
     def derivatives_at(self, times: Float64) -> tuple[Float64, Float64]:
         """(N,) -> the first and the second derivative (N, D)."""

@@ -124,7 +124,7 @@ class Trajectory:
 
         Raises NoisyWorldError as `pose_at` does.
         """
-        if self.independent or not self.known_at(times_s).all():
+        if len(times_s) and (self.independent or not self.known_at(times_s).all()):
             return np.stack([self.pose_at(float(time_s)) for time_s in times_s])  # which says where there is none
         return self.continuous.pose_at(times_s)
 
