@@ -11,6 +11,7 @@ from analytic import look_at
 from cases import cases
 from importing import import_here
 from ray_tools import cast
+import rooms_in_formats as rooms
 from rooms_in_formats import glb, gltf, png
 
 from srgb import encoded, linear
@@ -144,6 +145,34 @@ def test_a_material_without_pictures_is_its_factor_and_none_is_grey(tmp_path):
     grey = square(tmp_path / "none", None)
     assert grey.notes == ("no colours: shown in neutral grey",)
     assert np.abs(rgb_of(grey) - 128 / 255).max() < 1e-5
+
+
+def test_an_obj_without_its_mtl_is_grey_where_nothing_else_says_a_colour(tmp_path):
+    """The materials of a file that is there stay; colours of vertices are shown."""
+    room = rooms.write_obj(tmp_path)
+    (tmp_path / "room.mtl").unlink()
+    mesh = read_mesh(room)
+    np.testing.assert_allclose(mesh.rgb, 128 / 255, atol=1e-6)
+    assert mesh.texture is None
+    (said,) = mesh.notes
+    assert "'room.mtl'" in said
+    assert str(tmp_path) in said
+
+    (tmp_path / "other.mtl").write_text("newmtl red\r\nKd 1 0 0\n")
+    two = "usemtl red\nf 1 2 3\nusemtl gone\nf 4 5 6\n"
+    points = [f"v {x} 0 {z}" for x, z in CORNERS.tolist()]
+    room.write_text("\n".join(["mtllib other.mtl", *points, two]))
+    mesh = read_mesh(room)
+    np.testing.assert_allclose(mesh.rgb, [[1, 0, 0]] * 3 + [[128 / 255] * 3] * 3, atol=1e-6)
+    assert "'gone'" in mesh.notes[0]
+    assert "'red'" not in mesh.notes[0]
+
+    colours = np.array([[0, 51, 102], [153, 204, 255]] * 3) / 255
+    coloured = [f"{point} {r} {g} {b}" for point, (r, g, b) in zip(points, colours.tolist(), strict=True)]
+    room.write_text("\n".join(["mtllib gone.mtl", *coloured, two]))
+    mesh = read_mesh(room)
+    np.testing.assert_allclose(mesh.rgb, colours, atol=1e-6)
+    assert "'gone.mtl'" in mesh.notes[0]
 
 
 def test_what_cannot_be_shown_is_told(tmp_path):

@@ -281,8 +281,6 @@ def test_files_beside_it_that_are_missing_or_damaged(tmp_path):
     room = rooms.write_obj(tmp_path)
     (tmp_path / "walls.png").unlink()
     assert "walls.png" in refusal(room)
-    (tmp_path / "room.mtl").unlink()
-    assert refusal(room).startswith(f"its materials 'room.mtl' are missing in {tmp_path}; ")
     room = rooms.write_usda(tmp_path)
     room.write_bytes(room.read_bytes().replace(b"subdivision", b"sub\xa5ivision"))
     assert refusal(room) == "USD's library cannot open it; the file is damaged: export it again"

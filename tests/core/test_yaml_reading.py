@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """YAML: the values that PyYAML's safe loader reads, or one line with the place, soon and in little memory."""
 
+import json
 import resource
 import time
 
@@ -56,6 +57,15 @@ def test_values_are_those_of_the_safe_loader(text):
 def test_the_differences_from_the_safe_loader():
     assert read_yaml("[1e-3, 1E5, -.5e3, 1.e2, +.5, -.5]", "a") == [1e-3, 1e5, -500.0, 100.0, 0.5, -0.5]
     assert read_yaml("[2001-01-01, 2001-99-99]", "a") == ["2001-01-01", "2001-99-99"]
+
+
+@cases("character", ["\U0001f600", "\U00010000", "\U0010ffff"])
+def test_json_with_surrogate_pairs_is_read_as_json_means_it(character):
+    document = {f"room {character}": [character * 2, f"a{character}b", "c"]}
+    assert read_yaml(json.dumps(document), "a") == document
+    for backwards in (r'"\ude00\ud83d"', r'"\ud83d\ud83d\ude00"', r'"\ud83d \ude00"'):
+        with pytest.raises(InputError, match=r"0xd83d|0xde00"):
+            read_yaml(backwards, "a")
 
 
 def test_aliases_are_values_of_their_own():

@@ -4,8 +4,8 @@
 What is read is what PyYAML's safe loader reads of YAML 1.1, with these differences. Numbers as YAML 1.2 spells them
 (1e-3, -.5) are numbers, and dates are texts. Refused is what has no plain value (!!set, !!omap, !!pairs, !!binary, a
 date by its tag, tags of programs), keys that are no texts or are given twice, numbers that YAML 1.1 and 1.2 read
-differently (010, 1:30), texts that cannot be stored or shown (lone surrogates, NUL), anchors inside themselves, and
-what exceeds the limits below.
+differently (010, 1:30), texts that cannot be stored or shown (half a surrogate pair, NUL), anchors inside themselves,
+and what exceeds the limits below.
 """
 
 import math
@@ -33,6 +33,7 @@ _WHOLE = re.compile(r"([-+]?)(0b[01_]*[01][01_]*|0x[0-9a-fA-F_]*[0-9a-fA-F][0-9a
 _NUMBER = re.compile(r"[-+]?(?:[0-9][0-9_]*(?:\.[0-9_]*)?|\.[0-9][0-9_]*)(?:[eE][-+]?[0-9]+)?")
 _NUMBER_1_2 = re.compile(r"^[-+]?(?:\.[0-9]+(?:[eE][-+]?[0-9]+)?|[0-9]+(?:\.[0-9]*)?[eE][-+]?[0-9]+)$")
 _SEXAGESIMAL = re.compile(r"[-+]?[0-9][0-9_]*(?::[0-5]?[0-9])+(?:\.[0-9_]*)?")
+_PAIR = re.compile("[\ud800-\udbff][\udc00-\udfff]")  # how JSON escapes a character beyond U+FFFF
 _NOT_FINITE = {".inf": math.inf, "+.inf": math.inf, "-.inf": -math.inf, ".nan": math.nan}
 
 
@@ -256,6 +257,7 @@ def _scalar(node: "yaml.ScalarNode") -> Any:
     text: str = node.value
     match node.tag.removeprefix(_TAG):
         case "str":
+            text = _PAIR.sub(lambda pair: pair[0].encode("utf-16", "surrogatepass").decode("utf-16"), text)
             if wrong := re.search("[\0\ud800-\udfff]", text):
                 problem = f"the text holds the character {ord(wrong[0]):#06x}, which no file name or message can hold"
                 raise _refused(problem, node.start_mark, "leave it out")

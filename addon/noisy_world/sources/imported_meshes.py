@@ -22,9 +22,9 @@ from ..core.extras import blender_missing
 from ..core.regular_files import read_text
 from ..core.scenes.beside import link_notes
 from ..core.scenes.gltf_file import read_gltf_header
-from ..core.scenes.imported import FACES_EXCLUDED, ImportedScene, read_imported
-from ..core.scenes.joining import joined
-from ..core.scenes.mesh import Mesh
+from ..core.scenes.imported import FACES_EXCLUDED, ImportedScene, ImportedSurface, read_imported
+from ..core.scenes.joining import joined, listed
+from ..core.scenes.mesh import NEUTRAL_GREY, Mesh
 from ..core.scenes.mesh_files import (
     check_mesh,
     check_numbers,
@@ -33,7 +33,9 @@ from ..core.scenes.mesh_files import (
     imported_format,
     odd_number,
 )
+from ..core.scenes.obj_file import materials_of_obj, missing_libraries
 from ..core.scenes.scene_object import SceneObject
+from ..core.scenes.srgb import decoded
 from ..core.scenes.textures import read_picture
 from ..core.scenes.turning import Up, turned
 from ..core.scratch import ScratchFolder
@@ -70,6 +72,7 @@ def import_mesh(path: Path, up: Up | None = None) -> Imported:
                     pictures[number] = read_picture(scratch.path / scene.images[number].file)[0]
             return pictures[number]
 
+        scene = _with_grey(path, scene)
         mesh = joined(path, scene, picture)
         beside = tuple(map(Path, scene.beside))
         lines = [*link_notes(path, [*files_beside(path), *beside]), *_excluded(path, mesh)]
@@ -77,6 +80,28 @@ def import_mesh(path: Path, up: Up | None = None) -> Imported:
         return Imported(mesh if up is None else _turned(path, mesh, scene, up), beside)
     finally:
         scratch.remove()
+
+
+def _with_grey(path: Path, scene: ImportedScene) -> ImportedScene:
+    """Return a scene in which what no MTL file defines is neutral grey, with a note; Blender has a white of its own."""
+    found = imported_format(path)
+    if found is None or found.name != "OBJ":
+        return scene
+    defined = materials_of_obj(path)
+    grey = [surface for surface in scene.surfaces if surface.name not in defined]
+    if not grey:
+        return scene
+    light = float(decoded(np.float64(NEUTRAL_GREY)))
+    surfaces = tuple(
+        surface if surface.name in defined else ImportedSurface(surface.name, (light, light, light))
+        for surface in scene.surfaces
+    )
+    missing = missing_libraries(path)
+    if missing:
+        what = f"its materials {missing[0].name[:200]!r} are missing in {str(missing[0].parent)[:300]}"
+    else:
+        what = f"no MTL file defines its materials {listed([surface.name for surface in grey])}"
+    return replace(scene, surfaces=surfaces, notes=(*scene.notes, f"{what}: neutral grey is shown for them"))
 
 
 def _excluded(path: Path, mesh: Mesh) -> list[str]:

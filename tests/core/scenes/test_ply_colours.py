@@ -77,6 +77,17 @@ class TestColours:
         with pytest.raises(InputError, match="colours lie between"):
             self.colours(read, tuple(f"{kind} {name}" for name in ("red", "green", "blue")), rows * 2)
 
+    @cases(("kind", "most"), [("float", 1.01), ("float", 1.5), ("double", 2.0), ("float", 15.9)])
+    def test_floats_of_no_known_range(self, read, kind, most):
+        rows = [(0, 0.25, 1.0), (0.5, most, 0), (0, 0, 0)] * 2
+        with pytest.raises(InputError, match=f"floats up to {most:g}.*store them as uchar, 0 to 255"):
+            self.colours(read, tuple(f"{kind} {name}" for name in ("red", "green", "blue")), rows)
+
+    def test_whole_numbers_are_bytes_however_dark(self, read):
+        rows = [(0, 1, 2), (3, 0, 1), (0, 0, 0)] * 2
+        mesh = self.colours(read, ("int red", "int green", "int blue"), rows)
+        np.testing.assert_allclose(mesh.rgb[:2] * 255, rows[:2], rtol=1e-6)
+
     def test_too_large_for_a_byte_in_text(self, refuse):
         data = ply("ascii", vertex(), face(QUADS)).replace(b"255 254 253", b"256 254 253")
         assert "colours lie between 0 and 256" in refuse(data)

@@ -56,7 +56,7 @@ def joined(path: Path, scene: ImportedScene, read_picture: Callable[[int], NDArr
     mesh = Mesh(vertices_m, None, corner_vertices, face_starts)
     looks = _Looks(path, scene, surfaces, read_picture)
     if bare := _without_coordinates(scene):
-        notes.append(f"{_listed(bare)}: without texture coordinates on some faces, where no texture is shown")
+        notes.append(f"{listed(bare)}: without texture coordinates on some faces, where no texture is shown")
     placed = [looks.coordinates(part) for part in scene.parts]
     face_pictures = np.concatenate([placed[numbers[id(part)]][1] for part, _ in copies])
     texture = None
@@ -115,22 +115,23 @@ def _used_surfaces(scene: ImportedScene, notes: list[str]) -> tuple[ImportedSurf
     used = np.unique(np.concatenate([part.face_surfaces for part in scene.parts])).tolist()
     seen = [scene.surfaces[number] for number in used if number >= 0]
     if any(item.see_through for item in seen):
-        names = _listed([item.name for item in seen if item.see_through])
+        names = listed([item.name for item in seen if item.see_through])
         notes.append(f"{names}: transparent, and shown without transparency")
     if any(item.unread for item in seen):
-        what = _listed(sorted({item.unread for item in seen if item.unread}))
-        names = _listed([item.name for item in seen if item.unread])
+        what = listed(sorted({item.unread for item in seen if item.unread}))
+        names = listed([item.name for item in seen if item.unread])
         notes.append(f"{names}: the base colour is mixed by {what}, which is left out")
     if any(item.picture is not None and item.colours is not None for item in seen):
-        names = _listed([item.name for item in seen if item.picture is not None and item.colours is not None])
+        names = listed([item.name for item in seen if item.picture is not None and item.colours is not None])
         notes.append(f"{names}: the texture is shown, and not multiplied by the colours of vertices")
     if any(item.picture is not None and item.picture.nearest for item in seen):
-        names = _listed([item.name for item in seen if item.picture is not None and item.picture.nearest])
+        names = listed([item.name for item in seen if item.picture is not None and item.picture.nearest])
         notes.append(f"{names}: texels are meant as squares, and shown with colours between them")
     return scene.surfaces
 
 
-def _listed(names: list[str]) -> str:
+def listed(names: list[str]) -> str:
+    """Return the first of some names, and how many more there are, for a note."""
     shown = ", ".join(repr(name[:60]) for name in names[:3])
     return shown if len(names) <= 3 else f"{shown} and {len(names) - 3} more"
 

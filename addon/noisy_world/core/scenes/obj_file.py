@@ -12,21 +12,20 @@ from .text_numbers import check_lines
 
 _ARGUMENTS = {"-mm": 2, "-o": 3, "-s": 3, "-t": 3}  # of options before a texture's name; all others have one
 _NUMBER = re.compile(r"[-+]?(?:[0-9]++\.?[0-9]*+|\.[0-9]++)(?:[eE][-+]?[0-9]++)?$")
+_MATERIAL = re.compile(rb"^[ \t]*+newmtl[ \t]++([^\n]++)", re.MULTILINE)
+_LONGEST_NAME = 255  # bytes that Blender keeps of a material's name
 _LIBRARY = re.compile(rb"^[ \t]*+mtllib[ \t]++([^\n]++)", re.MULTILINE)
 _FACE = re.compile(rb"^[ \t]*+f[ \t]++\S", re.MULTILINE)
 _MAP = re.compile(r"^[ \t]*+(?:map_\w++|bump|norm|disp|decal|refl)[ \t]++([^\n]++)", re.MULTILINE | re.IGNORECASE)
 
 
 def check_obj(path: Path) -> None:
-    """Raise InputError where an OBJ file has no faces, or files of its materials are missing or outside its folder."""
+    """Raise InputError where an OBJ file has no faces, or files of its materials are outside its folder."""
     data = _bytes(path)
     if not _FACE.search(data):
         raise InputError(path, "holds no faces", remedy="export it as a polygon mesh")
     for library in _libraries(path, data):
-        if not is_file(library):
-            problem = f"its materials {library.name[:200]!r} are missing in {str(library.parent)[:300]}"
-            raise InputError(path, problem, remedy="put the file there, or take the line mtllib out")
-        for name in _textures(library):
+        for name in _textures(library) if is_file(library) else ():
             for place in _places(library.parent, name):
                 check_no_pipe(path, "texture", place)
 
@@ -54,6 +53,21 @@ def files_of_obj(path: Path) -> list[Path]:
             there = (place for place in places if is_file(place) and is_inside(path.parent, place))
             found.update(dict.fromkeys(itertools.islice(there, 1)))
     return list(found)
+
+
+def materials_of_obj(path: Path) -> set[str]:
+    """Return the names of the materials that an OBJ file's own files define, as Blender names them."""
+    libraries = filter(is_file, _libraries(path, _bytes(path)))
+    return {_as_blender(name.strip()) for library in libraries for name in _MATERIAL.findall(_bytes(library))}
+
+
+def missing_libraries(path: Path) -> list[Path]:
+    """Return the files of materials that an OBJ file names and that are not there."""
+    return [library for library in _libraries(path, _bytes(path)) if not is_file(library)]
+
+
+def _as_blender(name: bytes) -> str:
+    return name.decode(errors="ignore").encode()[:_LONGEST_NAME].decode(errors="ignore")
 
 
 def _bytes(path: Path) -> bytes:

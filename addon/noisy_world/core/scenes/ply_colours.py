@@ -16,6 +16,8 @@ from .textures import TextureFile, locate_texture, read_picture
 
 _COLOUR_NAMES = (("red", "green", "blue"), ("r", "g", "b"), ("diffuse_red", "diffuse_green", "diffuse_blue"))
 _COLOUR_SLACK = 1e-3  # of full scale: colours stored as floats may overshoot their range by rounding
+_LEAST_OF_BYTES = 16  # floats that reach no more are hardly bytes, which would all be near black; chosen
+_STORE_COLOURS = "store them as uchar, 0 to 255, or as float, 0 to 1"
 _CORNER_UV = "texcoord"  # a list of each face: u and v of each corner
 _VERTEX_UV = (("s", "t"), ("u", "v"), ("texture_u", "texture_v"), ("texture_s", "texture_t"))
 _PICTURE = "texnumber"  # of each face
@@ -77,12 +79,15 @@ def _colours(rows: Rows, names: tuple[str, ...], notes: list[str]) -> NDArray[np
     full = {"u1": 255, "u2": 65535}.get(max(kinds)) if len(kinds) == 1 else None
     if full is None and kinds <= {"f4", "f8"} and highest <= 1 + _COLOUR_SLACK:
         full = 1
+    elif full is None and kinds & {"f4", "f8"} and highest < _LEAST_OF_BYTES:
+        problem = f"colours are floats up to {highest:g}, which may be of 0 to 1, too bright, or of 0 to 255, too dark"
+        raise InputError(rows.body.path, problem, remedy=_STORE_COLOURS)
     elif full is None:
         full = 255
         notes.append(f"colours are not stored as bytes and reach {highest:g}: read as 0..255")
     if lowest < -_COLOUR_SLACK * full or highest > (1 + _COLOUR_SLACK) * full:
         problem = f"colours lie between {lowest:g} and {highest:g}, not 0 and {full}"
-        raise InputError(rows.body.path, problem, remedy="store them as uchar, 0 to 255, or as float, 0 to 1")
+        raise InputError(rows.body.path, problem, remedy=_STORE_COLOURS)
     return np.clip(rgb / np.float32(full), 0, 1)
 
 
