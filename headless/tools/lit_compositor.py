@@ -12,7 +12,16 @@ from numpy.typing import NDArray
 from noisy_world.blender.nodes import ensure_group
 from noisy_world.blender.render import muted_output
 from noisy_world.blender.scratch_images import write_plain_floats
-from noisy_world.blender.typed import inputs, new_node, new_tree, outputs, override, set_pixels, set_value, use_as_data
+from noisy_world.blender.typed import (
+    inputs,
+    new_node,
+    new_tree,
+    outputs,
+    override_scene,
+    set_pixels,
+    set_value,
+    use_as_data,
+)
 from noisy_world.core.geometry import Intrinsics
 from noisy_world.core.node_graphs.chain import capacity_of, shown_values
 from noisy_world.core.node_graphs.groups import build_group
@@ -68,7 +77,7 @@ class LitScene:
         _fill(self._images[1], np.where(frame.depth_m > 0, frame.depth_m, self._sky_m)[..., None])
         path = self._scratch.path / "lit.exr"
         path.unlink(missing_ok=True)
-        with muted_output(), override(scene=self._scene):
+        with muted_output(), override_scene(self._scene):
             bpy.ops.render.render()
         with OpenEXR.File(str(path), separate_channels=True) as file:
             channels = {name: item.pixels for name, item in file.channels().items()}

@@ -27,7 +27,7 @@ from ..core.utf8_names import utf8_name
 from .nodes import ensure_group, remove_group
 from .render import muted_output
 from .scratch_images import float_image, image_node, read_rows, write_plain_floats
-from .typed import group_of, inputs, new_node, new_tree, override, set_pixels, set_value
+from .typed import group_of, inputs, new_node, new_tree, override_scene, set_pixels, set_value
 
 T = TypeVar("T", bound=np.generic)
 
@@ -309,7 +309,7 @@ class Compositor:
             problem = ""
             try:
                 # Not by the operator's own argument, which would set the scene to the active scene's frame.
-                with muted_output(), override(scene=self._scene):
+                with muted_output(), override_scene(self._scene):
                     bpy.ops.render.render()
             except RuntimeError as error:  # Blender reports in this way that it could not write
                 problem = str(error).strip().splitlines()[-1]

@@ -17,7 +17,7 @@ from ..core.scratch import ScratchFolder
 from ..core.utf8_names import utf8_name
 from .read_lines import Band, bordered
 from .scratch_images import write_plain_floats
-from .typed import camera_of, override
+from .typed import camera_of, override_scene
 
 FAR_PLANE_TOLERANCE = 1e-4  # of the far plane's distance; chosen: a z-buffer rounds depths next to it by less
 EXR_BYTES_PER_PIXEL = 20  # five channels of float32
@@ -74,7 +74,7 @@ class RenderFile:
             with (
                 bordered(self._scene, size_px or self.size_px, band) as crop,
                 muted_output(),
-                override(scene=self._scene),
+                override_scene(self._scene),
             ):
                 bpy.ops.render.render(write_still=True)
         except RuntimeError as error:  # Blender reports in this way that it could not write

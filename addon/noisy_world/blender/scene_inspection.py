@@ -11,6 +11,7 @@ from typing import Any
 import bpy
 import numpy as np
 
+from ..core.errors import InputError
 from ..core.messages import Action, Message, Remedy, either
 from ..core.presets.frame_range import FrameRange
 from ..core.scenes.own_scene import OwnScene, Problem, SampledCamera
@@ -54,9 +55,30 @@ def _answer(asked: dict[str, Any]) -> dict[str, Any]:
 
 
 def open_file(path: str) -> None:
-    """Open a .blend without running what it holds. Raises RuntimeError where it is none."""
+    """Open a .blend without running what it holds. Raises RuntimeError where it is none.
+
+    Raises InputError where a script has overridden the context's scene or view layer: Blender keeps them while it opens
+    a file, which removes them, and ends.
+    """
+    if _is_overridden():
+        problem = "cannot be opened while a script overrides the context's scene or view layer"
+        raise InputError(path, problem, remedy="leave the with of temp_override first")
     with muted_output():
         bpy.ops.wm.open_mainfile(filepath=utf8_name(path), load_ui=False, use_scripts=False)
+
+
+def _is_overridden() -> bool:
+    """Tell whether the context does not follow its window: it is shown another view layer for a moment."""
+    window = bpy.context.window
+    if window is None:
+        return False
+    shown = window.view_layer
+    probe = window.scene.view_layers.new("Noisy World probe")
+    window.view_layer = probe
+    found = bpy.context.view_layer != probe
+    window.view_layer = shown
+    window.scene.view_layers.remove(probe)
+    return found
 
 
 def show_scene(scene: bpy.types.Scene) -> None:

@@ -8,7 +8,7 @@ import bpy
 from ..core.planning.source import RenderedFrame
 from .engines import ENGINES, configure
 from .render import FrameRenderer
-from .typed import override
+from .typed import override_scene
 
 SCENE = "Noisy World still"
 
@@ -62,6 +62,6 @@ def _shrink(render: bpy.types.RenderSettings, longest_px: int) -> None:
 
 def _render(renderer: FrameRenderer, scene: bpy.types.Scene, frame: int) -> RenderedFrame:
     # Not by the operator's own argument, which would render the active scene's frame.
-    with override(scene=scene, view_layer=scene.view_layers[0]):
+    with override_scene(scene):
         scene.frame_set(frame)
         return renderer.render()

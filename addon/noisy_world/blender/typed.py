@@ -166,6 +166,15 @@ def layout_of(item: bpy.types.Panel | bpy.types.Menu | bpy.types.Header | bpy.ty
     return item.layout
 
 
+def override_scene(scene: bpy.types.Scene) -> AbstractContextManager[object]:
+    """Let operators that are called inside the `with` work on a scene and its first view layer.
+
+    Never the scene alone: Blender would pair it with the view layer of the context, which a script may have overridden
+    by one of another scene, and rendering would end the whole process.
+    """
+    return override(scene=scene, view_layer=scene.view_layers[0])
+
+
 def override(**members: Any) -> AbstractContextManager[object]:
     """Override members of the context for operators that are called inside the `with`."""
     return bpy.context.temp_override(**members)  # pyright: ignore[reportReturnType]  the stubs lack __enter__, __exit__
