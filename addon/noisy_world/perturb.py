@@ -14,12 +14,13 @@ import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, overload
+from typing import TYPE_CHECKING, Any, get_args, overload
 
 import numpy as np
 from numpy.typing import NDArray
 
 from .core.datasets.images import as_float
+from .core.datasets.unmeasured import Void, completed_m
 from .core.geometry import Intrinsics
 from .core.machine import keep_freed_memory
 from .core.perturbing.earlier_frames import alone
@@ -44,10 +45,10 @@ from .core.schema import ConfigPath, describe
 from .perturbations import registry
 
 if TYPE_CHECKING:
-    from .core.datasets.stored import StoredSequence
     from .core.optics import Optics
     from .core.planning.sequence import Sequence as PlannedSequence
     from .core.trajectories.trajectory import Trajectory
+    from .sources.recording import Recording
 
 __all__ = ["PerturbedFrame", "apply", "frames", "names"]
 
@@ -80,6 +81,7 @@ def apply(
     rgb: NDArray[Any] | None = None,
     intrinsics: Intrinsics | None = None,
     stamp_s: float | None = None,
+    void: Void = "unmeasured",
     **values: Any,
 ) -> NDArray[np.uint8]: ...
 
@@ -96,6 +98,7 @@ def apply(
     rgb: NDArray[Any] | None = None,
     intrinsics: Intrinsics | None = None,
     stamp_s: float | None = None,
+    void: Void = "unmeasured",
     **values: Any,
 ) -> NDArray[np.float32]: ...
 
@@ -111,6 +114,7 @@ def apply(
     rgb: NDArray[Any] | None = None,
     intrinsics: Intrinsics | None = None,
     stamp_s: float | None = None,
+    void: Void = "unmeasured",
     **values: Any,
 ) -> NDArray[Any]:
     """Perturb one colour or depth image; the input is not changed.
@@ -124,6 +128,8 @@ def apply(
     depth_m: (H, W) float planar depth, 0 = void, for the perturbations of colour that depend on it. rgb: (H, W, 3) as
     an image of colour, for the perturbations of depth that depend on it. intrinsics, stamp_s: of the image, for
     perturbations that ask for them; stamp_s in seconds.
+    void: what 0 means in depth_m: "unmeasured", as of a sensor, counts as far as what was measured around it;
+    "sky", as of a renderer, is infinitely far.
     values: as in a preset: mode, levels, temporal, or single parameters.
 
     From the first call on, the process keeps freed memory for the next images, where its C library is glibc.
@@ -139,10 +145,12 @@ def apply(
 
     Raises InputError for a name or a value that does not exist; TypeError for an argument of another kind, such as
     depth in whole numbers or colour with an alpha channel; ValueError for values that it may not hold: colour outside
-    [0, 1], negative depth, NaN and infinities, an image without pixels, sizes that differ.
+    [0, 1], negative depth, NaN and infinities, an image without pixels, sizes that differ, depth without any pixel
+    that was measured.
     """
     keep_freed_memory()
     name = checked_text("name", name)
+    void = _checked_void(void)
     place = ConfigPath("apply")
     values = values if severity is None else {"severity": severity, **values}
     (step,) = parse_steps([{name: plain(values)}], place, registry())
@@ -162,11 +170,26 @@ def apply(
         stamp_s=checked_number("stamp_s", stamp_s),
         intrinsics=intrinsics,
         read_rgb=None if rgb is None else lambda: as_float(rgb),
-        read_depth_m=None if depth_m is None else lambda: depth_m,
+        read_depth_m=None if depth_m is None else lambda: _seen_depth_m(depth_m, void),
         read_earlier=None if of_depth else alone(pixels),
     )
     made = _perturbed(step, pixels, where)
     return made.copy() if made is pixels else made
+
+
+def _checked_void(void: Void) -> Void:
+    if void not in get_args(Void):
+        raise ValueError(f"void is {describe(void)}, but has to be {' or '.join(map(repr, get_args(Void)))}")
+    return void
+
+
+def _seen_depth_m(depth_m: NDArray[np.float32], void: Void) -> NDArray[np.float32]:
+    """Return depth as perturbations of colour look at it. Raises ValueError where nothing was measured."""
+    if void == "sky":
+        return depth_m
+    if not depth_m.any():
+        raise ValueError("depth_m has no pixel that was measured; void='sky' takes it to be infinitely far")
+    return completed_m(depth_m)
 
 
 def _perturbed(step: Step[Any], image: NDArray[Any], where: FrameContext) -> NDArray[Any]:
@@ -211,6 +234,7 @@ def frames(
     scene: str | None = None,
     intrinsics: Intrinsics | None = None,
     rate_hz: float | None = None,
+    void: Void = "unmeasured",
 ) -> Iterator[PerturbedFrame]:
     """Perturb a sequence in any layout, frame by frame, without writing anything.
 
@@ -234,7 +258,8 @@ def frames(
     if isinstance(perturb, (str, bytes)) or not isinstance(perturb, Sequence):
         raise TypeError(f"perturb is {describe(perturb)}, but has to be a list, such as [{{'fog': {{'severity': 3}}}}]")
     check_intrinsics(intrinsics)
-    recording = read_recording(Path(folder), ConfigPath("frames"), checked_rate("rate_hz", rate_hz))
+    void = _checked_void(void)
+    recording = read_recording(Path(folder), ConfigPath("frames"), checked_rate("rate_hz", rate_hz), void=void)
     stored = recording.stored
     for note in (*stored.notes, *stored.image_notes):
         warnings.warn(f"{folder}: {note}", stacklevel=2)
@@ -252,11 +277,11 @@ def frames(
         raise ConfigPath("frames").error(f"depth of {folder} has a camera of its own", "give intrinsics")
     sequence = lay_out(whole, name, len(stored.trajectory), (seed, name, setting))
     path = written_paths(sequence, SensorPaths(stored.trajectory)).rgb
-    return _perturbed_frames(stored, sequence, path, known, optics)
+    return _perturbed_frames(recording, sequence, path, known, optics)
 
 
 def _perturbed_frames(
-    stored: "StoredSequence",
+    recording: "Recording",
     sequence: "PlannedSequence",
     path: "Trajectory",
     known: Intrinsics | None,
@@ -273,6 +298,7 @@ def _perturbed_frames(
     from .pipeline.made_frame import SequenceMaker  # noqa: PLC0415
     from .sources.recording import RecordedFrame  # noqa: PLC0415
 
+    stored, unmeasured_m = recording.stored, recording.capabilities.unmeasured_m
     seen = optics.depth
     stamps_s = stored.stamps.rgb.seconds
     earlier = EarlierFrames(stamps_s, lambda source: light_seen(RecordedFrame(stored.frame(source))))
@@ -281,7 +307,10 @@ def _perturbed_frames(
     between = None if seen is None or known is None else Registration(known, seen, optics.distortion)
     keep_freed_memory()
     maker = SequenceMaker(
-        sequence, colour, depth, lambda source: CleanFrame(source, RecordedFrame(stored.frame(source)), between)
+        sequence,
+        colour,
+        depth,
+        lambda source: CleanFrame(source, RecordedFrame(stored.frame(source)), between, unmeasured_m=unmeasured_m),
     )
     for index in sequence.frames:
         made = maker.frame(index)

@@ -65,6 +65,7 @@ CHANGES = {
     "scenes[].layout": ("plates", "scenes.0.layout=auto"),
     "scenes[].poses": ("lost", "scenes.0.poses=keep"),
     "scenes[].undistort": ("lens", "scenes.0.undistort=true"),
+    "scenes[].void": ("recording", "scenes.0.void=sky"),
     "scenes[].register": ("lens", "scenes.0.register=true"),
     "scenes[].distortion.model": ("rebent", "scenes.0.distortion.model=equidistant"),
     **{

@@ -2,6 +2,7 @@
 """A clean frame on its way to the files: its images, decoded once, and the context that perturbations get."""
 
 import contextlib
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -13,6 +14,7 @@ from ..core.datasets.image_files import WholeFile
 from ..core.datasets.images import as_bytes, as_float
 from ..core.datasets.layouts import Modality, OutputFormat
 from ..core.datasets.registration import Registration
+from ..core.datasets.unmeasured import completed_m
 from ..core.geometry import Intrinsics
 from ..core.perturbing.earlier_frames import EarlierFrame
 from ..core.perturbing.execution import ColourWork, DepthWork, Notes
@@ -44,12 +46,13 @@ class CleanFrame:
         *,
         of_light: bool = False,
         registers: bool = False,
+        unmeasured_m: Callable[[int], float] | None = None,
     ) -> None:
         """Hold a frame. source: its number on the path. between: colour and depth, where these have two cameras.
         registers: whether depth is laid into colour's pixels once it is measured.
 
         timer: hears how long images take that are read from files; None where they are not. of_light: what is stored
-        of its colour is light, before the view transform.
+        of its colour is light, before the view transform. unmeasured_m: as a source's capabilities say it.
         """
         self.source = source
         self.shown: ShownSources = (source, None)
@@ -58,6 +61,7 @@ class CleanFrame:
         self._timer = timer
         self._of_light = of_light
         self._registers = registers and between is not None
+        self._unmeasured_m = unmeasured_m
 
     @classmethod
     def of(
@@ -70,7 +74,9 @@ class CleanFrame:
         of_light: bool = False,
     ) -> "CleanFrame":
         """Return a source frame of a render."""
-        return cls(source, image, render.registration, timer, of_light=of_light, registers=render.registers)
+        unmeasured_m = render.scene.source.capabilities.unmeasured_m
+        between, registers = render.registration, render.registers
+        return cls(source, image, between, timer, of_light=of_light, registers=registers, unmeasured_m=unmeasured_m)
 
     @property
     def exposure(self) -> Notes:
@@ -174,6 +180,29 @@ class CleanFrame:
         """Return the depth as the colour camera sees it; a function that contexts can hand on."""
         return self._depth_in_colour_m
 
+    @cached_property
+    def _completed_depth_m(self) -> NDArray[np.float32]:
+        """Planar depth (H, W) in metres as the colour camera sees it, 0 = sky: what was not measured is completed."""
+        depth_m = self._depth_in_colour_m
+        if self._unmeasured_m is None:
+            return depth_m
+        if depth_m.any():
+            return completed_m(depth_m)
+        return np.full_like(depth_m, self._unmeasured_m(self.source))
+
+    def completed(self, work: ColourWork) -> dict[str, float]:
+        """Return what of the depth that steps of colour look at was not measured, for the frame's record.
+
+        share: of the pixels. depth_m: how far all of them count, where none was measured. Empty where there is none.
+        """
+        if self._unmeasured_m is None or not work.needs_depth:
+            return {}
+        measured = int(np.count_nonzero(self._depth_in_colour_m)) / self._depth_in_colour_m.size
+        if measured == 1:
+            return {}
+        found = {"share": round(1 - measured, 6)}
+        return found if measured else found | {"depth_m": round(float(self._completed_depth_m[0, 0]), 6)}
+
     def read_seen_depth_m(self) -> NDArray[np.float32]:
         """Return the depth of what colour shows, through panes of glass, for what acts on colour; as `read_depth_m`.
 
@@ -182,7 +211,7 @@ class CleanFrame:
         """
         behind_m = depth_behind_glass(self._image)
         if behind_m is None or self.light is None:
-            return self.read_depth_m() if behind_m is None else behind_m
+            return self._completed_depth_m if behind_m is None else behind_m
         pane_m = self.read_depth_m()
         outdoors = min(float((pane_m == 0).mean()) / OUTDOORS, 1.0)
         sky_m = pane_m ** np.float32(1 - outdoors) * np.float32(SKY_BEHIND_GLASS_M**outdoors)

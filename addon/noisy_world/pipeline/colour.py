@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.datasets.images import rgb_bytes
+from ..core.datasets.records import COMPLETED
 from ..core.machine import keep_freed_memory
 from ..core.node_graphs.chain import Decided, capacity_of, decided_by
 from ..core.perturbing.contexts import Identifiers
@@ -34,13 +35,21 @@ class PerturbedImage:
 
     key: equal for equal work on a clean frame, in whatever sequences. notes: what is done, for frames.jsonl. pixels:
     makes it: (H, W, 3) uint8, or float32 light, or (H, W) float32 metres; None where it is the clean image. camera:
-    what the camera's automatics decided, by name, for frames.jsonl too.
+    what the camera's automatics decided, by name, for frames.jsonl too. completed: what of the depth that it was made
+    by was not measured, likewise.
     """
 
     key: Hashable
     notes: Notes
     pixels: Callable[[], NDArray[Any] | None]
     camera: Mapping[str, float] = field(default_factory=dict[str, float])
+    completed: Mapping[str, float] = field(default_factory=dict[str, float])
+
+    @property
+    def decided(self) -> dict[str, Any]:
+        """What frames.jsonl has of it beside its steps, by name."""
+        found = {"camera": dict(self.camera), COMPLETED: dict(self.completed)}
+        return {name: values for name, values in found.items() if values}
 
 
 _Frames: TypeAlias = Mapping[str, tuple[int, Identifiers]]
@@ -77,7 +86,10 @@ class ReferenceColour:
 
     def _one(self, clean: CleanFrame, sequence: Sequence, where: FrameContext) -> PerturbedImage:
         work = ColourWork.of(sequence.setting.rgb, where)
-        return PerturbedImage(("reference", work.key), work.notes, lambda: clean.perturbed_rgb(work), work.decided)
+        completed = clean.completed(work)
+        return PerturbedImage(
+            ("reference", work.key), work.notes, lambda: clean.perturbed_rgb(work), work.decided, completed
+        )
 
 
 class ReferenceLight:
@@ -96,7 +108,8 @@ class ReferenceLight:
             if work.key not in pictures:
                 pictures[work.key] = clean.perturbed_rgb(work)
             image = PerturbedImage(
-                ("reference", work.key), work.notes, partial(_given, pictures[work.key]), work.decided
+                *(("reference", work.key), work.notes, partial(_given, pictures[work.key])),
+                *(work.decided, clean.completed(work)),
             )
             made[sequence.folder, frame] = partial(_given, image)
         return made
@@ -132,7 +145,9 @@ class CompositorColour:
             pictures = self._pictures(clean, frames, depth_m, motions, decided)
             for folder, (_, frame) in turn.items():
                 (pixels, notes), work = pictures[folder], works[folder]
-                image = PerturbedImage(self._key(work), notes, partial(_given, pixels), work.decided)
+                image = PerturbedImage(
+                    self._key(work), notes, partial(_given, pixels), work.decided, clean.completed(work)
+                )
                 made[folder, frame] = partial(_given, image)
         return made
 

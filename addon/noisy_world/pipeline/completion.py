@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Completing a dataset whose frames are all there: text files, overview, manifest."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 from ..core.channels import surface_channels
 from ..core.datasets.dataset import Dataset
@@ -12,9 +12,9 @@ from ..core.datasets.layouts.imu_files import imu_texts
 from ..core.datasets.layouts.stated_optics import stated_optics
 from ..core.datasets.overview import draw_overview
 from ..core.datasets.provenance import cameras_agree, cameras_of, manifest, optics_of
-from ..core.datasets.records import FrameRecord
+from ..core.datasets.records import COMPLETED, FrameRecord
 from ..core.inertial.imu import ImuSamples, measure
-from ..core.messages import Message
+from ..core.messages import Message, PresetKey
 from ..core.planning.motion_record import motion_of_frames
 from ..core.planning.plan import Plan, Render
 from ..core.planning.scene import Scene
@@ -47,6 +47,15 @@ def _imu_samples(plan: Plan, sequence: Sequence, paths: SensorPaths, stamps: Fra
     return measure(paths.robot, plan.rig.imu, stamps.pose.ns[0], (plan.preset.spec.seed, sequence.scene))
 
 
+def _completed_shares(records: Mapping[int, FrameRecord]) -> dict[int, float]:
+    """Return by frame the share of depth that was completed for its colour, of frames of which some was."""
+    return {
+        frame: record.perturbed[COMPLETED]["share"]
+        for frame, record in records.items()
+        if COMPLETED in record.perturbed
+    }
+
+
 class Completion:
     """Writes what a dataset has beside its images."""
 
@@ -69,6 +78,7 @@ class Completion:
         counts: dict[str, int] = {}
         pictured: dict[str, list[int]] = {}
         losses: dict[str, RangeLoss] = {}
+        completed: dict[str, dict[int, float]] = {}
         format_ = self._plan.format
         one_camera = cameras_agree(self._dataset.identity)
         for render in self._plan.renders:
@@ -95,6 +105,7 @@ class Completion:
                 images = (record.out_of_range for record in records.values())
                 if loss := range_loss(images, self._pixels(sequence.scene)):
                     losses[sequence.folder] = loss
+                completed.setdefault(sequence.scene, {}).update(_completed_shares(records))
         files |= {} if one_camera else self._texts_beside()
         first = self._plan.renders[0]
         of_setting = format_.setting_texts(first.camera, first.optics) if one_camera else {}
@@ -108,7 +119,20 @@ class Completion:
             files[OVERVIEW] = self._dataset.write_bytes(OVERVIEW, picture)
         digest = self._dataset.write_manifest(manifest(self._plan, self._dataset.identity, files, counts, losses))
         self._note_losses(losses, counts)
+        self._note_completed(completed)
         return digest
+
+    def _note_completed(self, shares: dict[str, dict[int, float]]) -> None:
+        """Say in a note for each scene how much of the depth that colour depends on was not measured."""
+        for scene, by_frame in shares.items():
+            if not by_frame:
+                continue
+            mean, most = sum(by_frame.values()) / len(by_frame), max(by_frame.values())
+            text = (
+                f"{scene}: {mean:.1%} of the depth that colour depends on is void, not measured (at most {most:.1%} of "
+                "a frame): it counts as far as what was measured around it, or as the sky with "
+            )
+            self._note(Message(text, PresetKey("void", "sky")))
 
     def _note_losses(self, losses: dict[str, RangeLoss], counts: dict[str, int]) -> None:
         """Say in a note for each scene how much of its depth is lost, and what keeps it."""

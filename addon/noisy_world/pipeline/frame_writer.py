@@ -167,7 +167,7 @@ class FrameWriter:
                 image = self._depth(sequence, frame, clean) if channel.paired else colours[sequence.folder, frame]()
                 written = files.give_perturbed(modality, image, _stage(steps), sequence.folder, name)
                 done[channel.steps] = image.notes
-                done |= {"camera": dict(image.camera)} if image.camera else {}
+                done |= image.decided
             if channel.paired and sequence.paired:
                 done["pairing"] = {"depth_of_frame": sequence.shown(frame).depth_frame}
             if isinstance(clean, CleanFrame) and clean.exposure and self._tells_exposure(modality):

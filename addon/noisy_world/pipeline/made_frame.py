@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from ..core.channels import CHANNELS, in_order
 from ..core.datasets.layouts import Modality, OutputFormat
+from ..core.datasets.records import COMPLETED
 from ..core.errors import InputError
 from ..core.perturbing.execution import ColourWork, DepthWork, Notes
 from ..core.planning.sequence import Sequence, ShownSources
@@ -118,8 +119,10 @@ class MadeFrame:
         for channel in map(CHANNELS.__getitem__, in_order(written.modalities)):
             if channel.steps is not None and (notes := (self._depth_m if channel.paired else self._rgb)[1]):
                 found[channel.steps] = notes
-                if channel.steps == "rgb" and (decided := self._colour_work.decided):
-                    found["camera"] = dict(decided)
+                if channel.steps == "rgb":
+                    work = self._colour_work
+                    found |= {"camera": dict(work.decided)} if work.decided else {}
+                    found |= {COMPLETED: made} if (made := self._clean_rgb.completed(work)) else {}
             if channel.paired and self._maker.sequence.paired:
                 found["pairing"] = {"depth_of_frame": self._depth_frame}
         if exposure := (self._clean_rgb if "rgb" in written.modalities else self._clean_depth).exposure:

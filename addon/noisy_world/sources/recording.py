@@ -5,6 +5,7 @@ import hashlib
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any, ClassVar, Literal, TypeAlias
 
@@ -16,6 +17,7 @@ from ..core.datasets.image_files import WholeFile
 from ..core.datasets.layouts import Modality, OutputFormat, PosePolicy, find_sequence, known_recordings, recognising
 from ..core.datasets.storage import sha256_of_file
 from ..core.datasets.stored import StoredFrame, StoredSequence, same_camera
+from ..core.datasets.unmeasured import VOID_MEANING, MeasuredDepth, Void
 from ..core.geometry import Intrinsics
 from ..core.machine import keep_freed_memory
 from ..core.messages import Message, Part, PresetKey
@@ -75,6 +77,7 @@ class RecordingKeys(SceneKeys):
         default=False,
         identity="meaning",
     )
+    void: Void = key(VOID_MEANING, default="unmeasured")
     distortion: DistortionSpec | None = key(
         "a lens that a pinhole's frames are bent as by: interpolated, what it would see beside them void", default=None
     )
@@ -89,6 +92,12 @@ class Recording(SimpleSource):
     undistort: bool = False
     register: bool = False
     distortion: DistortionSpec | None = None
+    void: Void = "unmeasured"
+
+    @cached_property
+    def _measured(self) -> MeasuredDepth:
+        stored = self.stored
+        return MeasuredDepth(stored.folder, len(stored.depth_files), lambda frame: stored.frame(frame).depth_m)
 
     def optics(self, camera: Intrinsics) -> Optics:
         """Return what its cameras have beyond one pinhole, after what the preset has done to its frames."""
@@ -126,7 +135,8 @@ class Recording(SimpleSource):
     @property
     def capabilities(self) -> SourceCapabilities:
         """Frames from the recorded poses, not rendered."""
-        return SourceCapabilities(rendered=False, any_pose=False, instants_only=RECORDED)
+        unmeasured_m = None if self.void == "sky" else self._measured
+        return SourceCapabilities(rendered=False, any_pose=False, instants_only=RECORDED, unmeasured_m=unmeasured_m)
 
     @property
     def stamps_s(self) -> NDArray[np.float64]:
@@ -201,11 +211,13 @@ def read_recording(
     undistort: bool = False,
     register: bool = False,
     distortion: DistortionSpec | None = None,
+    void: Void = "unmeasured",
 ) -> Recording:
     """Find the files of a recording. rate_hz: of its frames, as the preset says it; None where it does not.
 
     poses: what becomes of frames without a pose. undistort: whether to make a pinhole of a lens that distorts.
     register: whether depth of a camera of its own is laid into colour. distortion: of a lens that frames are bent by.
+    void: what depth 0 means.
     Raises InputError where files are missing or wrong, where its own stamps say another rate, and where there is
     nothing to undistort or register.
     """
@@ -218,7 +230,7 @@ def read_recording(
         raise place.at("undistort").error(f"no file of {folder} says that the lens distorts", "leave it out")
     if register and stored.optics.depth is None:
         raise place.at("register").error(f"depth and colour of {folder} have one camera", "leave it out")
-    return Recording(stored, place, undistort, register, distortion)
+    return Recording(stored, place, undistort, register, distortion, void)
 
 
 def _values(camera: Intrinsics) -> str:
@@ -317,9 +329,14 @@ class RecordingKind(FileSource[RecordingKeys]):
                 raise place.at("distortion").at("undistort").error("is for what is rendered", "leave it out")
         if keys.layout != "images":
             return
-        lacking = {"undistort": "no file that says their lens", "register": "no depth", "distortion": "no known camera"}
+        lacking = {
+            "undistort": "no file that says their lens",
+            "register": "no depth",
+            "distortion": "no known camera",
+            "void": "no depth",
+        }
         for name, what in lacking.items():
-            if getattr(keys, name):
+            if getattr(keys, name) not in (None, False, "unmeasured"):
                 raise place.at(name).error(f"plain images have {what}", "leave it out")
         if keys.poses == "require":
             raise place.at("poses").error("plain images have no poses", "leave it out")
@@ -340,6 +357,7 @@ class RecordingKind(FileSource[RecordingKeys]):
             undistort=keys.undistort,
             register=keys.register,
             distortion=keys.distortion,
+            void=keys.void,
         )
 
 

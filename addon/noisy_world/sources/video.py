@@ -8,6 +8,7 @@ from typing import ClassVar
 
 from ..core.datasets.layouts.recorded import MILLIMETRES
 from ..core.datasets.stored import SCALES_PER_M
+from ..core.datasets.unmeasured import VOID_MEANING, Void
 from ..core.messages import Message, Part, PresetKey
 from ..core.planning.scene import Lack, SceneEntry
 from ..core.planning.source import Source
@@ -35,6 +36,7 @@ class VideoKeys(SceneKeys):
         maximum=SCALES_PER_M[1],
         identity="meaning",
     )
+    void: Void = key(VOID_MEANING, default="unmeasured")
 
 
 class VideoKind(FileSource[VideoKeys]):
@@ -50,8 +52,11 @@ class VideoKind(FileSource[VideoKeys]):
 
     def check(self, keys: VideoKeys, place: ConfigPath) -> None:
         """Refuse a depth scale without depth."""
-        if keys.depth_scale_per_m is not None and keys.depth is None:
-            raise place.at("depth_scale_per_m").error("goes with depth of a video", "leave it out")
+        if keys.depth is not None:
+            return
+        for name, given in (("depth_scale_per_m", keys.depth_scale_per_m is not None), ("void", keys.void == "sky")):
+            if given:
+                raise place.at(name).error("goes with depth of a video", "leave it out")
 
     def open_file(self, entry: SceneEntry[VideoKeys], name: str, path: Path, parts: tuple[str, ...]) -> Source:
         """Return the source of a file."""
@@ -61,7 +66,9 @@ class VideoKind(FileSource[VideoKeys]):
         beside, where = None, entry.place.at("depth")
         if entry.keys.depth is not None:
             beside = found_path(entry.preset, where, filled(entry.keys.depth, parts, where), folder=True)
-        return read_video_source(path, entry.place, beside, entry.keys.depth_scale_per_m or MILLIMETRES)
+        return read_video_source(
+            path, entry.place, beside, entry.keys.depth_scale_per_m or MILLIMETRES, entry.keys.void
+        )
 
 
 SOURCE = VideoKind()

@@ -5,6 +5,7 @@ import hashlib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,7 @@ from ..core.datasets.known_poses import unposed
 from ..core.datasets.layouts import Modality, OutputFormat
 from ..core.datasets.layouts.recorded import MILLIMETRES
 from ..core.datasets.storage import sha256_of_file
+from ..core.datasets.unmeasured import MeasuredDepth, Void
 from ..core.datasets.video_files import VideoFile, VideoReader, read_video
 from ..core.geometry import Intrinsics
 from ..core.planning.simple_source import SimpleSource
@@ -37,6 +39,12 @@ class Video(SimpleSource):
     video: VideoFile
     place: ConfigPath
     depth: DepthFolder | None = None
+    void: Void = "unmeasured"
+
+    @cached_property
+    def _measured(self) -> MeasuredDepth | None:
+        depth = self.depth
+        return None if depth is None else MeasuredDepth(depth.folder, len(depth.files), depth.depth_m)
 
     @property
     def location(self) -> str:
@@ -46,7 +54,13 @@ class Video(SimpleSource):
     @property
     def capabilities(self) -> SourceCapabilities:
         """Recorded colour and, where there is any, depth."""
-        return SourceCapabilities(rendered=False, any_pose=False, depth=self.depth is not None, instants_only=RECORDED)
+        return SourceCapabilities(
+            rendered=False,
+            any_pose=False,
+            depth=self.depth is not None,
+            instants_only=RECORDED,
+            unmeasured_m=None if self.void == "sky" else self._measured,
+        )
 
     @property
     def stamps_s(self) -> NDArray[np.float64]:
@@ -89,16 +103,21 @@ class Video(SimpleSource):
 
 
 def read_video_source(
-    path: Path, place: ConfigPath, depth: Path | None = None, scale_per_m: float = MILLIMETRES
+    path: Path,
+    place: ConfigPath,
+    depth: Path | None = None,
+    scale_per_m: float = MILLIMETRES,
+    void: Void = "unmeasured",
 ) -> Video:
     """Find what a video holds. depth: the folder of its depth images, of scale_per_m steps a metre; None for no depth.
+    void: what depth 0 means.
 
     Raises InputError where it is no video, or the images of depth are not those of its frames.
     """
     video = read_video(path)
     if depth is None:
         return Video(video, place)
-    return Video(video, place, read_depth_folder(depth, scale_per_m, path, len(video), video.size_px))
+    return Video(video, place, read_depth_folder(depth, scale_per_m, path, len(video), video.size_px), void)
 
 
 @dataclass(frozen=True)

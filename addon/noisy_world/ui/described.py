@@ -150,6 +150,8 @@ _CHOICES = {
     "keep": ("Keep", "Keep the frame, and write no pose for it"),
     "require": ("Refuse", "Frames without a pose end the run"),
     "images": ("Plain Images", "PNG or JPEG images in the order of their names, without depth and poses"),
+    "unmeasured": ("Not Measured", "As far as what was measured around it, as of a depth camera"),
+    "sky": ("Sky", "Infinitely far, as of a renderer"),
     "none": ("No Poses", "Look for no poses at all: a recording without ground truth"),
 }
 """Label and tooltip of every value that a field chooses from."""

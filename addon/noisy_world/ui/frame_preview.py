@@ -210,8 +210,13 @@ def _clean(scene: bpy.types.Scene, source: int) -> CleanFrame:
     still = still_of(scene, source)
     assert still.rgb is not None
     panel = panel_of(scene)
-    between = recorded(panel).between if footage.is_shown(panel) else None
-    return CleanFrame(source, replace(still, rgb=np.clip(still.rgb, 0.0, 1.0)), between)
+    shown = recorded(panel) if footage.is_shown(panel) else None
+    return CleanFrame(
+        source,
+        replace(still, rgb=np.clip(still.rgb, 0.0, 1.0)),
+        None if shown is None else shown.between,
+        unmeasured_m=None if shown is None else shown.source.capabilities.unmeasured_m,
+    )
 
 
 def _camera(scene: bpy.types.Scene) -> Camera:

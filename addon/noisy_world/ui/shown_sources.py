@@ -260,6 +260,7 @@ class _Recording(_Footage):
         column = layout.column(heading="Treatment", align=True)
         column.prop(panel, "undistort")
         column.prop(panel, "register_depth")
+        layout.prop(panel, "recorded_void")
 
     def draw_path(self, layout: bpy.types.UILayout, panel: Any) -> None:
         if panel.recorded_layout == "images":
@@ -278,10 +279,12 @@ class _Video(_Footage):
         if panel.video_depth_path:
             said |= {"depth": place(panel.video_depth_path)}
             said |= {"depth_scale_per_m": value_of(panel, "video_depth_scale_per_m")}
+            said |= {"void": "sky"} if panel.recorded_void == "sky" else {}
         return said
 
     def take(self, panel: Any, entry: SceneEntry[Any]) -> str:
         panel.video_path, panel.video_depth_path = _file(entry, "video"), _file(entry, "depth")
+        panel.recorded_void = entry.keys.void
         if entry.keys.depth_scale_per_m is not None:
             set_value(panel, "video_depth_scale_per_m", entry.keys.depth_scale_per_m)
         return Path(panel.video_path).stem
@@ -291,6 +294,7 @@ class _Video(_Footage):
         layout.prop(panel, "video_depth_path")
         if panel.video_depth_path:
             layout.prop(panel, "video_depth_scale_per_m")
+            layout.prop(panel, "recorded_void")
 
     def draw_path(self, layout: bpy.types.UILayout, panel: Any) -> None:
         del panel

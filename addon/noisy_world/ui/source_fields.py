@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
 FIELDS = {
     "recorded_layout": "layout", "recorded_poses": "poses", "undistort": "undistort", "register_depth": "register",
+    "recorded_void": "void",
 }  # fmt: skip
 """Properties of a recording by the keys of a preset's scene that they give."""
 
@@ -132,6 +133,10 @@ def source_members() -> dict[str, Any]:
         "register_depth": described(
             RecordingKeys, "register", label="Register Depth", update="register_depth",
             description="Lay depth of a camera of its own into color, by the calibration",
+        ),
+        "recorded_void": described(
+            RecordingKeys, "void", label="Void", update="recorded_void",
+            description="What depth 0 means to fog, weather and defocus by depth; depth is written as it is",
         ),
         "video_path": described(
             VideoKeys, "video", label="Video", update="video_path", subtype="FILE_PATH", options=path_options,

@@ -14,6 +14,7 @@ from .json_text import finite_number, parse_json
 
 LARGEST_S = 1e15  # far beyond any time stamp; a whole number of JSON may be too large for a float
 FRAMES = "frames.jsonl"
+COMPLETED = "depth_completed"  # the key in what was done to a frame
 OUT_OF_RANGE = "depth_out_of_range"  # the key in a record, and in the manifest
 _LINES = json.JSONEncoder(separators=(", ", ": "))  # one for all lines: json.dumps makes one for each
 

@@ -200,6 +200,11 @@ class ColourWork(_ImageWork[ColourPerturbation]):
         return self.active[-1][1].decided if self.active else {}
 
     @property
+    def needs_depth(self) -> bool:
+        """Whether a step that does something looks at the frame's depth."""
+        return any(step.perturbation.needs_depth for step, _, _ in self.active)
+
+    @property
     def takes_bytes(self) -> bool:
         """Whether it is a single step that works on bytes: float colour is then rounded before it, as its file is."""
         return len(self.active) == 1 and self.active[0][0].perturbation.apply_bytes is not None

@@ -157,7 +157,9 @@ class SourceCapabilities:
     where it answers requests for any time. lit: its frames have scene-linear light before a view transform
     (`light_of`). casts_rays: whether it gives the rays that a request asks for. at_once: why it does not, where there
     is more to say. distorts: whether its frames pass the lens that a preset's camera has. depth_cameras: whether depth
-    may have another camera than colour.
+    may have another camera than colour. unmeasured_m: of a source whose depth was measured, so that void is what was
+    not: how far a frame counts that measured nothing at all, by its number, metres. None where void is the sky, as
+    that of a renderer: infinitely far.
     """
 
     rendered: bool
@@ -174,6 +176,7 @@ class SourceCapabilities:
     at_once: str = ""
     distorts: bool = False
     depth_cameras: bool = False
+    unmeasured_m: Callable[[int], float] | None = None
 
 
 @dataclass(frozen=True)
