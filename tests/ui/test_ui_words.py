@@ -4,6 +4,7 @@
 import math
 from dataclasses import fields
 from pathlib import Path
+from typing import Literal, get_args, get_origin, get_type_hints
 
 import bpy
 import numpy as np
@@ -150,6 +151,32 @@ def test_fields_are_called_as_the_tab_shows_them():
     assert {section for section, _ in shown} <= titles
     assert {label for _, label in shown} <= labels
     assert len(shown) > 40
+
+
+def test_each_choice_of_the_tab_has_the_words_of_its_own_field():
+    shown = [(cls, name) for cls, name in SHOWN if _values(cls, name)]
+    assert len(shown) > 25
+    for cls, name in shown:
+        info = next(item for item in fields(cls) if item.name == name).metadata["key"]
+        assert tuple(info.choices or ()) == _values(cls, name), (cls, name)
+        assert all(item.label and item.meaning for item in info.choices.values()), (cls, name)
+    step, panel = add(scene(), "fog_depth"), settings()
+    air, camera = _tooltips(step.fog_depth, "air"), _tooltips(panel, "colour")
+    assert "airlight" in air["grey"].lower()
+    assert "channel" in camera["grey"].lower()
+    assert "lit" in air["auto"].lower().split()
+    assert "opencv" in _tooltips(panel, "trajectory_axes")["auto"].lower()
+    assert "lit" not in _tooltips(panel, "trajectory_axes")["auto"].lower().split()
+
+
+def _values(cls, name):
+    hint = get_type_hints(cls)[name]
+    return next((get_args(item) for item in (hint, *get_args(hint)) if get_origin(item) is Literal), ())
+
+
+def _tooltips(group, name):
+    """The tooltip that Blender shows for each value of a property."""
+    return {item.identifier: item.description for item in group.bl_rna.properties[name].enum_items}
 
 
 def test_keys_in_notes_are_named_as_fields():

@@ -43,8 +43,9 @@ class Choice:
 class KeyInfo:
     """What a key means. minimum and maximum are inclusive; above is an exclusive minimum.
 
-    choices: the allowed texts, where the field's type does not give them. identity: how it stands in the identity of a
-    dataset, which says what decided its bytes. file: of a text that names a file: reads it, to check it.
+    choices: the words of each text that it may be; the texts too, where the field's type does not give them. identity:
+    how it stands in the identity of a dataset, which says what decided its bytes. file: of a text that names a file:
+    reads it, to check it.
     """
 
     meaning: str
@@ -74,11 +75,12 @@ def key(
 ) -> Any:
     """Declare a dataclass field that a preset may set.
 
-    pattern: a function that returns what is wrong with a text, or nothing. choices: the allowed values of a text whose
-    values come from a registry, where a Literal would repeat them. identity: "value" where the value decides bytes, so
-    that it stands in a dataset's identity as it is, unless it is the default; "meaning" where what it means stands
-    there in another form, as poses or hashes; "nothing" where it decides no byte. file: of a perturbation's parameter
-    that names a file, "" for none: a function that reads it, and raises OSError, or ValueError with what is wrong.
+    pattern: a function that returns what is wrong with a text, or nothing. choices: label and meaning of each value,
+    as this field means it; where the type is no Literal, as where values come from a registry, these are the values
+    that are allowed. identity: "value" where the value decides bytes, so that it stands in a dataset's identity as it
+    is, unless it is the default; "meaning" where what it means stands there in another form, as poses or hashes;
+    "nothing" where it decides no byte. file: of a perturbation's parameter that names a file, "" for none: a function
+    that reads it, and raises OSError, or ValueError with what is wrong.
     """
     info = KeyInfo(meaning, unit, minimum, maximum, above, pattern, choices, identity, file)
     return field(default=default, default_factory=default_factory, metadata={"key": info})

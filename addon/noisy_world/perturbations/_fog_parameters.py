@@ -5,7 +5,7 @@ import math
 from dataclasses import dataclass
 from typing import Literal
 
-from ..core.schema import key
+from ..core.schema import Choice, key
 from ._lamp_light import lamps_key
 
 # The contrast of a black object that is left at the distance called visibility (WMO's meteorological optical range).
@@ -32,6 +32,12 @@ class FogDepth:
         "where its light comes from: auto is scene on lit scenes, whose light is not clipped, else grey; scene: the "
         "sky's colour where there is sky, else a mean that lamps do not move; grey: airlight; colour: as given",
         default="auto",
+        choices={
+            "auto": Choice("Automatic", "Scene on lit scenes, whose light is not clipped, else Grey"),
+            "scene": Choice("Scene", "The sky's colour where there is sky, else a mean that lamps do not move"),
+            "grey": Choice("Grey", "A grey as light as Airlight"),
+            "colour": Choice("Colour", "As given below"),
+        },
     )
     air_red: float = key("red of its light, sRGB-encoded", default=0.8, minimum=0, maximum=20)
     air_green: float = key("green of its light, sRGB-encoded", default=0.8, minimum=0, maximum=20)

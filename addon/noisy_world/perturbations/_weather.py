@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ..core.linear_light import LUMINANCE, decoded, encoded
 from ..core.perturbing.kinds import FrameContext
-from ..core.schema import key
+from ..core.schema import Choice, key
 from ..core.trajectories.camera_state import camera_state_of
 from ._air_light import air_light, colour_of
 from ._bands import by_bands
@@ -53,6 +53,12 @@ class Falling:
         "where its light comes from: auto is scene on lit scenes, whose light is not clipped, else mean; scene: the "
         "sky's colour where there is sky, else a mean that lamps do not move; mean: of the frame; colour: as given",
         default="auto",
+        choices={
+            "auto": Choice("Automatic", "Scene on lit scenes, whose light is not clipped, else Mean"),
+            "scene": Choice("Scene", "The sky's colour where there is sky, else a mean that lamps do not move"),
+            "mean": Choice("Mean", "The mean of the picture"),
+            "colour": Choice("Colour", "As given below"),
+        },
     )
     air_red: float = key("red of its light, sRGB-encoded", default=0.5, minimum=0, maximum=20)
     air_green: float = key("green of its light, sRGB-encoded", default=0.5, minimum=0, maximum=20)

@@ -15,7 +15,7 @@ from ..core.node_graphs.groups import Canvas
 from ..core.perturbing.by_frame import ByFrame, FrameValue
 from ..core.perturbing.earlier_frames import EarlierFrame
 from ..core.perturbing.kinds import ColourPerturbation, FrameContext
-from ..core.schema import key
+from ..core.schema import Choice, key
 from ._automatic import lag_span_s, lagged
 from ._bands import by_bands
 
@@ -33,7 +33,14 @@ class AutoExposure:
     """
 
     target: float = key("mean light that it aims at, of white", default=0.18, above=0, maximum=1)
-    meter: Literal["average", "centre"] = key("which part of the image counts", default="average")
+    meter: Literal["average", "centre"] = key(
+        "which part of the image counts",
+        default="average",
+        choices={
+            "average": Choice("Average", "All of the picture alike"),
+            "centre": Choice("Centre", "The middle of the picture most"),
+        },
+    )
     lag_s: float = key("time constant of following", default=0.4, unit="s", minimum=0, maximum=5)
     light_stops: float = key(
         "how much brighter the scene's light is than in the image; below 0 darker", default=0.0, minimum=-20, maximum=8

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ..core.geometry import Intrinsics
 from ..core.perturbing.kinds import DepthPerturbation, FrameContext
-from ..core.schema import key
+from ..core.schema import Choice, key
 from ._depth_device import NOISE_SEVERITIES, Devices, camera_of, filled, noise_of_device, of_device
 from ._incidence import cosine_of_incidence
 from ._quantiles import CODES, look_up, scaled_normal, uniform_codes
@@ -31,7 +31,13 @@ class AxialNoise:
     """
 
     device: Literal["nguyen_2012", "khoshelham_2012", "azure_kinect"] = key(
-        "the measured law whose values are taken", default="nguyen_2012"
+        "the measured law whose values are taken",
+        default="nguyen_2012",
+        choices={
+            "nguyen_2012": Choice("Nguyen", "The first Kinect, as Nguyen and others measured it"),
+            "khoshelham_2012": Choice("Khoshelham", "The first Kinect, as Khoshelham measured it"),
+            "azure_kinect": Choice("Azure Kinect", "Microsoft's time-of-flight camera, by a law of two numbers"),
+        },
     )
     noise: float = noise_of_device()
     from_m: float = of_device("depth from which on noise grows", 1000, "m")

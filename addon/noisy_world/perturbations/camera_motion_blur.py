@@ -12,7 +12,7 @@ from ..core.linear_light import decoded, encoded
 from ..core.perturbing.exposing import SceneAround
 from ..core.perturbing.kinds import ExposurePerturbation
 from ..core.scenes.srgb import quick_light
-from ..core.schema import key
+from ..core.schema import Choice, key
 from ..core.trajectories.frame_request import Shutter
 
 MS_PER_S = 1000.0
@@ -28,6 +28,11 @@ class CameraMotionBlur:
     stamp: Literal["start", "middle", "end"] = key(
         "the moment of the exposure that is the frame's time stamp, at which the ground truth's pose is taken",
         default="middle",
+        choices={
+            "start": Choice("Start", "When the shutter opens"),
+            "middle": Choice("Middle", "Half way through the exposure"),
+            "end": Choice("End", "When the shutter closes"),
+        },
     )
     ramp: float = key(
         "the share of the time in which the shutter opens, and closes again: 0 is at once, 1 a triangle",
@@ -36,7 +41,13 @@ class CameraMotionBlur:
         maximum=1,
     )
     depth: Literal["start", "middle", "end"] = key(
-        "the moment of the exposure that depth is of, which stays sharp", default="middle"
+        "the moment of the exposure that depth is of, which stays sharp",
+        default="middle",
+        choices={
+            "start": Choice("Start", "Depth of when the shutter opens"),
+            "middle": Choice("Middle", "Depth of half way through the exposure"),
+            "end": Choice("End", "Depth of when the shutter closes"),
+        },
     )
     moments_per_px: float = key(
         "moments whose light is averaged, for each pixel of the longest blur in the image",

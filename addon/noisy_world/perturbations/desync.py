@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.perturbing.kinds import PairingPerturbation, SequenceContext
-from ..core.schema import key
+from ..core.schema import Choice, key
 
 
 @dataclass(frozen=True)
@@ -24,10 +24,20 @@ class Desync:
         maximum=10_000,
     )
     mode: Literal["static", "dynamic"] = key(
-        "dynamic: offset - 1, offset or offset + 1, drawn for each frame", default="static"
+        "dynamic: offset - 1, offset or offset + 1, drawn for each frame",
+        default="static",
+        choices={
+            "static": Choice("Static", "All frames are off by Offset"),
+            "dynamic": Choice("Dynamic", "Each frame is off by Offset, or by one frame less or more, drawn for it"),
+        },
     )
     edge: Literal["clamp", "drop"] = key(
-        "where there is no such depth: clamp takes the nearest there is, drop leaves the frame out", default="clamp"
+        "where there is no such depth: clamp takes the nearest there is, drop leaves the frame out",
+        default="clamp",
+        choices={
+            "clamp": Choice("Clamp", "The nearest depth that there is"),
+            "drop": Choice("Drop", "The frame is left out"),
+        },
     )
 
 

@@ -12,7 +12,7 @@ from ..core.linear_light import LUMINANCE, decoded, encoded
 from ..core.node_graphs.graph import Socket
 from ..core.node_graphs.groups import Canvas, convert
 from ..core.perturbing.kinds import ColourPerturbation, FrameContext
-from ..core.schema import key
+from ..core.schema import Choice, key
 from ._air_light import air_light, colour_of, sky_in
 from ._air_light_nodes import air_nodes, kept_sky
 from ._bands import by_bands
@@ -46,6 +46,12 @@ class Haze:
         "where its light comes from: auto is scene on lit scenes, whose light is not clipped, else grey; scene: the "
         "sky's colour where there is sky, else a mean that lamps do not move; grey: airlight, bluer; colour: as given",
         default="auto",
+        choices={
+            "auto": Choice("Automatic", "Scene on lit scenes, whose light is not clipped, else Grey"),
+            "scene": Choice("Scene", "The sky's colour where there is sky, else a mean that lamps do not move"),
+            "grey": Choice("Grey", "As light as Airlight, and bluer by Blueness"),
+            "colour": Choice("Colour", "As given below"),
+        },
     )
     air_red: float = key("red of its light, sRGB-encoded", default=0.8, minimum=0, maximum=20)
     air_green: float = key("green of its light, sRGB-encoded", default=0.8, minimum=0, maximum=20)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ..core.geometry import Intrinsics
 from ..core.perturbing.kinds import DepthPerturbation, FrameContext
-from ..core.schema import key
+from ..core.schema import Choice, key
 from ._depth_device import NOISE_SEVERITIES, Devices, camera_of, filled, noise_of_device, of_device, range_contradiction
 from ._incidence import cosine_of_incidence
 from ._void import without_void
@@ -26,7 +26,12 @@ class Lidar:
     """
 
     device: Literal["velodyne_vlp16", "velodyne_hdl32e"] = key(
-        "the lidar whose values are taken", default="velodyne_vlp16"
+        "the lidar whose values are taken",
+        default="velodyne_vlp16",
+        choices={
+            "velodyne_vlp16": Choice("Velodyne VLP-16", "16 rows of beams"),
+            "velodyne_hdl32e": Choice("Velodyne HDL-32E", "32 rows of beams"),
+        },
     )
     noise: float = noise_of_device()
     rows: int = key("number of beams above each other; below 0: the device's", default=-1, minimum=-1, maximum=2048)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.perturbing.kinds import DepthPerturbation, FrameContext
-from ..core.schema import key
+from ..core.schema import Choice, key
 from ._depth_device import NOISE_SEVERITIES, Devices, filled, noise_of_device, of_device
 from ._quantiles import look_up, scaled_normal, uniform_codes
 from ._shifted import shifted_places, taken
@@ -25,7 +25,13 @@ class Redwood:
     before. With `noise: 0` it is Open3D's deterministic mode.
     """
 
-    device: Literal["choi_2015"] = key("the published values that are taken", default="choi_2015")
+    device: Literal["choi_2015"] = key(
+        "the published values that are taken",
+        default="choi_2015",
+        choices={
+            "choi_2015": Choice("Choi", "The values that were published with the model"),
+        },
+    )
     noise: float = noise_of_device()
     product_px_m: float = of_device("focal length x baseline", 10_000, "px m")
     step_px: float = of_device("what disparity is rounded to", 8, "px")

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 from ..core.perturbing.kinds import ExposurePerturbation
-from ..core.schema import key
+from ..core.schema import Choice, key
 from ..core.trajectories.frame_request import ReadoutDirection, RequestedRays, Shutter
 
 MS_PER_S = 1000.0
@@ -23,15 +23,31 @@ class RollingShutter:
         maximum=1000,
     )
     direction: ReadoutDirection = key(
-        "where reading goes: over rows down or up, over columns right or left", default="down"
+        "where reading goes: over rows down or up, over columns right or left",
+        default="down",
+        choices={
+            "down": Choice("Down", "The upper row is read first"),
+            "up": Choice("Up", "The lower row is read first"),
+            "right": Choice("Right", "The left column is read first"),
+            "left": Choice("Left", "The right column is read first"),
+        },
     )
     stamp: Literal["start", "middle", "end"] = key(
         "the moment of the readout that is the frame's time stamp, at which the ground truth's pose is taken",
         default="middle",
+        choices={
+            "start": Choice("Start", "When the first line is read"),
+            "middle": Choice("Middle", "Half way from the first line to the last"),
+            "end": Choice("End", "When the last line is read"),
+        },
     )
     depth: Literal["rolling", "global"] = key(
         "rolling: each line of depth is of its own moment too; global: all depth is of the frame's time stamp",
         default="rolling",
+        choices={
+            "rolling": Choice("Rolling", "Each line of depth is of its own moment"),
+            "global": Choice("Global", "All depth is of one moment, that of the time stamp"),
+        },
     )
 
 

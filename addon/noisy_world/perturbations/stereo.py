@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.perturbing.kinds import DepthPerturbation, FrameContext
-from ..core.schema import key
+from ..core.schema import Choice, key
 from ._bands import by_bands
 from ._depth_device import NOISE_SEVERITIES, Devices, camera_of, filled, noise_of_device, of_device
 from ._depth_shadow import shadowed
@@ -30,7 +30,13 @@ class Stereo:
     """
 
     device: Literal["realsense_d435", "realsense_d455", "realsense_d415"] = key(
-        "the camera whose values are taken", default="realsense_d435"
+        "the camera whose values are taken",
+        default="realsense_d435",
+        choices={
+            "realsense_d435": Choice("RealSense D435", "Intel's stereo camera with a wide view"),
+            "realsense_d455": Choice("RealSense D455", "Intel's stereo camera with a longer baseline"),
+            "realsense_d415": Choice("RealSense D415", "Intel's stereo camera with a narrow view"),
+        },
     )
     noise: float = noise_of_device()
     focal_px: float = of_device("focal length of the images that are matched", 10_000, "px")

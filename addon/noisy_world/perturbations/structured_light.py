@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.perturbing.kinds import DepthPerturbation, FrameContext
-from ..core.schema import key
+from ..core.schema import Choice, key
 from ._bands import bands, by_bands
 from ._depth_device import NOISE_SEVERITIES, Devices, camera_of, filled, noise_of_device, of_device, range_contradiction
 from ._depth_shadow import shadowed
@@ -29,7 +29,14 @@ class StructuredLight:
     pixel takes the depth of a place near its own. Not modelled: dark and shiny surfaces, sunlight, radial distortion.
     """
 
-    device: Literal["kinect_v1", "kinect_v1_near"] = key("the camera whose values are taken", default="kinect_v1")
+    device: Literal["kinect_v1", "kinect_v1_near"] = key(
+        "the camera whose values are taken",
+        default="kinect_v1",
+        choices={
+            "kinect_v1": Choice("Kinect", "Microsoft's first Kinect"),
+            "kinect_v1_near": Choice("Kinect, Near", "Microsoft's first Kinect in its near mode"),
+        },
+    )
     noise: float = noise_of_device()
     focal_px: float = of_device("focal length of the device's image", 10_000, "px")
     baseline_m: float = of_device("distance from the projector to the camera", 10, "m")

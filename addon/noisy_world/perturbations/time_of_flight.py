@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ..core.geometry import Intrinsics
 from ..core.linear_light import decoded
 from ..core.perturbing.kinds import DepthPerturbation, FrameContext
-from ..core.schema import key
+from ..core.schema import Choice, key
 from ._depth_device import NOISE_SEVERITIES, Devices, camera_of, filled, noise_of_device, of_device, range_contradiction
 from ._detours import by_one_bounce
 from ._incidence import cosine_of_incidence
@@ -37,7 +37,13 @@ class TimeOfFlight:
     """
 
     device: Literal["azure_kinect_nfov", "azure_kinect_nfov_binned", "azure_kinect_wfov"] = key(
-        "the camera and mode whose values are taken", default="azure_kinect_nfov"
+        "the camera and mode whose values are taken",
+        default="azure_kinect_nfov",
+        choices={
+            "azure_kinect_nfov": Choice("Azure Kinect, Narrow", "Its narrow field of view"),
+            "azure_kinect_nfov_binned": Choice("Azure Kinect, Narrow, Binned", "Narrow, two by two pixels in one"),
+            "azure_kinect_wfov": Choice("Azure Kinect, Wide", "Its wide field of view"),
+        },
     )
     noise: float = noise_of_device()
     frequency_mhz: float = of_device("frequency that the phase is measured at", 10_000, "MHz")

@@ -7,7 +7,7 @@ import numpy as np
 
 from ..core.errors import NoisyWorldError
 from ..core.perturbing.kinds import MotionPerturbation, SequenceContext
-from ..core.schema import key
+from ..core.schema import Choice, key
 from ..core.trajectories.deviation import Sines
 from ..core.trajectories.trajectory import Trajectory
 from ._deviating import deviated
@@ -18,7 +18,19 @@ from ._spectra import SPECTRA, SourceName, drawn_sines, limited
 class Vibration:
     """What shakes, and how much. Below 0 a value is the source's own."""
 
-    source: SourceName = key("what shakes the body; band: one even band of frequencies", default="walk")
+    source: SourceName = key(
+        "what shakes the body; band: one even band of frequencies",
+        default="walk",
+        choices={
+            "tremor": Choice("Tremor", "A hand that holds the camera: 8 to 12 Hz"),
+            "walk": Choice("Walk", "The head of someone who walks: 2 steps a second"),
+            "run": Choice("Run", "The head of someone who runs: 3.2 steps a second, with harmonics"),
+            "trot": Choice("Trot", "A robot on four legs that trots: 4 steps a second"),
+            "wheels": Choice("Wheels", "Wheels on a rough floor: 1 to 32 Hz, ever weaker"),
+            "rotors": Choice("Rotors", "The rotors of a drone: around 50, 100 and 200 Hz"),
+            "band": Choice("Band", "One even band of frequencies, between Low and High"),
+        },
+    )
     strength: float = key("what translation and rotation are multiplied by", default=1.0, minimum=0, maximum=1000)
     translation_m: float = key(
         "root mean square of the translation, below 0 the source's", unit="m", default=-1.0, minimum=-1, maximum=100

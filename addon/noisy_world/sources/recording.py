@@ -17,7 +17,7 @@ from ..core.datasets.image_files import WholeFile
 from ..core.datasets.layouts import Modality, OutputFormat, PosePolicy, find_sequence, known_recordings, recognising
 from ..core.datasets.storage import sha256_of_file
 from ..core.datasets.stored import StoredFrame, StoredSequence, same_camera
-from ..core.datasets.unmeasured import VOID_MEANING, MeasuredDepth, Void
+from ..core.datasets.unmeasured import VOID_CHOICES, VOID_MEANING, MeasuredDepth, Void
 from ..core.geometry import Intrinsics
 from ..core.machine import keep_freed_memory
 from ..core.messages import Message, Part, PresetKey
@@ -27,7 +27,7 @@ from ..core.planning.simple_source import SimpleSource
 from ..core.planning.source import ColourAndDepth, RenderOptions, Source, SourceCapabilities
 from ..core.presets.distortion import DistortionSpec, check_distortion, sound_lens
 from ..core.presets.scene_keys import SceneKeys
-from ..core.schema import ConfigPath, key
+from ..core.schema import Choice, ConfigPath, key
 from ..core.trajectories.frame_request import FrameRequest
 from ..core.trajectories.sensor_paths import SensorPaths
 from ..core.trajectories.stamps import FrameStamps
@@ -61,12 +61,22 @@ class RecordingKeys(SceneKeys):
         "how the folder of a sequence is read: auto by the layout that its files tell; images as plain PNG or JPEG "
         "images in the order of their names, without depth and poses",
         default="auto",
+        choices={
+            "auto": Choice("Automatic", "By the layout that the folder's files tell"),
+            "images": Choice("Plain Images", "PNG or JPEG images in the order of their names, without depth and poses"),
+        },
         identity="meaning",
     )
     poses: PosePolicy = key(
         "frames of a sequence that have no valid pose: drop leaves them out, keep keeps them without one, require ends "
         "the run; none looks for no poses at all: a recording without ground truth",
         default="drop",
+        choices={
+            "drop": Choice("Drop", "A frame without a pose is left out"),
+            "keep": Choice("Keep", "A frame without a pose is kept, and no pose is written for it"),
+            "require": Choice("Refuse", "Frames without a pose end the run"),
+            "none": Choice("No Poses", "Look for no poses at all: a recording without ground truth"),
+        },
         identity="meaning",
     )
     undistort: bool = key(
@@ -77,7 +87,7 @@ class RecordingKeys(SceneKeys):
         default=False,
         identity="meaning",
     )
-    void: Void = key(VOID_MEANING, default="unmeasured")
+    void: Void = key(VOID_MEANING, default="unmeasured", choices=VOID_CHOICES)
     distortion: DistortionSpec | None = key(
         "a lens that a pinhole's frames are bent as by: interpolated, what it would see beside them void", default=None
     )

@@ -8,7 +8,7 @@ from typing import ClassVar
 
 from ..core.datasets.layouts.recorded import MILLIMETRES
 from ..core.datasets.stored import SCALES_PER_M
-from ..core.datasets.unmeasured import VOID_MEANING, Void
+from ..core.datasets.unmeasured import VOID_CHOICES, VOID_MEANING, Void
 from ..core.messages import Message, Part, PresetKey
 from ..core.planning.scene import Lack, SceneEntry
 from ..core.planning.source import Source
@@ -36,7 +36,7 @@ class VideoKeys(SceneKeys):
         maximum=SCALES_PER_M[1],
         identity="meaning",
     )
-    void: Void = key(VOID_MEANING, default="unmeasured")
+    void: Void = key(VOID_MEANING, default="unmeasured", choices=VOID_CHOICES)
 
 
 class VideoKind(FileSource[VideoKeys]):

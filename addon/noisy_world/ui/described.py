@@ -72,89 +72,6 @@ _SOFT: dict[str, tuple[float, float]] = {
 """Where a slider of a field ends, chosen: what is of use; the keyboard reaches the whole range."""
 _INT_SUBTYPES: dict[str, dict[str, Any]] = {"px": {"subtype": "PIXEL"}, "frames": {"subtype": "TIME"}}
 _IN_UNITS = ("default", "min", "max", "soft_min", "soft_max")
-_CHOICES = {
-    "auto": ("Automatic", "As what is given says: a file's content, or whether the scene is lit"),
-    "replica": ("Replica", "16 numbers a line, a 4 x 4 pose"),
-    "kitti": ("KITTI", "12 numbers a line, a 3 x 4 pose"),
-    "tum": ("TUM", "Time stamp, position and quaternion, w last"),
-    "euroc": ("EuRoC", "Time stamp in nanoseconds, position and quaternion, w first"),
-    "matrices": ("Matrices", "Four lines a pose, in one file or in a folder with a file for each pose"),
-    "log": ("Open3D Log", "Three whole numbers, then four lines a pose"),
-    "transforms": ("Transforms", "The transforms.json of nerfstudio and NeRF"),
-    "s": ("Seconds", "The time stamps are seconds"),
-    "ms": ("Milliseconds", "The time stamps are milliseconds"),
-    "us": ("Microseconds", "The time stamps are microseconds"),
-    "ns": ("Nanoseconds", "The time stamps are nanoseconds"),
-    "c2w": ("Camera to World", "A pose takes points from the camera to the world"),
-    "w2c": ("World to Camera", "A pose takes points from the world to the camera"),
-    "opencv": ("OpenCV", "The camera looks along z: x right, y down, z forward"),
-    "opengl": ("OpenGL", "As Blender's cameras: x right, y up, z backward"),
-    "robot": ("Robot", "The camera looks along x: x forward, y left, z up"),
-    "cycles": ("Cycles", "Rays on the processor: no graphics card needed, and depth is exact"),
-    "eevee": ("EEVEE", "GL: on the graphics card or, where there is none, in software"),
-    "workbench": ("Workbench", "GL without materials: vertex colors as they are"),
-    "embree": ("Embree", "One ray a pixel, without Blender; needs the Python package embreex"),
-    "compositor": ("Compositor", "Blender's compositor: the node groups that the preview shows"),
-    "reference": ("Reference", "The same perturbations in numpy and OpenCV"),
-    "jpg": ("JPEG", "Quality 98 without chroma subsampling, as readers of Replica expect it"),
-    "png": ("PNG", "Without loss"),
-    "exr": ("EXR", "Scene-linear light before the view transform, as half floats; of This Scene and lit meshes"),
-    "rgb": ("Color", "Red, green and blue"),
-    "grey": ("Gray", "One channel, as systems for visual odometry read it"),
-    "void": ("Void", "No depth"),
-    "farthest": ("Farthest", "The farthest depth that 16 bits hold"),
-    "down": ("Down", "The upper row is read first"),
-    "up": ("Up", "The lower row is read first"),
-    "right": ("Right", "The left column is read first"),
-    "left": ("Left", "The right column is read first"),
-    "start": ("Start", "When reading or exposure begins"),
-    "middle": ("Middle", "Half way through it"),
-    "end": ("End", "When it ends"),
-    "radial-tangential": ("Radial-Tangential", "Brown and Conrady's: of most lenses"),
-    "equidistant": ("Equidistant", "Kannala and Brandt's: of fisheyes"),
-    "rolling": ("Rolling", "Each line is of its own moment"),
-    "global": ("Global", "All lines are of one moment, that of the time stamp"),
-    "scene": ("Scene", "The sky's color where there is sky, else a mean that lamps do not move"),
-    "colour": ("Color", "As given below"),
-    "mean": ("Mean", "The mean of the picture"),
-    "average": ("Average", "All of the picture alike"),
-    "centre": ("Center", "The middle of the picture most"),
-    "nguyen_2012": ("Nguyen", "The first Kinect, as Nguyen and others measured it"),
-    "khoshelham_2012": ("Khoshelham", "The first Kinect, as Khoshelham measured it"),
-    "azure_kinect": ("Azure Kinect", "Microsoft's time-of-flight camera, by a law of two numbers"),
-    "velodyne_vlp16": ("Velodyne VLP-16", "16 rows of beams"),
-    "velodyne_hdl32e": ("Velodyne HDL-32E", "32 rows of beams"),
-    "choi_2015": ("Choi", "The values that were published with the model"),
-    "realsense_d435": ("RealSense D435", "Intel's stereo camera with a wide view"),
-    "realsense_d455": ("RealSense D455", "Intel's stereo camera with a longer baseline"),
-    "realsense_d415": ("RealSense D415", "Intel's stereo camera with a narrow view"),
-    "kinect_v1": ("Kinect", "Microsoft's first Kinect"),
-    "kinect_v1_near": ("Kinect, Near", "Microsoft's first Kinect in its near mode"),
-    "azure_kinect_nfov": ("Azure Kinect, Narrow", "Its narrow field of view"),
-    "azure_kinect_nfov_binned": ("Azure Kinect, Narrow, Binned", "Its narrow field of view, two by two pixels in one"),
-    "azure_kinect_wfov": ("Azure Kinect, Wide", "Its wide field of view"),
-    "ideal": ("Ideal", "Without any error"),
-    "adis16448": ("ADIS16448", "Of the EuRoC datasets"),
-    "bmi055": ("BMI055", "Of RealSense's D435i"),
-    "tremor": ("Tremor", "A hand that holds the camera: 8 to 12 Hz"),
-    "walk": ("Walk", "The head of someone who walks: 2 steps a second"),
-    "run": ("Run", "The head of someone who runs: 3.2 steps a second, with harmonics"),
-    "trot": ("Trot", "A robot on four legs that trots: 4 steps a second"),
-    "wheels": ("Wheels", "Wheels on a rough floor: 1 to 32 Hz, ever weaker"),
-    "rotors": ("Rotors", "The rotors of a drone: around 50, 100 and 200 Hz"),
-    "band": ("Band", "One even band of frequencies, between Low and High"),
-    "static": ("Static", "The same for all frames"),
-    "dynamic": ("Dynamic", "Drawn for each frame"),
-    "clamp": ("Clamp", "Take the nearest frame there is"),
-    "drop": ("Drop", "Leave the frame out"),
-    "keep": ("Keep", "Keep the frame, and write no pose for it"),
-    "require": ("Refuse", "Frames without a pose end the run"),
-    "images": ("Plain Images", "PNG or JPEG images in the order of their names, without depth and poses"),
-    "unmeasured": ("Not Measured", "As far as what was measured around it, as of a depth camera"),
-    "sky": ("Sky", "Infinitely far, as of a renderer"),
-    "none": ("No Poses", "Look for no poses at all: a recording without ground truth"),
-}
-"""Label and tooltip of every value that a field chooses from."""
 
 # --- properties from dataclasses ---
 
@@ -211,11 +128,9 @@ def described(
 
 def _items(hint: Any, info: KeyInfo) -> list[tuple[str, str, str]]:
     """Return the choices of a field, with label and tooltip; [] for a field without choices."""
-    if info.choices is not None:
-        return [(value, american(choice.label), american(choice.meaning)) for value, choice in info.choices.items()]
-    if get_origin(hint) is Literal:
-        return [(value, *_CHOICES.get(value, (title(value), ""))) for value in get_args(hint)]
-    return []
+    values = get_args(hint) if get_origin(hint) is Literal else tuple(info.choices or ())
+    words = {value: (american(item.label), american(item.meaning)) for value, item in (info.choices or {}).items()}
+    return [(value, *words.get(value, (title(value), ""))) for value in values]
 
 
 def is_offered(value: str) -> bool:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from ..errors import InputError
 from ..messages import PresetKey
+from ..schema import Choice
 
 Void: TypeAlias = Literal["unmeasured", "sky"]
 """What void means: that nothing was measured there, or that nothing is there: infinitely far."""
@@ -25,6 +26,10 @@ VOID_MEANING = (
     "what depth 0 means to perturbations of colour by depth: unmeasured counts as far as what was measured "
     "around it, and depth is written as it is; sky is infinitely far"
 )
+VOID_CHOICES = {
+    "unmeasured": Choice("Unmeasured", "As far as what was measured around it; written depth stays as it is"),
+    "sky": Choice("Sky", "Infinitely far"),
+}
 
 
 def completed_m(depth_m: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -7,7 +7,7 @@ from ..geometry import Intrinsics
 from ..lens import lens_problem
 from ..messages import Message, PresetKey
 from ..optics import Distortion, DistortionModel, Optics
-from ..schema import ConfigPath, key
+from ..schema import Choice, ConfigPath, key
 
 _OF_PLANE = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")  # in OpenCV's order
 EMBREE = PresetKey("render.engine", "embree")
@@ -28,6 +28,10 @@ class DistortionSpec:
         "the lens's model: radial-tangential is Brown and Conrady's (OpenCV's, Kalibr's radtan), equidistant that of "
         "Kannala and Brandt (cv2.fisheye's, COLMAP's OPENCV_FISHEYE)",
         default="radial-tangential",
+        choices={
+            "radial-tangential": Choice("Radial-Tangential", "Brown and Conrady's: of most lenses"),
+            "equidistant": Choice("Equidistant", "Kannala and Brandt's: of fisheyes"),
+        },
     )
     k1: float = _coefficient("radial, by the square of the radius or the angle")
     k2: float = _coefficient("radial, by its 4th power")

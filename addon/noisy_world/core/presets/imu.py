@@ -4,7 +4,7 @@
 from dataclasses import dataclass, fields
 
 from ..inertial.devices import DeviceName, ImuModel, Triple, device_model
-from ..schema import key
+from ..schema import Choice, key
 
 
 @dataclass(frozen=True)
@@ -14,6 +14,11 @@ class ImuKeys:
     device: DeviceName = key(
         "whose errors it has: none, EuRoC's ADIS16448, or the BMI055 of a RealSense D435i",
         default="ideal",
+        choices={
+            "ideal": Choice("Ideal", "Without any error"),
+            "adis16448": Choice("ADIS16448", "Of the EuRoC datasets"),
+            "bmi055": Choice("BMI055", "Of RealSense's D435i"),
+        },
         identity="meaning",
     )
     rate_hz: float = key("samples a second", unit="Hz", default=200.0, minimum=1, maximum=10_000, identity="meaning")

@@ -53,12 +53,21 @@ class OutputSpec:
         "colour images; jpg is quality 98 without chroma subsampling; exr is scene-linear light as half floats, of "
         f"scenes with light of their own; {_defaults(lambda item: item.images[0])}",
         default=None,
+        choices={
+            "jpg": Choice("JPEG", "Quality 98 without chroma subsampling, as readers of Replica expect it"),
+            "png": Choice("PNG", "Without loss"),
+            "exr": Choice("EXR", "Scene-linear light before the view transform, as half floats"),
+        },
         identity="meaning",
     )
     colour: Colour | None = key(
         "what colour images hold: red, green and blue, or one channel of grey (BT.601 weights on encoded values); "
         + _defaults(lambda item: item.colours[0]),
         default=None,
+        choices={
+            "rgb": Choice("Colour", "Red, green and blue"),
+            "grey": Choice("Grey", "One channel, as systems for visual odometry read it"),
+        },
         identity="meaning",
     )
     depth_scale_per_m: float | None = key(
@@ -72,6 +81,10 @@ class OutputSpec:
     depth_beyond: Beyond = key(
         "what becomes of depth that 16 bits do not hold: void, or the farthest that they do",
         default="void",
+        choices={
+            "void": Choice("Void", "No depth"),
+            "farthest": Choice("Farthest", "The farthest depth that 16 bits hold"),
+        },
         identity="meaning",
     )
     modalities: tuple[str, ...] = key(

@@ -131,11 +131,21 @@ class RenderSpec:
         "the render engine; eevee and workbench need GL, in software where there is no graphics card; embree casts "
         "rays without Blender, and needs the extra embree",
         default="cycles",
+        choices={
+            "cycles": Choice("Cycles", "Rays on the processor: no graphics card needed, and depth is exact"),
+            "eevee": Choice("EEVEE", "GL: on the graphics card or, where there is none, in software"),
+            "workbench": Choice("Workbench", "GL without materials: vertex colours as they are"),
+            "embree": Choice("Embree", "One ray a pixel, without Blender; needs the Python package embreex"),
+        },
         identity="meaning",
     )
     backend: Literal["compositor", "reference"] = key(
         "what executes the perturbations of colour: Blender's compositor, as an artist sees it, or numpy and OpenCV",
         default="compositor",
+        choices={
+            "compositor": Choice("Compositor", "Blender's compositor: the node groups that the preview shows"),
+            "reference": Choice("Reference", "The same perturbations in numpy and OpenCV"),
+        },
         identity="meaning",
     )
     device: Literal["cpu", "gpu"] = key(

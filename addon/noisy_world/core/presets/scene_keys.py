@@ -4,7 +4,7 @@
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
-from ..schema import ConfigPath, key
+from ..schema import Choice, ConfigPath, key
 from ..trajectories.bodies import BodyKind
 from .names import scene_name
 
@@ -62,17 +62,40 @@ class TrajectorySpec:
     handheld: HandheldSpec | None = key("a path made here instead of a file", default=None)
     body: BodySpec | None = key("what carries the camera along the path, with its own motion", default=None)
     format: Literal["auto", "replica", "kitti", "tum", "euroc", "matrices", "log", "transforms"] = key(
-        "the file's format, where its content should not decide", default="auto", identity="meaning"
+        "the file's format, where its content should not decide",
+        default="auto",
+        choices={
+            "auto": Choice("Automatic", "As the file's content tells"),
+            "replica": Choice("Replica", "16 numbers a line, a 4 x 4 pose"),
+            "kitti": Choice("KITTI", "12 numbers a line, a 3 x 4 pose"),
+            "tum": Choice("TUM", "Time stamp, position and quaternion, w last"),
+            "euroc": Choice("EuRoC", "Time stamp in nanoseconds, position and quaternion, w first"),
+            "matrices": Choice("Matrices", "Four lines a pose, in one file or in a folder with a file for each pose"),
+            "log": Choice("Open3D Log", "Three whole numbers, then four lines a pose"),
+            "transforms": Choice("Transforms", "The transforms.json of nerfstudio and NeRF"),
+        },
+        identity="meaning",
     )
     pose: Literal["auto", "c2w", "w2c"] = key(
         "whether the file holds camera-to-world or world-to-camera; auto is camera-to-world",
         default="auto",
+        choices={
+            "auto": Choice("Automatic", "Camera to World"),
+            "c2w": Choice("Camera to World", "A pose takes points from the camera to the world"),
+            "w2c": Choice("World to Camera", "A pose takes points from the world to the camera"),
+        },
         identity="meaning",
     )
     axes: Literal["auto", "opencv", "opengl", "robot"] = key(
         "the file's camera axes: x right, y down, z forward; y up, z backward; or x forward, y left, z up; auto is "
         "opencv, and opengl for transforms.json",
         default="auto",
+        choices={
+            "auto": Choice("Automatic", "OpenGL for a transforms.json, else OpenCV"),
+            "opencv": Choice("OpenCV", "The camera looks along z: x right, y down, z forward"),
+            "opengl": Choice("OpenGL", "As Blender's cameras: x right, y up, z backward"),
+            "robot": Choice("Robot", "The camera looks along x: x forward, y left, z up"),
+        },
         identity="meaning",
     )
     rate_hz: float = key(
@@ -84,7 +107,16 @@ class TrajectorySpec:
         identity="meaning",
     )
     stamp_unit: Literal["auto", "s", "ms", "us", "ns"] = key(
-        "the unit of the file's time stamps; auto tells seconds from nanoseconds", default="auto", identity="meaning"
+        "the unit of the file's time stamps; auto tells seconds from nanoseconds",
+        default="auto",
+        choices={
+            "auto": Choice("Automatic", "Seconds or nanoseconds, as large as the numbers are"),
+            "s": Choice("Seconds", "The time stamps are seconds"),
+            "ms": Choice("Milliseconds", "The time stamps are milliseconds"),
+            "us": Choice("Microseconds", "The time stamps are microseconds"),
+            "ns": Choice("Nanoseconds", "The time stamps are nanoseconds"),
+        },
+        identity="meaning",
     )
     start: int = key("first pose used", default=0, minimum=0, identity="meaning")
     stop: int | None = key("the pose after the last one used", default=None, minimum=1, identity="meaning")
