@@ -20,6 +20,7 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
+from noisy_world.blender.kept_groups import index_of
 from noisy_world.blender.nodes import ensure_group
 from noisy_world.blender.render import muted_output
 from noisy_world.core.node_graphs.groups import build_group
@@ -32,6 +33,7 @@ from tools.showcase import shown_perturbations
 from tools.street.thumbnail import SIDE_PX, thumbnail, thumbnail_camera
 
 FILE = "noisy_world_assets.blend"
+INDEX = "noisy_world_assets.json"
 CATALOGS = "blender_assets.cats.txt"
 CATALOG_NAMES = {"environment": "Environment", "lens": "Lens", "sensor": "Sensor", "post": "Post-processing"}
 # How the previews are made, chosen so that one tells a group from another in a small picture: with these values of a
@@ -63,7 +65,7 @@ def main(arguments: list[str]) -> int:
 
 
 def write_library(folder: Path) -> int:
-    """Write the file and its catalogues; return the number of groups."""
+    """Write the file, its catalogues and its index; return the number of groups."""
     with muted_output():
         bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
     pictures = previews()
@@ -73,6 +75,9 @@ def write_library(folder: Path) -> int:
     (folder / CATALOGS).write_text(catalogs(), encoding="utf-8")
     with muted_output():
         bpy.ops.wm.save_as_mainfile(filepath=str((folder / FILE).resolve()), compress=True, copy=True)
+    graphs = [build_group(perturbation) for perturbation in shown_perturbations()]
+    index = index_of(folder / FILE, {ensure_group(graph).name: graph for graph in graphs})
+    (folder / INDEX).write_text(index, encoding="utf-8")
     return len(pictures)
 
 

@@ -40,7 +40,7 @@ PLATFORMS = {
 }
 SCRIPTS = ("generate.py", "export_mesh.py", "run_odometry.py", "installation.py")
 PACKAGE_FILES = (".py", ".jpg", ".png")
-LIBRARY_FILES = (".blend", ".txt")
+LIBRARY_FILES = (".blend", ".json", ".txt")
 MANIFEST = "blender_manifest.toml"
 LIBRARY_SCRIPTS = (
     "tools/assets.py",
@@ -259,7 +259,8 @@ def definitions_hash() -> str:
     package = ROOT / "addon/noisy_world"
     rooms = [path for room in ("core", "perturbations") for path in (package / room).rglob("*")]
     sources = [path for path in rooms if path.suffix in PACKAGE_FILES]
-    sources += [package / "blender/nodes.py", *(ROOT / "headless" / name for name in LIBRARY_SCRIPTS)]
+    sources += [package / "blender" / name for name in ("kept_groups.py", "nodes.py", "typed.py")]
+    sources += [*(ROOT / "headless" / name for name in LIBRARY_SCRIPTS)]
     total = hashlib.sha256()
     for path in sorted(sources):
         total.update(path.relative_to(ROOT).as_posix().encode() + b"\0" + path.read_bytes())

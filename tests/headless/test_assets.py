@@ -16,6 +16,7 @@ from worlds import ROOT
 sys.path.append(str(ROOT / "headless"))
 from tools import assets
 
+from noisy_world.blender import kept_groups, nodes
 from noisy_world.core.node_graphs.chain import shown_values
 from noisy_world.core.node_graphs.groups import build_group
 from noisy_world.core.perturbing.kinds import ColourPerturbation
@@ -59,6 +60,32 @@ def test_everything_that_the_asset_browser_shows(library):
         previews.add(pixels.tobytes())
     assert len(previews) == len(PERTURBATIONS)
     assert all(image.packed_file is not None for image in bpy.data.images if image.users)
+
+
+def test_the_add_on_takes_its_groups_from_the_shelf(library, tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    monkeypatch.setattr(kept_groups, "SHELF", library / assets.FILE)
+    build = nodes._build
+    monkeypatch.setattr(nodes, "_build", lambda graph: pytest.fail(f"{graph.name} is built"))
+    kept_groups._shelf.cache_clear()
+    assert set(kept_groups._shelf().values()) == {build_group(item).name for item in PERTURBATIONS}
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    for name in ("frost", "snow_depth", "brightness"):
+        graph = build_group(registry()[name])
+        tree = nodes.ensure_group(graph)
+        assert (tree.name, tree[nodes.STAMP], tree.asset_data, tree.library) == (graph.name, graph.stamp, None, None)
+    assert not bpy.data.libraries
+    # Where a user has linked a group of the shelf, it stays linked.
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    with bpy.data.libraries.load(str(library / assets.FILE), link=True) as (_, wanted):
+        wanted.node_groups = ["Contrast"]
+    monkeypatch.setattr(nodes, "_build", build)
+    own = nodes.ensure_group(build_group(registry()["contrast"]))
+    assert (own.library, wanted.node_groups[0].library.filepath) == (None, str(library / assets.FILE))
+    (library / assets.FILE).with_suffix(".json").write_text("{}")
+    kept_groups._shelf.cache_clear()
+    assert kept_groups._shelf() == {}
+    kept_groups._shelf.cache_clear()
 
 
 @pytest.mark.parametrize(

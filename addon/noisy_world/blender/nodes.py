@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from ..core.node_graphs.graph import INTERFACE, BroughtImage, Graph, GroupInput, Node, Panel, Socket
 from ..core.node_graphs.node_layout import Arrangement, arrange
 from ..core.utf8_names import utf8_name
-from .typed import interface, new_node, new_socket, new_tree, set_pixels, set_value, use_as_data
+from .kept_groups import KeptGroup, keep_group, kept_groups
+from .typed import interface, linking, new_node, new_socket, new_tree, set_pixels, set_value, use_as_data
 
 T = TypeVar("T", bound=bpy.types.ID)
 
@@ -35,23 +36,28 @@ _SOCKET_TYPES = {
 def ensure_group(graph: Graph) -> bpy.types.CompositorNodeTree:
     """Return the node group of a description: the one in the file where it is the same, a new one in its place if not.
 
-    A new group replaces the old one wherever this is used; a user's own group of this name stays as it is. If anything
-    fails, the file is left as it was.
+    A new group is read from a file that holds it, or built. It replaces the old one wherever this is used; a user's own
+    group of this name stays as it is. If anything fails, the file is left as it was.
     """
     old = made_before(bpy.data.node_groups, graph.name)
     if isinstance(old, bpy.types.CompositorNodeTree) and old.get(STAMP) == graph.stamp:
         return old
     before: set[bpy.types.ID] = {*bpy.data.node_groups, *bpy.data.images}
     try:
-        tree = _build(graph)
+        tree = _read(graph) or _built(graph)
     except BaseException:
         _remove_new(before)
         raise
-    if old is not None:
-        old.user_remap(tree)
-        remove_group(old)
-    _name(tree, graph.name)
+    _replace(old, tree, graph.name)
     return tree
+
+
+def _replace(old: bpy.types.ID | None, new: bpy.types.ID, name: str) -> None:
+    """Put a group or an image in the place of an old one, and give it its description's name."""
+    if old is not None:
+        old.user_remap(new)
+        remove_group(old) if isinstance(old, bpy.types.NodeTree) else bpy.data.batch_remove([old])
+    _name(new, name)
 
 
 def remove_group(tree: bpy.types.NodeTree) -> None:
@@ -106,7 +112,64 @@ def _used_by(tree: bpy.types.NodeTree) -> list[bpy.types.ID]:
     return list(dict.fromkeys(item for item in used if item is not None))
 
 
+# --- reading what was built before ---
+
+
+def _read(graph: Graph) -> bpy.types.CompositorNodeTree | None:
+    """Return the group of a description out of a file that holds it; None where none does."""
+    return next((tree for found in kept_groups(graph) if (tree := _read_from(found, graph.stamp)) is not None), None)
+
+
+def _read_from(kept: KeptGroup, stamp: str) -> bpy.types.CompositorNodeTree | None:
+    """Return a file's group as the open file's own; None where the file cannot be read or holds another.
+
+    It is linked and made local, not appended: Blender would write the path of what it appends into the user's file.
+    """
+    if any(Path(bpy.path.abspath(library.filepath)) == kept.path for library in bpy.data.libraries):
+        return None  # the user has linked groups of the asset library, which stay linked
+    try:
+        with linking(str(kept.path)) as (source, target):
+            target.node_groups = [name for name in source.node_groups if name == kept.name]
+    except (OSError, UnicodeError):  # it is gone, or Blender has no words for the names of its folders
+        return None
+    library = next(item for item in bpy.data.libraries if Path(item.filepath) == kept.path)
+    try:
+        (tree,) = target.node_groups or [None]
+        if not isinstance(tree, bpy.types.CompositorNodeTree) or tree.get(STAMP) != stamp:
+            return None
+        own = _made_local(tree)
+        assert isinstance(own, bpy.types.CompositorNodeTree)
+        return own
+    finally:
+        bpy.data.libraries.remove(library)
+
+
+def _made_local(item: bpy.types.ID) -> bpy.types.ID:
+    """Make a linked group or image the open file's own, with what it uses, of which the file holds each once."""
+    own = item.make_local()
+    if isinstance(own, bpy.types.Image) and own.filepath_raw:
+        own.filepath_raw = f"//{Path(own.filepath_raw).name}"
+    for used in _used_by(own) if isinstance(own, bpy.types.NodeTree) else ():
+        if used.library is None:
+            continue
+        is_group = isinstance(used, bpy.types.NodeTree)
+        name, version = str(used[MADE_AS]).partition("\n")[0], STAMP if is_group else PICTURE_VERSION
+        there: Iterable[bpy.types.ID] = bpy.data.node_groups if is_group else bpy.data.images
+        old = made_before(there, name)
+        if old is not None and old.get(version) == used.get(version):
+            used.user_remap(old)
+        else:
+            _replace(old, _made_local(used), name)
+    return own
+
+
 # --- building ---
+
+
+def _built(graph: Graph) -> bpy.types.CompositorNodeTree:
+    tree = _build(graph)
+    keep_group(graph, tree)
+    return tree
 
 
 def _build(graph: Graph) -> bpy.types.CompositorNodeTree:
@@ -298,10 +361,7 @@ def ensure_picture(picture: BroughtImage) -> bpy.types.Image:
     made = picture.make()
     image = _packed_file(made) if isinstance(made, Path) else _packed_pixels(picture.name, made)
     image[PICTURE_VERSION] = picture.version
-    if old is not None:
-        old.user_remap(image)
-        bpy.data.images.remove(old)
-    _name(image, picture.name)
+    _replace(old, image, picture.name)
     return image
 
 

@@ -178,3 +178,8 @@ def override_scene(scene: bpy.types.Scene) -> AbstractContextManager[object]:
 def override(**members: Any) -> AbstractContextManager[object]:
     """Override members of the context for operators that are called inside the `with`."""
     return bpy.context.temp_override(**members)  # pyright: ignore[reportReturnType]  the stubs lack __enter__, __exit__
+
+
+def linking(path: str) -> AbstractContextManager[tuple[Any, Any]]:
+    """Open a file to link from: what is in it, and what is wanted, which is linked when the `with` ends."""
+    return bpy.data.libraries.load(path, link=True)  # pyright: ignore[reportReturnType]  the stubs say None

@@ -377,6 +377,8 @@ def _as(kind: Kind, value: Value) -> Any:
 
 def _content(item: Any) -> Any:
     """Return the part of a description that goes into its stamp, as plain values."""
+    if item is None or type(item) in (str, int, bool):  # most are, and to ask whether one is a Mapping takes longer
+        return item
     if isinstance(item, Socket):
         return ["socket", item.node, item.output, item.kind]
     if isinstance(item, Node):
