@@ -154,7 +154,7 @@ def list_plan(plan: "Plan", what: str) -> int:
 def print_plan(plan: "Plan", out: Path | str) -> None:
     """Print what a run would do."""
     from ..core.planning.estimate import estimate, size_text
-    from ..core.planning.long_exposures import long_exposures
+    from ..core.planning.plan_notes import plan_notes
 
     guess = estimate(plan)
     print(f"preset     {plan.preset.path} (SHA-256 {plan.preset.sha256[:12]})")
@@ -163,9 +163,7 @@ def print_plan(plan: "Plan", out: Path | str) -> None:
     for scene, camera in cameras.items():
         whose = f"{scene}: " if scene else ""
         print(f"camera     {whose}{camera.width_px} x {camera.height_px}, fx {camera.fx_px:g}, fy {camera.fy_px:g}")
-    if plan.format.note:
-        print(f"note       {plan.format.note}")
-    for text in long_exposures(plan):
+    for text in plan_notes(plan):
         print(f"note       {text}")
     print(f"sequences  {len(plan.sequences)} ({counted(plan.scenes, 'scene')}, {counted(plan.settings, 'setting')})")
     for line in render_lines(plan):

@@ -7,7 +7,7 @@ has no end, and only the cubes in sight are looked at.
 """
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeAlias, TypeVar
 
 import numpy as np
@@ -25,6 +25,10 @@ CLASS_RATIO = 2.0  # of a class's largest diameter to its least; chosen, the lea
 CELLS_DEEP = 6  # cubes along the distance to which a class is seen; chosen, likewise
 MANY = 1 << 15  # particles that are looked at together; chosen, so that their arrays stay in the processor's cache
 RAREST = 1e-3  # of classes of which fewer are in sight on average, the rest is one; chosen
+MANY_CUBES = 1 << 17  # cubes that are looked at together; chosen, likewise
+MOST_CUBES = 1 << 21  # of a class; where a camera sees more, they are larger; chosen
+MOST_LOOKED_AT = 30_000_000  # cubes and particles of a frame; chosen: some seconds
+LARGER = 2.0**0.25  # step of the least angle, where that is too much
 SWAY_RAD_S = (2.0, 6.0)  # a particle's own swaying; chosen, as flakes are seen to
 _GOLDEN = 0x9E3779B97F4A7C15
 _MASK = 2**64 - 1
@@ -54,12 +58,17 @@ class AirCamera:
 
     def slopes(self) -> Float64:
         """Return (2, 2): least and greatest x / z, and y / z, that the image shows, to its pixels' outer edges."""
-        return np.array(
-            [
-                ((-0.5 - middle) / focal, (size - 0.5 - middle) / focal)
-                for focal, middle, size in zip(self.focal_px, self.middle_px, self.size_px, strict=True)
-            ]
-        )
+        return slopes_of(self.focal_px, self.middle_px, self.size_px)
+
+
+def slopes_of(focal_px: tuple[float, float], middle_px: tuple[float, float], size_px: tuple[int, int]) -> Float64:
+    """Return (2, 2): least and greatest x / z, and y / z, that an image shows, to its pixels' outer edges."""
+    return np.array(
+        [
+            ((-0.5 - middle) / focal, (size - 0.5 - middle) / focal)
+            for focal, middle, size in zip(focal_px, middle_px, size_px, strict=True)
+        ]
+    )
 
 
 @dataclass(frozen=True)
@@ -120,21 +129,98 @@ def classes(air: Air) -> Iterator[tuple[float, float]]:
         low_m = high_m
 
 
-@dataclass(frozen=True)
-class _Class:
-    """Particles of a class of sizes. share: of all particles that are larger than low_m, and than high_m.
+def affordable(air: Air, slopes: Float64, exposure_s: float) -> Air:
+    """Return what of the air can be looked at: where that is too much, what is drawn has to span a larger angle.
 
-    seen_m: how far the camera sees it. margin_m: how far beside the image a particle may be that is seen. side_m: of a
-    cube. drift_m_s: velocity of all cubes. time_s: for how long they have drifted. cells: (3, N), the cubes; hashes,
-    counts: (N,), of each, and how many particles it holds.
+    slopes: as `AirCamera.slopes` gives them. All else that is small veils, as before. It follows from the camera's
+    lens and what falls, and not from a frame, so that the air stays the same along a path.
+    """
+    while looked_at(air, slopes, exposure_s) > MOST_LOOKED_AT:
+        air = replace(air, least_rad=air.least_rad * LARGER)
+    return air
+
+
+def looked_at(air: Air, slopes: Float64, exposure_s: float) -> float:
+    """Return how many cubes and particles are looked at for a frame of a camera at rest, on average."""
+    many = 0.0
+    for bounds in classes(air):
+        cubes = _cubes(air, bounds, slopes, exposure_s)
+        if cubes.mean > 0:
+            around_m = cubes.side_m * np.sqrt(0.75) + cubes.margin_m(cubes.drift_m_s, exposure_s)
+            many += _volume_m3(slopes, cubes.reach_m, around_m) / cubes.side_m**3 * (1 + cubes.mean)
+    return float(many)
+
+
+def _volume_m3(slopes: Float64, seen_m: float, around_m: float) -> float:
+    """Return the volume of what a camera sees up to a depth, and of what is so near beside it."""
+    wide, more = slopes[:, 1] - slopes[:, 0], around_m * np.hypot(1, slopes).sum(axis=1)
+    first, last = max(NEAR_M - around_m, float((-more / wide).max())), seen_m + around_m
+    thirds, halves, ones = wide[0] * wide[1] / 3, (wide[0] * more[1] + wide[1] * more[0]) / 2, more[0] * more[1]
+    return sum(sign * at * (ones + at * (halves + at * thirds)) for sign, at in ((1, last), (-1, first)))
+
+
+@dataclass(frozen=True)
+class _Cubes:
+    """How the particles of a class are laid into cubes.
+
+    low_m: their least diameter. share: of all particles that are larger than the least, and than the largest one.
+    reach_m: how far any of them is seen. side_m: of a cube. mean: of the particles in one. drift_m_s: (3,), velocity of
+    all cubes. gusts_m_s: of the air.
     """
 
     low_m: float
     share: tuple[float, float]
+    reach_m: float
+    side_m: float
+    mean: float
+    drift_m_s: Float64
+    gusts_m_s: float
+
+    def margin_m(self, velocity_m_s: Float64, exposure_s: float, *, swept_m_s: float = 0.0) -> float:
+        """Return how far beside the image a particle may be that is seen. velocity_m_s: (3,), past the camera."""
+        fastest_m_s = np.linalg.norm(velocity_m_s) + 4 * self.gusts_m_s
+        fastest_m_s += swept_m_s
+        return float(fastest_m_s * exposure_s / 2 + _sway_m(self.gusts_m_s))
+
+
+def _sway_m(gusts_m_s: float) -> float:
+    return 2 * gusts_m_s / SWAY_RAD_S[0]
+
+
+def _cubes(air: Air, bounds: tuple[float, float], slopes: Float64, exposure_s: float) -> _Cubes:
+    """Return the cubes of a class. They are larger where the camera sees more than MOST_CUBES of them."""
+    low_m, high_m = bounds
+    reach_m = min(high_m / air.least_rad, air.reach_m)
+    middle_m = low_m * np.sqrt(CLASS_RATIO)
+    drift_m_s = np.array([air.wind_m_s, float(air.speed_m_s(np.array([middle_m], np.float32))[0]), 0.0])
+    larger, largest = (float(np.exp(-edge_m / air.particles.scale_m)) for edge_m in bounds)
+
+    def of(side_m: float) -> _Cubes:
+        mean = air.particles.count_m3 * (larger - largest) * side_m**3
+        return _Cubes(low_m, (larger, largest), reach_m, side_m, mean, drift_m_s, air.gusts_m_s)
+
+    cubes = of(max(reach_m / CELLS_DEEP, _sway_m(air.gusts_m_s)))
+    margin_m = cubes.margin_m(drift_m_s, exposure_s)
+    while cubes.side_m < margin_m + reach_m:
+        around_m = cubes.side_m * np.sqrt(0.75) + margin_m
+        if _volume_m3(slopes, reach_m, around_m) <= MOST_CUBES * cubes.side_m**3:
+            break
+        cubes = of(2 * cubes.side_m)
+    return cubes
+
+
+@dataclass(frozen=True)
+class _Class:
+    """Some cubes of a class with what they hold.
+
+    seen_m: how far the camera sees it. margin_m: how far beside the image a particle may be that is seen. time_s: for
+    how long the cubes have drifted. cells: (3, N), their places; hashes, counts: (N,), of each, and how many particles
+    it holds.
+    """
+
+    cubes: _Cubes
     seen_m: float
     margin_m: float
-    side_m: float
-    drift_m_s: Float64
     time_s: float
     cells: NDArray[np.int64]
     hashes: NDArray[np.uint64]
@@ -145,30 +231,24 @@ def _of_class(
     air: Air, view: AirCamera, bounds: tuple[float, float], key: NDArray[np.uint64], time_s: float
 ) -> Iterator[Particles]:
     """Yield the particles of a class, those of some cubes at a time."""
-    low_m, high_m = bounds
-    reach_m = min(high_m / air.least_rad, air.reach_m)
-    sway_m = 2 * air.gusts_m_s / SWAY_RAD_S[0]
-    side_m = max(reach_m / CELLS_DEEP, sway_m)
-    middle_m = low_m * np.sqrt(CLASS_RATIO)
-    drift_m_s = np.array([air.wind_m_s, float(air.speed_m_s(np.array([middle_m], np.float32))[0]), 0.0])
-    seen_m = min(reach_m, view.farthest_m)
-    fastest_m_s = np.linalg.norm(drift_m_s - view.velocity_m_s) + 4 * air.gusts_m_s
-    fastest_m_s += np.linalg.norm(view.turning_rad_s) * seen_m
-    margin_m = float(fastest_m_s * view.exposure_s / 2 + sway_m)
-    share = tuple(float(np.exp(-edge_m / air.particles.scale_m)) for edge_m in bounds)
-    cells = _cells_in_sight(view, drift_m_s * time_s, side_m, seen_m, margin_m)
-    hashes = key
-    for axis in cells:
-        hashes = _hashed(hashes + axis.astype(np.uint64))
-    counts = _poisson(hashes, air.particles.count_m3 * (share[0] - share[1]) * side_m**3)
-    size = low_m, (share[0], share[1])
-    of = _Class(*size, seen_m, margin_m, side_m, drift_m_s, time_s, cells, hashes, counts)
-    ends = np.cumsum(counts)
-    at = 0
-    while at < len(counts):
-        to = max(int(np.searchsorted(ends, (ends[at - 1] if at else 0) + MANY)), at + 1)
-        yield _in_cells(air, view, of, slice(at, to))
-        at = to
+    cubes = _cubes(air, bounds, view.slopes(), view.exposure_s)
+    if cubes.mean == 0:
+        return
+    seen_m = min(cubes.reach_m, view.farthest_m)
+    swept_m_s = float(np.linalg.norm(view.turning_rad_s) * seen_m)
+    margin_m = cubes.margin_m(cubes.drift_m_s - view.velocity_m_s, view.exposure_s, swept_m_s=swept_m_s)
+    for cells in _cells_in_sight(view, cubes.drift_m_s * time_s, cubes.side_m, seen_m, margin_m):
+        hashes = key
+        for axis in cells:
+            hashes = _hashed(hashes + axis.astype(np.uint64))
+        counts = _poisson(hashes, cubes.mean)
+        of = _Class(cubes, seen_m, margin_m, time_s, cells, hashes, counts)
+        ends = np.cumsum(counts)
+        at = 0
+        while at < len(counts):
+            to = max(int(np.searchsorted(ends, (ends[at - 1] if at else 0) + MANY)), at + 1)
+            yield _in_cells(air, view, of, slice(at, to))
+            at = to
 
 
 def _in_cells(air: Air, view: AirCamera, of: _Class, some: slice) -> Particles:
@@ -176,13 +256,13 @@ def _in_cells(air: Air, view: AirCamera, of: _Class, some: slice) -> Particles:
     counts = of.counts[some]
     within = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
     seeds = np.repeat(of.hashes[some], counts) + within.astype(np.uint64) * _NEXT
-    moved_m = (of.drift_m_s * of.time_s - view.position_m)[:, None]
-    corners_m = _turned(of.cells[:, some] * of.side_m + moved_m, view.rotation)
-    position_m = _turned(_uniform(seeds + _PLACE, 3) * np.float32(of.side_m), view.rotation)
+    moved_m = (of.cubes.drift_m_s * of.time_s - view.position_m)[:, None]
+    corners_m = _turned(of.cells[:, some] * of.cubes.side_m + moved_m, view.rotation)
+    position_m = _turned(_uniform(seeds + _PLACE, 3) * np.float32(of.cubes.side_m), view.rotation)
     position_m += np.repeat(corners_m.astype(np.float32), counts, axis=1)
     kept = np.flatnonzero(_near_image(view, position_m, of.seen_m, of.margin_m))
     seeds, position_m = seeds[kept], position_m[:, kept]
-    larger, largest = np.float32(of.share[0]), np.float32(of.share[1])
+    larger, largest = np.float32(of.cubes.share[0]), np.float32(of.cubes.share[1])
     diameter_m = np.log(larger - _uniform(seeds + _SIZE, 1)[0] * (larger - largest))
     diameter_m *= np.float32(-air.particles.scale_m)
     kept = np.flatnonzero(diameter_m >= np.float32(air.least_rad) * (position_m[2] - np.float32(of.margin_m)))
@@ -226,23 +306,59 @@ def _near_image(view: AirCamera, position_m: Float32, seen_m: float, margin_m: f
 
 def _cells_in_sight(
     view: AirCamera, moved_m: Float64, side_m: float, seen_m: float, margin_m: float
-) -> NDArray[np.int64]:
-    """Return (3, N): the cubes that touch what the camera sees up to `seen_m`. moved_m: how far they have moved."""
+) -> Iterator[NDArray[np.int64]]:
+    """Yield (3, N) of the cubes that touch what the camera sees up to `seen_m`, in their order, some at a time.
+
+    moved_m: how far they have moved. Where the box about them holds many, only those of its columns are looked at that
+    lie between the faces of what is seen.
+    """
     slopes = view.slopes()
     corners = np.array([(x, y, 1.0) for x in slopes[0] for y in slopes[1]]) * seen_m
     corners_m = np.concatenate([corners, np.zeros((1, 3))]) @ view.rotation.T + view.position_m - moved_m
     first = np.floor((corners_m.min(axis=0) - margin_m) / side_m).astype(np.int64)
     last = np.floor((corners_m.max(axis=0) + margin_m) / side_m).astype(np.int64)
     counts = last - first + 1
-    cells = np.indices(tuple(counts.tolist())).reshape(3, -1) + first[:, None]
-    centre_m = _turned((cells + 0.5) * side_m + (moved_m - view.position_m)[:, None], view.rotation)
+    from_camera_m = moved_m - view.position_m
     room_m = side_m * np.sqrt(0.75) + margin_m
-    z_m = centre_m[2]
-    kept = (z_m > NEAR_M - room_m) & (z_m < seen_m + room_m)
+
+    def kept(cells: NDArray[np.int64]) -> NDArray[np.int64]:
+        centre_m = _turned((cells + 0.5) * side_m + from_camera_m[:, None], view.rotation)
+        z_m = centre_m[2]
+        near = (z_m > NEAR_M - room_m) & (z_m < seen_m + room_m)
+        for axis, (low, high) in enumerate(slopes):
+            near &= centre_m[axis] >= low * z_m - room_m * np.hypot(1, low)
+            near &= centre_m[axis] <= high * z_m + room_m * np.hypot(1, high)
+        return cells[:, np.flatnonzero(near)]
+
+    if np.prod(counts.astype(np.float64)) <= MANY_CUBES:
+        yield kept(np.indices(tuple(counts.tolist())).reshape(3, -1) + first[:, None])
+        return
+    # What is seen lies where normals @ centre + offsets >= 0; in cubes, where inward @ cell + level >= 0.
+    normals, offsets = [(0.0, 0.0, 1.0), (0.0, 0.0, -1.0)], [room_m - NEAR_M, seen_m + room_m]
     for axis, (low, high) in enumerate(slopes):
-        kept &= centre_m[axis] >= low * z_m - room_m * np.hypot(1, low)
-        kept &= centre_m[axis] <= high * z_m + room_m * np.hypot(1, high)
-    return cells[:, np.flatnonzero(kept)]
+        for slope, sign in ((low, 1.0), (high, -1.0)):
+            normals.append((sign * (axis == 0), sign * (axis == 1), -sign * slope))
+            offsets.append(room_m * np.hypot(1, slope))
+    inward = np.array(normals) @ view.rotation.T
+    level = inward @ (0.5 * side_m + from_camera_m) + np.array(offsets)
+    inward *= side_m
+    layers = max(1, MANY_CUBES // int(counts[1] * counts[2]))
+    for begin in range(int(first[0]), int(last[0]) + 1, layers):
+        across = np.arange(begin, min(begin + layers, int(last[0]) + 1))
+        x, y = (part.ravel() for part in np.meshgrid(across, np.arange(first[1], last[1] + 1), indexing="ij"))
+        low, high = np.full(len(x), float(first[2])), np.full(len(x), float(last[2]))
+        for (to_x, to_y, to_z), at in zip(inward.tolist(), level.tolist(), strict=True):
+            if abs(to_z) < 1e-9 * side_m:
+                continue  # the face lies along the columns; what it cuts off is looked at, and not kept
+            meets = (x * to_x + y * to_y + at) / -to_z
+            low, high = (np.maximum(low, meets), high) if to_z > 0 else (low, np.minimum(high, meets))
+        # A cube more at both ends, for rounding.
+        low, high = np.maximum(np.ceil(low) - 1, first[2]), np.minimum(np.floor(high) + 1, last[2])
+        many = np.maximum(high - low + 1, 0).astype(np.int64)
+        within = np.arange(many.sum()) - np.repeat(np.cumsum(many) - many, many)
+        columns = [np.repeat(part, many) for part in (x, y, low.astype(np.int64))]
+        columns[2] += within
+        yield kept(np.stack(columns))
 
 
 def _swaying(seeds: NDArray[np.uint64], gusts_m_s: float, time_s: float) -> tuple[Float32, Float32]:

@@ -16,6 +16,7 @@ Piece: TypeAlias = tuple[NDArray[np.int32], Float32]
 """Of pixels that streaks hide: index, and the share of light hidden."""
 
 PIECE = 1 << 15  # pixels that are looked at together; chosen, so that their arrays stay in the processor's cache
+MOST_FOUND = 1 << 23  # hidden pixels that are kept before they are summed; chosen: 100 MB
 LEAST_WIDTH_PX = 1.0  # of a streak as it is drawn; thinner ones are fainter instead
 SOFTNESS = 0.7  # of a streak's edge, as a share of its width; chosen: flakes are no disks, and a lens's blur is soft
 MOST_OPAQUE = 0.999  # so that its logarithm is finite
@@ -77,13 +78,26 @@ def optical_depth(streaks: Streaks, depth_m: Float32) -> Float32:
     depth_m: (H, W). A streak counts where it is nearer. Its edge is a ramp about it, at least a pixel
     wide.
     """
-    height, width = depth_m.shape
-    found = list(_pieces(streaks, depth_m))
+    total: NDArray[np.float64] | None = None
+    found, pending = list[Piece](), 0
+    for piece in _pieces(streaks, depth_m):
+        found.append(piece)
+        pending += len(piece[0])
+        if pending > MOST_FOUND:
+            total, found, pending = _summed(total, found, depth_m.size), [], 0
+    total = _summed(total, found, depth_m.size)
+    return total.astype(np.float32).reshape(depth_m.shape)
+
+
+def _summed(before: NDArray[np.float64] | None, found: list[Piece], count: int) -> NDArray[np.float64]:
+    """Return (count,): what is hidden of each pixel, one streak after another. before: by those that came first."""
     if not found:
-        return np.zeros((height, width), np.float32)
+        return np.zeros(count) if before is None else before
     pixels, opacities = (np.concatenate(parts) for parts in zip(*found, strict=True))
-    total = np.bincount(pixels, -np.log1p(-opacities), height * width)
-    return total.astype(np.float32).reshape(height, width)
+    hidden = -np.log1p(-opacities)
+    if before is not None:  # it comes first, so that a sum is the same however many pieces there are
+        pixels, hidden = np.concatenate([np.arange(count), pixels]), np.concatenate([before, hidden])
+    return np.bincount(pixels, hidden, count)
 
 
 @dataclass(frozen=True)

@@ -7,11 +7,13 @@ of the veil of all particles too small to be seen by themselves, as Koschmieder'
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.geometry import Intrinsics
 from ..core.linear_light import LUMINANCE, decoded, encoded
 from ..core.perturbing.kinds import FrameContext
 from ..core.schema import Choice, key
@@ -19,7 +21,7 @@ from ..core.trajectories.camera_state import camera_state_of
 from ._air_light import air_light, colour_of
 from ._bands import by_bands
 from ._lamp_light import lamps_key
-from ._particles import Air, AirCamera, in_sight
+from ._particles import Air, AirCamera, affordable, in_sight, slopes_of
 from ._patterns import three_channels
 from ._precipitation import Precipitation, veil_depth
 from ._streaks import Lens, optical_depth, streaks_of
@@ -108,7 +110,8 @@ def fallen_on(kind: Kind, rgb: Float32, parameters: Falling, context: FrameConte
     """Let it fall on (H, W, 3), by the context's planar depth (H, W), metres; 0 is void, as is a sky."""
     import cv2
 
-    air = kind.air(parameters)
+    height, width = context.depth_m.shape
+    air = drawn_air(kind, parameters, camera_of(context.intrinsics, (width, height), parameters.view_deg))
     surface = (context.depth_m > 0) & (context.depth_m <= SKY_M)
     depth_m = np.where(surface, context.depth_m, np.float32(parameters.void_m))
     opaque = streaks_on(air, depth_m, parameters, context)
@@ -128,6 +131,29 @@ def fallen_on(kind: Kind, rgb: Float32, parameters: Falling, context: FrameConte
         return encoded(band)
 
     return by_bands(linear, rgb.dtype, veiled, depth_m, opaque, surface | (not parameters.leave_sky))
+
+
+@lru_cache(maxsize=64)
+def drawn_air(kind: Kind, parameters: Falling, camera: Intrinsics) -> Air:
+    """Return what falls, and is drawn by itself, before a camera: no more than can be afforded."""
+    slopes = slopes_of(*_lens(camera))
+    return affordable(kind.air(parameters), slopes, parameters.shutter_ms * 1e-3)
+
+
+def limits_of(kind: Kind, parameters: Falling, camera: Intrinsics) -> str:
+    """Return what is drawn less of before a camera than the parameters ask for, "" where nothing."""
+    least_mrad = drawn_air(kind, parameters, camera).least_rad * 1e3
+    if least_mrad <= parameters.least_mrad * (1 + 1e-9):
+        return ""
+    return (
+        f"falls through more air than a frame can be drawn of, as the camera sees so wide: what spans less than "
+        f"{least_mrad:.3g} mrad is not drawn but veils, instead of {parameters.least_mrad:g} mrad (least_mrad)"
+    )
+
+
+def _lens(camera: Intrinsics) -> tuple[tuple[float, float], tuple[float, float], tuple[int, int]]:
+    """Return focal lengths, middle and size of the image in pixels, each along x and y."""
+    return (camera.fx_px, camera.fy_px), (camera.cx_px, camera.cy_px), (camera.width_px, camera.height_px)
 
 
 def _light(linear: Float32, kind: Kind, parameters: Falling, context: FrameContext) -> Float32:
@@ -175,8 +201,7 @@ def view_of(depth_m: Float32, parameters: Falling, context: FrameContext) -> Air
     """
     height, width = depth_m.shape
     camera = camera_of(context.intrinsics, (width, height), parameters.view_deg)
-    focal_px, middle_px = (camera.fx_px, camera.fy_px), (camera.cx_px, camera.cy_px)
-    lens = (focal_px, middle_px, (width, height), float(depth_m.max()), parameters.shutter_ms * 1e-3)
+    lens = (*_lens(camera), float(depth_m.max()), parameters.shutter_ms * 1e-3)
     camera_state = camera_state_of(None if context.temporal == "fixed" else context.motion)
     return AirCamera(
         camera_state.rotation, camera_state.position_m, camera_state.velocity_m_s, camera_state.turning_rad_s, *lens

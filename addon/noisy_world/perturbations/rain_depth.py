@@ -3,6 +3,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +16,7 @@ from ._falling_nodes import Laws, build_falling
 from ._lamp_light import DROP
 from ._precipitation import drop_speed_m_s, rain
 from ._view import by_camera
-from ._weather import GIVEN_AIR, Falling, Kind, fallen_on
+from ._weather import GIVEN_AIR, Falling, Kind, fallen_on, limits_of
 
 BRIGHTNESS = 3.0  # with which it has the sky's own colour, or the colour that is given
 
@@ -79,4 +80,5 @@ PERTURBATION = ColourPerturbation(
     goes_with_camera=True,
     by_camera=by_camera,
     temporals=("fresh", "fixed", "drift"),
+    limits=partial(limits_of, KIND),
 )

@@ -15,8 +15,8 @@ from ..core.datasets.provenance import plain_identity
 from ..core.datasets.shard_record import shard_folder
 from ..core.errors import StorageError
 from ..core.machine import available_threads, peak_memory_bytes
-from ..core.planning.long_exposures import long_exposures
 from ..core.planning.plan import Plan
+from ..core.planning.plan_notes import plan_notes
 from ..core.planning.shards import Shard
 from ..core.presets.preset import canonical
 from ..core.progress import Progress
@@ -142,9 +142,7 @@ class Run:
         shards = self._out.cut(work, needed_bytes, count, self._jobs)
         self._tell_notes()
         self._progress.start("rendering", self._plan.frame_count, self.report.frames_kept)
-        if self._plan.format.note:
-            self._progress.note(self._plan.format.note)
-        for text in long_exposures(self._plan):
+        for text in plan_notes(self._plan):
             self._note(text)
         if shards is None:
             self._make_here(work)

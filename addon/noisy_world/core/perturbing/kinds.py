@@ -241,7 +241,8 @@ class ColourPerturbation(Perturbation):
     anything is encoded, so on lit frames it acts on light too, and takes and gives what is brighter than 1.
     looks_back_s: parameters -> how many seconds of earlier frames it asks its context for. decides: what it sets by
     these; the contexts of its own and of later steps of the setting hold it. by_frame: what the group is told for each
-    frame, in place of parameters or of some of them.
+    frame, in place of parameters or of some of them. limits: parameters, camera -> what `apply` draws less of there
+    than they ask for, to be said in the plan after its name; "" where nothing.
 
     Raises ValueError for another stage, for temporals of what is repeatable, and where it looks back and is repeatable.
     """
@@ -264,6 +265,7 @@ class ColourPerturbation(Perturbation):
     looks_back_s: Callable[[Any], float] | None = None
     decides: Decides | None = None
     by_frame: ByFrame | None = None
+    limits: Callable[[Any, Intrinsics], str] | None = None
 
     @property
     def has_parameter_sockets(self) -> bool:
