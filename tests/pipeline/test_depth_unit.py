@@ -244,6 +244,15 @@ def test_of_two_surfaces_on_one_pixel_the_nearer_counts(tmp_path):
     assert wrong <= 1  # the edge's own pixel
 
 
+def test_registered_depth_is_said_to_be_where_colour_is(tmp_path):
+    preset = world(tmp_path / "world", {**PLACE, **CAMERA, "registered": True}, layout="euroc", count=1)
+    run(preset, tmp_path / "out")
+    cameras = [tmp_path / f"out/clean/box/mav0/{name}/sensor.yaml" for name in ("cam0", "depth0")]
+    colour, depth = (yaml.safe_load(path.read_text()) for path in cameras)
+    for key in ("T_BS", "resolution", "intrinsics"):
+        assert depth[key] == colour[key]
+
+
 def test_a_sensor_measures_in_its_own_pixels_before_it_is_registered(tmp_path):
     depth = {**PLACE, **CAMERA, "registered": True}
     run(world(tmp_path / "exact", depth), tmp_path / "a")

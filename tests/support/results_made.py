@@ -72,14 +72,21 @@ def make_results(
         "seeds": [int(seed) for seed in seeds],
         "subject": {"seed": 5, "settings": {name: {"steps": steps[name]} for name in steps}},
     }
+    write_study(folder, **study)
+    return folder
+
+
+def write_study(folder, **keys):
+    """Write the study.json of a study of nothing, but for these keys."""
+    study = {"systems": {}, "protocol": "strict", "repeats": 1, "seeds": [1], "subject": {"settings": {}}, **keys}
     document = {"kind": "study of Noisy World", "format": 1, "study": study}
     (folder / "study.json").write_text(json.dumps(document, indent=1, sort_keys=True))
-    return folder
 
 
 def _step(perturbation, mode, severity, parameters):
     levels = [1, 2, 3, 4, 5] if mode == "dynamic" else None
-    return {"name": perturbation, "severity": severity, "levels": levels, "parameters": parameters}
+    each = parameters if levels is None else [parameters] * len(levels)
+    return {"name": perturbation, "severity": severity, "levels": levels, "parameters": each}
 
 
 def _truth(scene):

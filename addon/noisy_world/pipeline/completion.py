@@ -2,6 +2,7 @@
 """Completing a dataset whose frames are all there: text files, overview, manifest."""
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 
 from ..core.channels import surface_channels
 from ..core.datasets.dataset import Dataset
@@ -20,6 +21,7 @@ from ..core.planning.plan import Plan, Render
 from ..core.planning.scene import Scene
 from ..core.planning.sequence import Sequence, written_paths
 from ..core.presets.preset import canonical
+from ..core.trajectories.rig import Rig
 from ..core.trajectories.sensor_paths import SensorPaths
 from ..core.trajectories.stamps import FrameStamps
 
@@ -93,7 +95,7 @@ class Completion:
                 frames = tuple(records)
                 imu = _imu_samples(self._plan, sequence, paths, stamps)
                 facts = SequenceFacts(
-                    *(format_, render.camera, self._plan.rig, frames, paths, stamps, render.optics, imu)
+                    *(format_, render.camera, self._written_rig(render), frames, paths, stamps, render.optics, imu)
                 )
                 texts = format_.layout.sequence_texts(facts) | imu_texts(facts)
                 texts |= channel_texts(format_, render.scene)
@@ -133,6 +135,11 @@ class Completion:
                 "a frame): it counts as far as what was measured around it, or as the sky with "
             )
             self._note(Message(text, PresetKey("void", "sky")))
+
+    def _written_rig(self, render: Render) -> Rig | None:
+        """Return the rig whose sensors' poses are those of the images: registered depth is where colour is."""
+        rig = self._plan.rig
+        return replace(rig, depth=None) if rig is not None and render.registers else rig
 
     def _note_losses(self, losses: dict[str, RangeLoss], counts: dict[str, int]) -> None:
         """Say in a note for each scene how much of its depth is lost, and what keeps it."""

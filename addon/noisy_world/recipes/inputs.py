@@ -5,7 +5,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from ..core.datasets.provenance import path_sha256, plain_values
+from ..core.datasets.json_text import plain_values
+from ..core.datasets.provenance import path_sha256
+from ..core.datasets.recorded_setting import RecordedSetting
 from ..core.errors import InputError
 from ..core.perturbing.given_files import files_of, sha256_of
 from ..core.perturbing.steps import Setting
@@ -47,12 +49,11 @@ def check_setting(file: Path, wanted: Mapping[str, Any], setting: Setting) -> No
 
     file: the recipe. wanted: the setting in its identity.
     """
-    steps = [*wanted.get("sensor", []), *wanted["steps"]]
-    for step, made in zip((*setting.sensor, *setting.steps), steps, strict=False):
-        parameters = made["parameters"][0] if isinstance(made["parameters"], list) else made["parameters"]
+    recorded = RecordedSetting.read(wanted)
+    for step, made in zip((*setting.sensor, *setting.steps), (*recorded.sensor, *recorded.steps), strict=False):
         severity = step.severity if step.levels is None else step.levels[0]
         for name, path in {} if severity == 0 else files_of(step.parameters(severity)).items():
-            here, there = sha256_of(path), (parameters or {}).get(name, {}).get("sha256")
+            here, there = sha256_of(path), (made.parameters[0] or {}).get(name, {}).get("sha256")
             if here != there:
                 problem = f"{path} is not what the recipe was made from: its sha256 is {here[:12]}..."
                 where = f"settings: {setting.name}: {step.perturbation.name}.{name}"

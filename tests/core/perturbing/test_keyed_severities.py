@@ -4,7 +4,7 @@
 import pytest
 
 from noisy_world.core.datasets.differences import _step as difference
-from noisy_world.core.datasets.provenance import _step as described
+from noisy_world.core.datasets.recorded_setting import RecordedStep
 from noisy_world.core.errors import InputError
 from noisy_world.core.perturbing.kinds import FrameContext
 from noisy_world.core.perturbing.reading import parse_steps
@@ -47,9 +47,9 @@ def test_what_is_wrong_is_told_in_a_line(name, values, told):
 
 def test_a_dataset_knows_the_mode_and_the_severities():
     keyed, other, drawn = (
-        described(step_of("fog", mode=mode, levels=levels))
+        RecordedStep.of(step_of("fog", mode=mode, levels=levels))
         for mode, levels in (("keyed", [1, 2]), ("keyed", [1, 3]), ("dynamic", [1, 2]))
     )
-    assert "keyed" not in drawn
+    assert "keyed" not in drawn.content()
     assert difference(drawn, keyed) == ("mode", "was dynamic, is keyed")
     assert difference(keyed, other)[0] == "levels"

@@ -6,6 +6,7 @@ import json
 import math
 
 import pytest
+from results_made import write_study
 from worlds import ROOT
 
 pytest.importorskip("jinja2", reason="the extra evaluate is not installed")
@@ -39,7 +40,7 @@ def results_of(folder, clean, expected):
         table = csv.DictWriter(file, list(rows[0]))
         table.writeheader()
         table.writerows(rows)
-    (folder / "study.json").write_text(json.dumps({"study": {"systems": expected}}))
+    write_study(folder, systems=expected)
     return read_results(folder)
 
 

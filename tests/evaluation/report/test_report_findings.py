@@ -2,9 +2,9 @@
 """What a report begins with: what broke each system and by how much, from tables whose answers are known."""
 
 import csv
-import json
 
 import pytest
+from results_made import write_study
 
 pytest.importorskip("jinja2", reason="the extra evaluate is not installed")
 pytest.importorskip("matplotlib", reason="the extra evaluate is not installed")
@@ -51,7 +51,7 @@ def results_of(folder, systems, scenes=("a", "b")):
         table = csv.DictWriter(file, list(rows[0]))
         table.writeheader()
         table.writerows(rows)
-    (folder / "study.json").write_text(json.dumps({"study": {}}))
+    write_study(folder)
     return read_results(folder)
 
 

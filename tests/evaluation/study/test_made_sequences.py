@@ -14,9 +14,13 @@ from study_tools import FRAMES, small_world
 from written import run
 
 from noisy_world.cli.study_tasks import _fitting
+from noisy_world.core.datasets.recorded_setting import RecordedSetting
 from noisy_world.core.errors import InputError
+from noisy_world.core.perturbing.reading import parse_steps
+from noisy_world.core.perturbing.steps import Setting
 from noisy_world.core.presets.preset import read_preset
 from noisy_world.core.progress import PlainProgress
+from noisy_world.core.schema import ConfigPath
 from noisy_world.evaluation.study.cases import Case, Condition
 from noisy_world.evaluation.study.made_origin import MadeOrigin
 from noisy_world.evaluation.study.order import StudyOrder
@@ -188,27 +192,59 @@ def test_a_preset_without_colour_is_refused(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("steps", "condition"),
+    ("keys", "named"),
     [
-        ([], Condition("clean", "", "")),
-        ([("frost", 3.0, None, {})], Condition("frost", "static", "3")),
-        ([("frost", 5.0, [0.0, 5.0], [])], Condition("frost", "dynamic", "5")),
-        ([("faster_motion", None, None, {"factor": 4})], Condition("faster_motion", "", "")),
-        ([("desync", None, None, {"mode": "static"})], Condition("desync", "static", "")),
-        ([("desync", None, None, {"mode": "dynamic"})], Condition("desync", "dynamic", "")),
-        ([("frost", 3.0, None, {}), ("fog", 3.0, None, {})], Condition("frost+fog", "static", "3")),
-        ([("frost", 3.0, None, {}), ("fog", 1.0, [1.0], [])], Condition("frost+fog", "dynamic", "")),
+        ({"rig": {"depth": {"width": 8, "height": 6, "horizontal_fov_deg": 60}}}, "rig.depth.registered: true"),
         (
-            [("motion_deviation", None, None, {}), ("fog", 2.5, None, {})],
-            Condition("motion_deviation+fog", "static", ""),
+            {"rig": {"depth": {"translation_m": [0.1, 0, 0]}}, "output": {"layout": "euroc"}},
+            "rig.depth.registered: true",
         ),
-        ([("somebodys_own", 2.0, None, {})], Condition("somebodys_own", "static", "2")),
+        ({"output": {"layout": "replica", "image": "exr"}}, "output.image: "),
+        (
+            {
+                "camera": {
+                    "width": 32,
+                    "height": 24,
+                    "fx": 16,
+                    "fy": 16,
+                    "cx": 15.5,
+                    "cy": 11.5,
+                    "distortion": {"k1": 0.1},
+                }
+            },
+            "undistort: true",
+        ),
     ],
 )
-def test_conditions_are_the_words_of_the_tables(steps, condition):
-    keys = ("name", "severity", "levels", "parameters")
-    setting = {"steps": [dict(zip(keys, step, strict=True)) for step in steps]}
-    assert Condition.of(setting, registry()) == condition
+def test_what_systems_do_not_read_is_refused_before_anything_is_made(tmp_path, keys, named):
+    origin = origin_of(small_world(tmp_path, **keys), tmp_path / "results")
+    with pytest.raises(InputError, match=named):
+        _ = origin.whole
+
+
+@pytest.mark.parametrize(
+    ("perturb", "condition"),
+    [
+        ([], Condition("clean", "", "")),
+        ([{"frost": {"severity": 3}}], Condition("frost", "static", "3")),
+        ([{"frost": {"severity": 5, "mode": "dynamic"}}], Condition("frost", "dynamic", "5")),
+        ([{"frost": {"mode": "keyed", "levels": [0, 5]}}], Condition("frost", "dynamic", "")),
+        ([{"faster_motion": {"factor": 4}}], Condition("faster_motion", "", "")),
+        ([{"desync": {"offset": 2}}], Condition("desync", "static", "")),
+        ([{"desync": {"offset": 2, "mode": "dynamic"}}], Condition("desync", "dynamic", "")),
+        ([{"frost": {"severity": 3}}, {"fog": {"severity": 3}}], Condition("fog+frost", "static", "3")),
+        ([{"fog": {"mode": "dynamic", "levels": [1]}}], Condition("fog", "dynamic", "")),
+        ([{"motion_deviation": {}}, {"fog": {"severity": 2.5}}], Condition("motion_deviation+fog", "static", "")),
+    ],
+)
+def test_conditions_are_the_words_of_the_tables(perturb, condition):
+    steps = parse_steps(perturb, ConfigPath("preset.yaml", "perturb"), registry())
+    assert Condition.of(RecordedSetting.of(Setting("setting", steps)).content(), registry()) == condition
+
+
+def test_condition_of_a_perturbation_that_is_not_known_here():
+    step = {"name": "somebodys_own", "severity": 2.0, "levels": None, "parameters": {}}
+    assert Condition.of({"steps": [step]}, registry()) == Condition("somebodys_own", "static", "2")
 
 
 def test_names_of_cases():

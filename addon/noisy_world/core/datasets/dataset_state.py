@@ -14,6 +14,7 @@ from ..schema import shown
 from .json_text import read_json
 from .layouts import LAYOUTS
 from .provenance import FORMAT, cameras_of
+from .recorded_setting import setting_problem
 from .records import FRAMES, OUT_OF_RANGE, read_records
 from .storage import sha256_of_regular_file
 
@@ -182,15 +183,13 @@ class _Each:
     shape: Any
 
 
-_STEP = {"name": str, "severity": NUMBER, "levels": (list, type(None)), "temporal": str, "parameters": object}
-_SETTING = {"backend": TEXT, "steps": _Each(list, _STEP)}
 _SCENE = {"entry": dict, "inputs": dict, "camera": dict, "path": {"frames": int, "sha256": str}}
 _OUTPUT = {"layout": str, "image": TEXT, "modalities": _Each(list, str)}
 _RENDER = {"engine": str, "samples": int}
 _COMMON = {"preset": dict, "preset_sha256": str, "seed": int, "near_m": NUMBER, "far_m": NUMBER, "output": _OUTPUT}
 _PROCESSOR = {"machine": str, "byte_order": str, "features": _Each(list, str)}
 _MIXED = {"rig": (dict, type(None)), "render": (dict, type(None)), "processor": _PROCESSOR}
-_LAYERS = {"sequences": _Each(dict, int), "scenes": _Each(dict, _SCENE), "settings": _Each(dict, _SETTING)}
+_LAYERS = {"sequences": _Each(dict, int), "scenes": _Each(dict, _SCENE), "settings": _Each(dict, dict)}
 _IDENTITY = {**_COMMON, **_MIXED, **_LAYERS, "versions": _Each(dict, str)}
 _MANIFEST = {OUT_OF_RANGE: _Each(dict, dict), "frames": _Each(dict, int), "files": _Each(dict, (str, dict))}
 _DIGEST = re.compile("[0-9a-f]{64}")
@@ -220,6 +219,8 @@ def identity_problem(value: Any) -> str:
     whole = whole and all(0 < scene["path"]["frames"] <= MOST_FRAMES for scene in value["scenes"].values())
     if not whole or not (value["render"] is None or _fits(value["render"], _RENDER)):
         return "lacks what an identity holds, or holds something else"
+    if wrong := next(filter(None, map(setting_problem, value["settings"], value["settings"].values())), ""):
+        return f"lacks what an identity holds, or holds something else: {wrong}"
     parts = [name.split("/") for name in value["sequences"]]
     known = all(setting in value["settings"] and scene in value["scenes"] for setting, scene in parts)
     return "" if known else "does not say what all its sequences are made from"

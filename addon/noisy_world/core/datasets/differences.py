@@ -23,7 +23,8 @@ from ..planning.source_paths import source_paths
 from ..presets.names import format_same_folder
 from ..scenes.recentring import recentring_m
 from ..trajectories.sensor_paths import SensorPaths
-from .provenance import BETWEEN, CHANNELS, HUFFMAN, KEYS, path_sha256
+from .provenance import BETWEEN, CHANNELS, HUFFMAN, path_sha256
+from .recorded_setting import KEYS, RecordedSetting, RecordedStep
 
 ELSEWHERE = (Action.OTHER_FOLDER, Action.OVERWRITE)
 ANOTHER_FOLDER = either(*ELSEWHERE)
@@ -124,16 +125,16 @@ def _common(key: str, there: Any, here: Any) -> str:
 
 def _setting(there: dict[str, Any], here: dict[str, Any]) -> str:
     """Return in which step and value two settings differ, in words."""
-    before, now = there["steps"], here["steps"]
-    names = [[step["name"] for step in steps] for steps in (before, now)]
+    before, now = RecordedSetting.read(there).steps, RecordedSetting.read(here).steps
+    names = [[step.name for step in steps] for steps in (before, now)]
     if names[0] != names[1]:
         return was_is(*(", ".join(item) or "clean" for item in names))
     for number, (left, right) in enumerate(zip(before, now, strict=True)):
         if found := _step(left, right):
             alone = len(names[0]) == 1
             key, values = found
-            nth = f" {names[0][: number + 1].count(left['name'])}" if names[0].count(left["name"]) > 1 else ""
-            return f"({key if alone else left['name'] + nth + '.' + key}) {values}"
+            nth = f" {names[0][: number + 1].count(left.name)}" if names[0].count(left.name) > 1 else ""
+            return f"({key if alone else left.name + nth + '.' + key}) {values}"
     if problem := _keys(there, here):
         return problem
     for key, absent in (("backend", None), ("stream", "its own name")):
@@ -142,33 +143,23 @@ def _setting(there: dict[str, Any], here: dict[str, Any]) -> str:
     return first_difference(there, here) or was_is(there, here)
 
 
-def _step(there: dict[str, Any], here: dict[str, Any]) -> tuple[str, str] | None:
+def _step(there: RecordedStep, here: RecordedStep) -> tuple[str, str] | None:
     """Return the key in which two steps of the same perturbation differ, and both values."""
-    versions = [step.get("version", 1) for step in (there, here)]
-    if versions[0] != versions[1]:
-        return "version", was_is(*versions)
-    modes = [_mode(step) for step in (there, here)]
-    if modes[0] != modes[1]:
-        return "mode", was_is(*modes)
-    if (there["severity"], there["levels"]) != (here["severity"], here["levels"]):
-        key = "severity" if modes[0] == "static" else "levels"
-        return key, was_is(there[key], here[key])
-    if there["temporal"] != here["temporal"]:
-        return "temporal", was_is(there["temporal"], here["temporal"])
-    for left, right in zip(_listed(there["parameters"]), _listed(here["parameters"]), strict=False):
-        for name in sorted({*left, *right}):
-            if left.get(name) != right.get(name):
-                return name, was_is(left.get(name), right.get(name))
-    return None if there == here else ("parameters", was_is(there["parameters"], here["parameters"]))
-
-
-def _mode(step: dict[str, Any]) -> str:
-    return "static" if step["levels"] is None else "keyed" if step.get("keyed") else "dynamic"
-
-
-def _listed(parameters: Any) -> list[dict[str, Any]]:
-    listed = parameters if isinstance(parameters, list) else [parameters]
-    return [item for item in listed if isinstance(item, dict)]
+    if there.version != here.version:
+        return "version", was_is(there.version, here.version)
+    if there.mode != here.mode:
+        return "mode", was_is(there.mode, here.mode)
+    if (there.severity, there.levels) != (here.severity, here.levels):
+        key = "severity" if there.mode == "static" else "levels"
+        return key, was_is(getattr(there, key), getattr(here, key))
+    if there.temporal != here.temporal:
+        return "temporal", was_is(there.temporal, here.temporal)
+    for left, right in zip(there.parameters, here.parameters, strict=True):
+        before, now = left or {}, right or {}
+        for name in sorted({*before, *now}):
+            if before.get(name) != now.get(name):
+                return name, was_is(before.get(name), now.get(name))
+    return None if there == here else ("parameters", was_is(there.parameters, here.parameters))
 
 
 # --- scenes ---

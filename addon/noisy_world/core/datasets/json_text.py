@@ -70,6 +70,13 @@ def finite_number(value: object) -> float | None:
     return number if math.isfinite(number) else None
 
 
+def plain_values(value: Any) -> Any:
+    """Return a value as JSON holds it: lists for tuples, texts as keys."""
+    if isinstance(value, dict):
+        return {str(name): plain_values(item) for name, item in value.items()}
+    return [plain_values(item) for item in value] if isinstance(value, (list, tuple)) else value
+
+
 def _refuse(name: str) -> float:
     raise ValueError(f"holds {name}")
 

@@ -23,8 +23,6 @@ from ..channels import COLOUR_AND_DEPTH, surface_channels
 from ..geometry import Intrinsics
 from ..machine import processor_features
 from ..optics import OPTICS_KEYS
-from ..perturbing.given_files import deciding
-from ..perturbing.steps import Setting, Step
 from ..planning.plan import Plan
 from ..planning.scene import Scene, SceneEntry
 from ..presets.preset import canonical
@@ -34,7 +32,9 @@ from ..trajectories.rig import Rig, Sensor
 from ..trajectories.trajectory import Trajectory
 from ..utf8_names import NOT_UTF8, RENAME, is_utf8
 from .depth_range import RangeLoss
+from .json_text import plain_values
 from .layouts import EVERY, OutputFormat
+from .recorded_setting import KEYS, RecordedSetting
 from .records import OUT_OF_RANGE
 from .storage import sha256_of_file
 
@@ -46,7 +46,6 @@ CONVENTIONS = {
     "pixel": "integer coordinates name pixel centres; the principal point is given in them",
     "time": "seconds",
 }
-KEYS = "keys"  # those of a preset that decide bytes by their own values
 CHANNELS = "channels"  # of a scene: the files that say what the values of its channels mean
 BETWEEN = "between_sha256"  # of a path, where a setting looks between its poses
 HUFFMAN = "huffman"  # of the output: which JPEG images have Huffman tables of their own; none in datasets of before
@@ -93,7 +92,7 @@ def identity(plan: Plan, renderer: Mapping[str, str], *, paths: bool = True) -> 
         "render": {name: getattr(spec.render, name) for name in ("engine", "device", "samples")} if rendered else None,
         "output": _output(plan.format),
         "scenes": {scene.name: _scene(plan, scene, cameras[scene.name], paths) for scene in plan.scenes},
-        "settings": {setting.name: _setting(setting) for setting in plan.settings},
+        "settings": {setting.name: RecordedSetting.of(setting).content() for setting in plan.settings},
         "sequences": {sequence.folder: counts[sequence.scene] for sequence in plan.sequences},
         "versions": {**_packages(plan), **renderer, **base_versions()},
         "processor": processor(),
@@ -215,39 +214,6 @@ def between_sha256(path: Trajectory) -> str:
     halfway_s = (path.stamps_s[:-1] + path.stamps_s[1:]) / 2
     c2w = path.continuous.pose_at(halfway_s)
     return hashlib.sha256(np.ascontiguousarray(c2w + 0.0, dtype="<f8").tobytes()).hexdigest()
-
-
-def _setting(setting: Setting) -> dict[str, Any]:
-    return {
-        **({} if setting.stream == setting.name else {"stream": setting.stream}),
-        "backend": setting.backend if setting.rgb else None,
-        "steps": [_step(step) for step in setting.steps],
-        **({"sensor": [_step(step) for step in setting.sensor]} if setting.sensor else {}),
-        **_keys(setting.keys),
-    }
-
-
-def _step(step: Step[Any]) -> dict[str, Any]:
-    """Return a step with the parameters of its severity, or of each severity that it draws from."""
-    severities = (step.severity,) if step.levels is None else step.levels
-    each = [None if severity == 0 else deciding(step.parameters(severity)) for severity in severities]
-    parameters = plain_values(each)
-    return {
-        "name": step.perturbation.name,
-        "severity": step.severity,
-        "levels": None if step.levels is None else list(step.levels),
-        **({"keyed": True} if step.keyed else {}),
-        **({} if step.perturbation.version == 1 else {"version": step.perturbation.version}),
-        "temporal": step.temporal,
-        "parameters": parameters[0] if step.levels is None else parameters,
-    }
-
-
-def plain_values(value: Any) -> Any:
-    """Return a value as JSON holds it: lists for tuples, texts as keys."""
-    if isinstance(value, dict):
-        return {str(name): plain_values(item) for name, item in value.items()}
-    return [plain_values(item) for item in value] if isinstance(value, (list, tuple)) else value
 
 
 def base_versions() -> dict[str, str]:

@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The sequences that an identity describes: their frames and rough cost, without the preset and without its files."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from ..datasets.recorded_setting import RecordedSetting, RecordedStep
 from ..errors import InputError
 from ..perturbing.execution import split_motion
 from ..perturbing.kinds import SEQUENCE_KINDS, ColourPerturbation, DepthPerturbation
@@ -76,14 +77,15 @@ def described_sequences(
 
 
 def _way(name: str, content: Mapping[str, Any], registry: Registry) -> _Way:
-    kinds = [registry.get(step["name"]) for step in content["steps"]]
+    recorded = RecordedSetting.read(content)
+    kinds = [registry.get(step.name) for step in recorded.steps]
     deciding = [
         step
-        for step, kind in zip(content["steps"], kinds, strict=True)
+        for step, kind in zip(recorded.steps, kinds, strict=True)
         if kind is None or isinstance(kind, SEQUENCE_KINDS)
     ]
     perturbed = sum(any(isinstance(kind, image) for kind in kinds) for image in (ColourPerturbation, DepthPerturbation))
-    composited = content["backend"] == "compositor" and any(isinstance(kind, ColourPerturbation) for kind in kinds)
+    composited = recorded.backend == "compositor" and any(isinstance(kind, ColourPerturbation) for kind in kinds)
     try:
         steps = parse_steps(list(_written(deciding)), ConfigPath(name, "steps"), registry)
     except InputError:  # of a package that is not installed here, or of a version with other parameters
@@ -93,12 +95,11 @@ def _way(name: str, content: Mapping[str, Any], registry: Registry) -> _Way:
     return _Way(setting, moves, perturbed, composited)
 
 
-def _written(steps: list[Mapping[str, Any]]) -> Iterator[dict[str, Any]]:
+def _written(steps: Iterable[RecordedStep]) -> Iterator[dict[str, Any]]:
     """Yield steps of an identity as a preset would write them, with all their parameters."""
     for step in steps:
-        severity = {} if step["severity"] is None else {"severity": step["severity"]}
-        parameters = step["parameters"] if isinstance(step["parameters"], Mapping) else {}
-        yield {step["name"]: {**severity, **parameters}}
+        severity = {} if step.severity is None else {"severity": step.severity}
+        yield {step.name: {**severity, **(step.parameters[0] or {})}}
 
 
 def _frames(way: _Way, identity: Mapping[str, Any], scene: str, chosen: slice | None) -> Numbers | None:

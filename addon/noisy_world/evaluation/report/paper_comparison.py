@@ -4,6 +4,7 @@
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
+from ...core.datasets.recorded_setting import RecordedSetting
 from ..analysis.log_scale import geometric_mean
 from ..analysis.run_results import complete_runs
 from .labels import column_of
@@ -24,7 +25,8 @@ STRICT = "ate_rmse_m"
 
 def paper_conditions(results: Results) -> dict[str, PaperCondition]:
     """Return the treatment of each setting, by its name."""
-    steps = _steps(results.study)
+    settings: Mapping[str, Any] = results.study["subject"]["settings"] if results.study else {}
+    steps = {name: RecordedSetting.read(content).steps for name, content in settings.items()}
     of_setting = results.runs.drop_duplicates("setting")[["setting", "perturbation", "mode"]]
     return {
         setting: condition_of_steps(perturbation, mode, steps.get(setting, ()))
@@ -129,17 +131,3 @@ def with_spread(mean: float | None, deviation: float | None) -> str:
     """Return "0.123 ± 0.045", without a deviation that is not known."""
     said = shown(mean, 3)
     return said if shown(deviation) == NOTHING else f"{said} ± {shown(deviation, 2)}"
-
-
-def _steps(study: Mapping[str, Any]) -> dict[str, list[Mapping[str, Any]]]:
-    """Return the steps of each setting, as study.json has them from the identity of a dataset."""
-    subject = study.get("subject")
-    settings = subject.get("settings") if isinstance(subject, Mapping) else None
-    if not isinstance(settings, Mapping):
-        return {}
-    lists = {str(name): setting.get("steps") for name, setting in settings.items() if isinstance(setting, Mapping)}
-    return {
-        name: [step for step in steps if isinstance(step, Mapping)]
-        for name, steps in lists.items()
-        if isinstance(steps, list)
-    }

@@ -5,6 +5,8 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from ...core.datasets.recorded_setting import RecordedStep
+
 CLEAN = "clean"
 PARAMETERS = {
     "faster_motion": ("factor",),
@@ -36,7 +38,8 @@ def paper_condition(perturbation: str, mode: str, parameters: Mapping[str, Any] 
     return PaperCondition(perturbation, mode or "static", kept)
 
 
-def condition_of_steps(perturbation: str, mode: str, steps: Iterable[Mapping[str, Any]]) -> PaperCondition:
-    """Return the treatment of a setting. steps: as the identity of a dataset holds them, with name and parameters."""
-    known = [step.get("parameters") for step in steps if step.get("name") == perturbation]
-    return paper_condition(perturbation, mode, known[0] if len(known) == 1 and isinstance(known[0], Mapping) else None)
+def condition_of_steps(perturbation: str, mode: str, steps: Iterable[RecordedStep]) -> PaperCondition:
+    """Return the treatment of a setting. steps: as the identity of a dataset has them."""
+    known = [step for step in steps if step.name == perturbation]
+    alone = len(known) == 1 and known[0].levels is None
+    return paper_condition(perturbation, mode, known[0].parameters[0] if alone else None)

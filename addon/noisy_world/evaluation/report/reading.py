@@ -18,7 +18,9 @@ from ..analysis.over_clean import with_over_clean
 from ..analysis.run_results import complete_runs, with_results
 from ..csv_cells import text_of
 from ..metrics import PAPER_METRICS, PAPER_PREFIX
-from ..study.written import RECORD
+from ..study.results import STUDY
+from ..study.results import ResultsFolder as StudyFolder
+from ..study.written import KIND, RECORD, is_record, read_study
 
 if TYPE_CHECKING:
     from pandas import DataFrame, Series
@@ -72,7 +74,10 @@ class Results:
 
 
 def read_results(folder: Path) -> Results:
-    """Read a results folder. Raises InputError where it holds no table of runs, or one that cannot be read."""
+    """Read a results folder.
+
+    Raises InputError where it holds no table of runs or one that cannot be read, StorageError for a damaged study.json.
+    """
     path = folder / "tables" / "runs.csv"
     if not path.is_file():
         raise InputError(path, "is not there", remedy=REMEDY)
@@ -93,13 +98,11 @@ def read_results(folder: Path) -> Results:
         missing.append("tables/sequences.csv is not there: nothing is said of what was done to the sequences.")
         sequences = runs[list(SEQUENCE_COLUMNS)].drop_duplicates(list(KEY))
     sequences = sequences.sort_values(list(KEY), kind="stable", ignore_index=True, key=_natural)
-    document = _document(folder / "study.json", missing)
-    study = document.get("study")
-    of_record = document.get("kind") == RECORD
+    study, of_record = _study(folder, missing)
     if of_record:
         missing.append("this is a record: paths, errors over time and frames are in the folders of its pieces.")
     missing += _missing_runs(runs, sequences)
-    return Results(folder, study if isinstance(study, dict) else document, runs, sequences, tuple(missing), of_record)
+    return Results(folder, study, runs, sequences, tuple(missing), of_record)
 
 
 def read_table(path: Path, needed: Sequence[str]) -> "DataFrame":
@@ -196,11 +199,14 @@ def _numbers(texts: list[str], path: Path, column: str) -> "list[float]":
     return numbers
 
 
-def _document(path: Path, missing: list[str]) -> dict[str, Any]:
-    if not path.is_file():
-        missing.append("study.json is not there: what was evaluated is told from the tables alone.")
-        return {}
-    return read_object(path)
+def _study(folder: Path, missing: list[str]) -> tuple[dict[str, Any], bool]:
+    """Return what was evaluated, {} where that is not there, and whether the folder is the record of a study."""
+    if not (folder / STUDY).is_file():
+        missing.append(f"{STUDY} is not there: what was evaluated is told from the tables alone.")
+        return {}, False
+    results = StudyFolder(folder)
+    of_record = is_record(results)
+    return read_study(results, RECORD if of_record else KIND), of_record
 
 
 def _missing_runs(runs: "DataFrame", sequences: "DataFrame") -> list[str]:

@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
+from ...core.datasets.recorded_setting import RecordedSetting, RecordedStep
 from ...core.perturbing.kinds import MotionPerturbation, PairingPerturbation
 from ...core.perturbing.reading import Registry
 
@@ -67,22 +68,22 @@ class Condition:
     severity: str
 
     @classmethod
-    def of(cls, setting: dict[str, Any], known: Registry) -> "Condition":
-        """Return the condition of a setting as a dataset's identity has it."""
-        steps: list[dict[str, Any]] = setting["steps"]
+    def of(cls, setting: Any, known: Registry) -> "Condition":
+        """Return the condition of a setting as a dataset's identity has it, which is one that can be read."""
+        steps = RecordedSetting.read(setting).steps
         if not steps:
             return cls("clean", "", "")
-        name = "+".join(step["name"] for step in steps)
-        return cls(name, _mode(steps, known), _severity(step["severity"] for step in steps))
+        name = "+".join(step.name for step in steps)
+        return cls(name, _mode(steps, known), _severity(step.severity for step in steps))
 
 
-def _mode(steps: list[dict[str, Any]], known: Registry) -> str:
-    kinds = [known.get(step["name"]) for step in steps]
+def _mode(steps: Iterable[RecordedStep], known: Registry) -> str:
+    kinds = [known.get(step.name) for step in steps]
     if all(isinstance(kind, MotionPerturbation) for kind in kinds):
         return ""
     dynamic = any(
-        step["levels"] is not None
-        or (isinstance(kind, PairingPerturbation) and (step["parameters"] or {}).get("mode") == "dynamic")
+        step.mode != "static"
+        or (isinstance(kind, PairingPerturbation) and (step.parameters[0] or {}).get("mode") == "dynamic")
         for step, kind in zip(steps, kinds, strict=True)
     )
     return "dynamic" if dynamic else "static"

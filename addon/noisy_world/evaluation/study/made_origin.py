@@ -13,6 +13,7 @@ from ...core.datasets.layouts import find_sequence
 from ...core.datasets.provenance import plain_identity
 from ...core.datasets.storage import sha256_of_bytes
 from ...core.errors import InputError
+from ...core.messages import PresetKey
 from ...core.perturbing.steps import Setting
 from ...core.planning.plan import Plan, Render, lay_out_plan, read_settings
 from ...core.planning.scene import Scene
@@ -74,8 +75,10 @@ class MadeOrigin:
 
     @cached_property
     def whole(self) -> Plan:
-        """The plan of all sequences of one seed."""
-        return lay_out_plan(self.preset, tuple(self._settings.values()), tuple(self._scenes.values()))
+        """The plan of all sequences of one seed. Raises InputError where systems would not read them as they are."""
+        plan = lay_out_plan(self.preset, tuple(self._settings.values()), tuple(self._scenes.values()))
+        _check_read(plan)
+        return plan
 
     @property
     def identity(self) -> dict[str, Any]:
@@ -181,6 +184,28 @@ class MadeOrigin:
         return self._clean.setdefault(
             name, CleanFiles(self._results.clean_frames(case.scene) / name, self._results.work)
         )
+
+
+def _check_read(plan: Plan) -> None:
+    """Raise InputError where a plan makes images that systems do not read, before anything is rendered."""
+    preset = plan.preset
+    if plan.format.of_light:
+        raise preset.place("output.image").error("is exr, light that systems do not read", "name png or jpg")
+    for render in plan.renders:
+        optics, unit = render.optics, render.unit
+        own = optics.depth is not None and unit is not None and unit.camera is not None
+        apart = plan.rig is not None and plan.rig.depth is not None and not render.registers
+        if own or (apart and plan.format.layout.optics):  # which says so, so that it is read
+            place, registered = preset.place("rig.depth"), PresetKey("rig.depth.registered", "true")
+            raise place.error("has a camera of its own, and systems read depth in colour's pixels", registered)
+        if optics.depth is not None:
+            problem = "its depth has a camera of its own, and systems read depth in colour's pixels"
+            raise render.scene.error(problem, lacks="registration")
+        if optics.distortion is not None:
+            rendered = render.scene.source.capabilities.rendered
+            remedies = (PresetKey("distortion.undistort", "true"),) if rendered else ()
+            problem = "its lens distorts, and systems read a pinhole's images"
+            raise render.scene.error(problem, *remedies, lacks="pinhole")
 
 
 def _images_changed(render: Render) -> bool:

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from ...core.datasets.json_text import finite_number
+from ...core.datasets.recorded_setting import setting_problem
 from ...core.errors import StorageError
 from .cases import Case, SystemRun
 from .results import INDICATORS, SCORES, STUDY, ResultsFolder
@@ -98,22 +99,5 @@ def _problem(study: Any) -> str:
         return "seeds: is no list of whole numbers"
     if type(study.get("repeats")) is not int:
         return "repeats: is no whole number"
-    return next(
-        (f"subject.settings.{name}: {wrong}" for name, each in settings.items() if (wrong := _steps(each))),
-        "",
-    )
-
-
-def _steps(setting: Any) -> str:
-    """Return what is wrong with the steps of a setting, or ""."""
-    steps = setting.get("steps") if isinstance(setting, dict) else None
-    if not isinstance(steps, list):
-        return "has no list of steps"
-    return "" if all(map(_is_step, steps)) else "has a step without its name, severity, levels or parameters"
-
-
-def _is_step(step: Any) -> bool:
-    match step:
-        case {"name": str(), "severity": severity, "levels": None | list(), "parameters": None | dict()}:
-            return _is_number(severity)
-    return False
+    found = map(setting_problem, settings, settings.values())
+    return next((f"subject.{wrong}" for wrong in found if wrong), "")
