@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -275,3 +276,13 @@ def test_replica_camera_has_its_middle_between_pixels():
 def test_impossible_intrinsics(values):
     with pytest.raises(ValueError, match=r"pixels|positive|finite"):
         Intrinsics(*values)
+
+
+def test_a_smaller_image_of_the_same_view_sees_the_mean_of_what_its_pixels_cover():
+    """Its rays are those of the middles of blocks: 4 x 4 pixels here, and 4 x 3 where sides are rounded apart."""
+    seen = Intrinsics(64, 48, 50.0, 52.0, 20.0, 30.5)
+    blocks = seen.ray_directions().reshape(12, 4, 16, 4, 3).mean(axis=(1, 3))
+    np.testing.assert_allclose(seen.shrunk(16).ray_directions(), blocks, atol=1e-12)
+    blocks = replace(seen, height_px=6).ray_directions().reshape(2, 3, 16, 4, 3).mean(axis=(1, 3))
+    np.testing.assert_allclose(replace(seen, height_px=6).shrunk(16).ray_directions(), blocks, atol=1e-12)
+    assert seen.shrunk(64) == seen.shrunk(1000) == seen

@@ -178,6 +178,15 @@ def test_walls_without_texture_are_lost_where_the_pattern_has_faded():
     assert share == pytest.approx((draws < least).mean(), abs=0.01)
 
 
+def test_speckle_and_the_error_of_disparity_are_independent():
+    """Where half is lost, what is left errs by nothing on average: draws that both took would leave .8 deviations."""
+    found = measured("stereo", np.full((300, 400), 3.43), 500.0, step_px=0)[:, 30:]
+    off_px = 424 * 0.05 * (1 / found[found > 0] - 1 / 3.43)
+    assert 0.2 < (found > 0).mean() < 0.8
+    assert abs(off_px.mean()) < 5 * 0.08 / math.sqrt(len(off_px))
+    assert off_px.std() == pytest.approx(0.08, rel=0.02)
+
+
 def test_a_window_that_shows_mostly_another_surface_gives_nothing():
     depth = np.full((80, 80), 2.0)
     depth[20:40, 20:40] = 1.0

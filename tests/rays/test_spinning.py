@@ -9,7 +9,7 @@ import yaml
 from analytic import look_at
 from cases import cases
 from scipy.spatial.transform import Rotation
-from worlds import HIGH, LOW, write_replica, write_world
+from worlds import HIGH, LOW, WALLS, write_replica, write_world
 
 pytest.importorskip("embreex", reason="embreex is not installed: make .venv/.extras brings it")
 
@@ -82,6 +82,19 @@ def test_each_point_lies_on_a_wall_from_where_the_lidar_was_by_then(scans):
         off_m = from_walls_m(in_world(found, stamp_s + found["t"]))
         assert off_m.max() < 0.001 + 2e-5  # ranges are in steps of 2 mm
         assert np.quantile(from_walls_m(in_world(found, stamp_s)), 0.9) > 0.02  # the motion is in them
+
+
+def test_intensity_is_the_luminance_of_a_wall_s_colour_times_the_cosine_of_incidence(scans):
+    """By BT.709's weights; the colours are those that the mesh's file gives the walls, some far more red than blue."""
+    _, folder = scans
+    found = cloud(folder / "instant", 2)
+    points_m, sensor_m = in_world(found, 0.25), poses_at(0.25)[:3, 3]
+    rays = (points_m - sensor_m) / np.linalg.norm(points_m - sensor_m, axis=1, keepdims=True)
+    off_m = np.abs(np.stack([points_m - LOW, points_m - HIGH], axis=2)).reshape(-1, 6)  # x low, x high, y low, ...
+    wall, inside = off_m.argmin(axis=1), np.sort(off_m, axis=1)[:, 1] > 0.02  # corners belong to two
+    wanted = np.abs(rays[np.arange(len(rays)), wall // 2]) * (WALLS[wall] / 255 @ [0.2126, 0.7152, 0.0722])
+    np.testing.assert_allclose(found["i"][inside], wanted[inside], rtol=0.01)
+    assert len(np.unique(wall[inside])) >= 4
 
 
 def test_an_instant_scan_is_not_distorted(scans):

@@ -19,6 +19,7 @@ ROOT = Path(__file__).resolve().parents[2]
 GENERATE = ROOT / "headless" / "generate.py"
 BLENDER_IS_HERE = importlib.util.find_spec("bpy") is not None  # asked before a test forbids its import
 LOW, HIGH = np.array([-2.0, -1.5, 0.0]), np.array([2.0, 1.5, 2.5])
+WALLS = np.array([[200, 60, 50], [60, 160, 70], [70, 90, 190], [210, 190, 80], [130, 100, 80], [230, 225, 215]])
 
 
 def need_blender():
@@ -32,13 +33,12 @@ def need_blender():
 def write_box_ply(path, *, shift_m=(0.0, 0.0, 0.0)):
     """A box room of six walls, each of one colour, as ASCII PLY with doubles, by hand."""
     walls = box_mesh(LOW, HIGH).vertices_m + shift_m
-    colours = np.array([[200, 60, 50], [60, 160, 70], [70, 90, 190], [210, 190, 80], [130, 100, 80], [230, 225, 215]])
     lines = ["ply", "format ascii 1.0", "element vertex 24"]
     lines += [f"property double {axis}" for axis in "xyz"]
     lines += [f"property uchar {name}" for name in ("red", "green", "blue")]
     lines += ["element face 6", "property list uchar int vertex_indices", "end_header"]
     for k, vertex in enumerate(walls):
-        lines.append(" ".join(map(repr, map(float, vertex))) + " " + " ".join(map(str, colours[k // 4])))
+        lines.append(" ".join(map(repr, map(float, vertex))) + " " + " ".join(map(str, WALLS[k // 4])))
     lines += [f"4 {4 * k} {4 * k + 1} {4 * k + 2} {4 * k + 3}" for k in range(6)]
     path.write_text("\n".join(lines) + "\n")
 

@@ -84,6 +84,10 @@ def test_choices_and_what_was_drawn_follow_one_another():
     made = steps(drawing, choosing("first", 2, [5, 1, 3, 0]), choosing("second", 3, [3, 0, 1]))
     assert chosen_poses(made, 6, SEQUENCE).tolist() == [0, 5, 1]
     assert drawn_motion(made, 6, SEQUENCE)["drawing"]["number"].tolist() == [0.0, 5.0, 1.0]
+    # What is drawn after a choice is drawn for the poses that are left.
+    late = replace(drawing, order=9)
+    made = steps(choosing("first", 2, [5, 1, 3, 0]), late)
+    assert drawn_motion(made, 6, SEQUENCE)["drawing"]["number"].tolist() == [0.0, 1.0, 2.0, 3.0]
     pairs = [
         PairingPerturbation(
             **(COMMON | {"name": name, "order": order}), apply=lambda count, parameters, context, of=of: np.array(of)

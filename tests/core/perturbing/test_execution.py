@@ -53,6 +53,28 @@ def test_colour_is_not_rounded_between_two_steps():
     assert np.array_equal(made, np.full((2, 2, 3), 101))
 
 
+def test_what_is_brighter_than_white_passes_between_steps_on_a_sensor_s_light_alone():
+    """Of .8 + .7 the next step sees 1.5 where both act on light in the sensor, else 1."""
+    seen = []
+
+    def looking(rgb, parameters, _context):
+        seen.append(float(rgb[0, 0, 0]))
+        return rgb + np.float32(parameters.amount)
+
+    for first, second, wanted in ((True, True, 1.5), (False, True, 1.0), (True, False, 1.0), (False, False, 1.0)):
+        made = steps(
+            colour("first", looking, order=1, on_light=first),
+            colour("second", looking, order=2, on_light=second),
+            first={"amount": 0.7},
+            second={"amount": -0.9},
+        )
+        seen.clear()
+        found, _ = perturb_rgb(made, np.full((1, 1, 3), 0.8, np.float32), WHERE)
+        assert seen == pytest.approx([0.8, wanted])
+        assert found is not None
+        assert found.ravel() == pytest.approx([255 * (wanted - 0.9)] * 3, abs=0.51)
+
+
 def test_float_colour_is_rounded_before_a_single_step_on_bytes():
     # 100.4 is rounded to 100 and doubled, to 200; unrounded it would be 200.8, rounded to 201. Of two steps the first
     # takes it unrounded: another 0.4 makes it 201.2.

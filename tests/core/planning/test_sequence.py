@@ -76,6 +76,21 @@ def test_speed_and_desynchronisation_by_hand():
     assert sequence(early, 6, slice(1, 4)).sources(["depth"]) == range(3)
 
 
+def test_depth_of_another_frame_is_what_a_slow_sensor_had_by_then():
+    """Frames 0 and 1 show one exposure, 2 to 4 the next: one frame later, frame 1 has that of 2, and 3 that of 4."""
+    repeats, known = np.array([0, 0, 2, 2, 2, 5]), registry()
+
+    def paired(**values):
+        steps = parse_steps([{"desync": values}], ConfigPath("test"), known)
+        shown = lay_out(Setting("setting", steps), "room", 6, NAMES, clocked=True, repeats=repeats)
+        return [-1 if shown.leaves_out(frame) else shown.shown(frame).depth_frame for frame in range(6)]
+
+    assert paired(offset=1) == [0, 2, 2, 2, 5, 5]
+    assert paired(offset=1, edge="drop") == [0, 2, 2, 2, 5, -1]
+    assert paired(offset=-1) == [0, 0, 0, 2, 2, 2]
+    assert paired(offset=-2, edge="drop") == [-1, -1, 0, 0, 2, 2]
+
+
 @pytest.mark.parametrize("indices", [[4, 4, 0, 2, 2], [1], [5, 4, 3, 2, 1, 0], [3, 1]])
 def test_who_shows_what_is_the_inverse_of_what_is_shown(indices):
     shown = sequence([{"pick": {}}, {"desync": {"offset": -1}}], 6, more=[choosing("pick", 30, indices)])
