@@ -323,7 +323,7 @@ ONE = "open('poses.txt', 'w').write('10.0 0 0 0 0 0 0 1' + chr(10))"
         ({"name": "other"}, "other: its file is named broken.yaml; name it other.yaml"),
         ({"about": "words"}, "about has to be a sentence"),
         ({"program": "sys.exit(3)"}, "broken: a run ended as crashed"),
-        ({"program": WRITES}, "ended as unreadable: poses.txt: no pose belongs to a frame"),
+        ({"program": WRITES}, "0 of its 9 poses have the stamp of a frame; 3 or more have to: see writes.stamps"),
         ({"program": ONE}, "broken: 1 of its 1 poses have the stamp of a frame; 3 or more have to"),
     ],
 )  # fmt: skip

@@ -23,10 +23,10 @@ from noisy_world.core.trajectories.files import read_trajectory
 from noisy_world.evaluation.odometry.frames import read_index
 from noisy_world.evaluation.systems.definition import read_system
 from noisy_world.evaluation.systems.estimate_file import read_estimate_file
-from noisy_world.evaluation.systems.readers.arrays import load_arrays
+from noisy_world.evaluation.estimates.arrays import load_arrays
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="no pipes with names")
-READERS = (
+FORMATS = (
     regular_files.read_bytes,
     regular_files.read_text,
     regular_files.open_regular,
@@ -55,7 +55,7 @@ def others(tmp_path_factory):
 
 def test_what_is_no_regular_file_is_refused_at_once(others):
     for path, told in others.items():
-        for read in READERS:
+        for read in FORMATS:
             with pytest.raises((NotRegularError, IsADirectoryError)) as refused:
                 read(path)
             assert refused.value.strerror == told, (path, read)
@@ -111,7 +111,7 @@ def test_no_more_is_read_than_the_reader_takes(tmp_path):
 
 
 def test_a_missing_file_is_what_the_system_says(tmp_path):
-    for read in READERS:
+    for read in FORMATS:
         with pytest.raises(FileNotFoundError):
             read(tmp_path / "none")
 

@@ -15,8 +15,8 @@ from .parser import Parser
 from .places import path
 
 if TYPE_CHECKING:
-    from ..core.trajectories.trajectory import Trajectory
     from ..evaluation.metrics import Score
+    from ..evaluation.metrics.alignment import Conditioning
 
 # Known before packages are: what `evaluation.metrics` has, which a test holds against it.
 PROTOCOLS = ("strict", "paper", "paper_go_slam", "paper_mean")
@@ -56,6 +56,15 @@ def _parse(arguments: list[str], entry: Entry) -> argparse.Namespace:
         type=_not_negative,
         help="how far the stamps of a pose and its frame may lie apart (default: 0.01)",
     )
+    parser.add_argument(
+        "--frames",
+        metavar="FILE",
+        type=path,
+        help="the frames that the system was given, in which coverage is counted: a list of their time stamps, such as "
+        "rgb.txt or data.csv, or the folder of the sequence (default: those of the folder that GROUND_TRUTH is or lies "
+        "in; else the estimate's own rate)",
+    )
+    parser.add_argument("--format", metavar="NAME", default="auto", help="of the estimate (default: told by content)")
     parser.add_argument("--keyframes", metavar="FILE", type=path, help="the poses that protocol paper compares instead")
     parser.add_argument("--pose", choices=("c2w", "w2c"), default="c2w", help="the direction of the estimate's poses")
     parser.add_argument(
@@ -76,16 +85,22 @@ def _parse(arguments: list[str], entry: Entry) -> argparse.Namespace:
 def score(options: argparse.Namespace) -> int:
     """Score, print and write what is asked for."""
     from ..core.datasets.storage import ELSEWHERE, storage_errors, write_atomic
+    from ..core.errors import NoisyWorldError
     from ..core.extras import need
+    from ..evaluation.estimates import FORMATS
     from ..evaluation.metrics import Alignment, frame_errors_text, score_trajectory
     from ..evaluation.metrics.reading import read_poses_to_compare
 
     if options.plot is not None:
         need(("matplotlib",), "evaluate")
+    if options.format not in ("auto", *FORMATS):
+        raise NoisyWorldError(f"--format: {options.format!r} is no format of estimates: use {', '.join(FORMATS)}")
     poses = read_poses_to_compare(
         options.estimate,
         options.truth,
         keyframes=options.keyframes,
+        frames=options.frames,
+        format=options.format,
         direction=options.pose,
         axes=options.axes,
         rate_hz=options.rate_hz,
@@ -100,6 +115,7 @@ def score(options: argparse.Namespace) -> int:
         keyframes=poses.keyframes,
         max_difference_s=options.max_difference_s,
         alignment=None if options.alignment is None else Alignment(options.alignment),
+        frames_s=None if poses.frames is None else poses.frames.stamps_s,
     )
     for note in found.notes:
         say(f"warning: {note}")
@@ -107,25 +123,43 @@ def score(options: argparse.Namespace) -> int:
         with storage_errors(options.errors, ELSEWHERE):
             options.errors.write_text(frame_errors_text(found.frame_errors), encoding="utf-8")
     if options.plot is not None:
-        write_atomic(options.plot, picture(found, poses.truth, options.plot.suffix[1:].lower()), options.plot.parent)
-    print(json.dumps(content(found), indent=1, allow_nan=False) if options.json else format_score(found))
+        write_atomic(options.plot, picture(found, options.plot.suffix[1:].lower()), options.plot.parent)
+    frames_from = poses.frames_from or _FRAMES_FROM[found.frames_from].format(hz=found.rate_hz)
+    if options.json:
+        print(json.dumps(content(found, frames_from), indent=1, allow_nan=False))
+    else:
+        print(format_score(found, frames_from))
     return 0
 
 
-def content(score: "Score") -> dict[str, Any]:
-    """Return a score as JSON values."""
-    by = score.by
+_FRAMES_FROM = {
+    "given": "those that were given",
+    "estimate_rate": "at the estimate's own rate of {hz:.4g} Hz, over the time of the truth; --frames names them",
+    "truth": "the samples of the truth",
+}
+
+
+def content(score: "Score", frames_from: str) -> dict[str, Any]:
+    """Return a score as JSON values. frames_from: where the frames come from, in words."""
+    by, by_poses, known = score.by, score.by_poses, score.conditioning
     return {
         "protocol": score.protocol,
         "alignment": str(score.alignment),
         "rotation": None if by is None else by.rotation.tolist(),
         "translation_m": None if by is None else by.translation.tolist(),
         "scale": None if by is None else by.scale,
+        "by_full_poses": None
+        if by_poses is None
+        else {"rotation": by_poses.rotation.tolist(), "translation_m": by_poses.translation.tolist()},
+        "extents_m": None if known is None else known.extents_m.tolist(),
+        "conditioning": None if known is None else known.ratio,
+        "decided_by_positions": None if known is None else known.decided,
         "failure": score.failure,
         "result": score.result,
         "poses": score.poses,
         "frames": score.frames,
         "matched": score.matched,
+        "frames_from": frames_from,
         "max_difference_s": score.max_difference_s,
         "values": score.values,
     }
@@ -134,7 +168,7 @@ def content(score: "Score") -> dict[str, Any]:
 _SPOKEN = {"none": "no alignment", "first_pose": "aligned at the first pose", "se3": "SE(3)", "sim3": "Sim(3)"}
 
 
-def format_score(score: "Score") -> str:
+def format_score(score: "Score", frames_from: str) -> str:
     """Return a score as text: what was compared, how, and a row for each metric."""
     from ..evaluation.metrics import FAILURES, PROTOCOLS, metrics_of
     from ..evaluation.metrics.success import INCOMPLETE, IS_INCOMPLETE
@@ -143,9 +177,12 @@ def format_score(score: "Score") -> str:
     lines = [
         f"{score.matched:,} of {score.frames:,} frames have one of the {score.poses:,} poses, within "
         f"{score.max_difference_s:g} s; {_SPOKEN[score.alignment]}",
+        f"frames: {frames_from}",
         f"protocol {protocol.name}: {protocol.meaning}",
         *(f"  {name}: {meaning}" for name, meaning in protocol.faults),
     ]
+    if score.conditioning is not None:
+        lines.append(conditioning_line(score.conditioning))
     if score.failure:
         lines.append(f"FAILED ({score.failure}): {FAILURES[score.failure]}")
     elif score.result == INCOMPLETE:
@@ -154,7 +191,23 @@ def format_score(score: "Score") -> str:
     return "\n".join([*lines, "", *table])
 
 
-def picture(score: "Score", truth: "Trajectory", ending: str) -> bytes:
+_DECIDED = {
+    "all": "positions say how it is turned",
+    "direction": "positions do not say how it is turned about itself: rotations and maps are laid by full poses",
+    "nothing": "positions do not say how it is turned: rotations and maps are laid by full poses",
+}
+
+
+def conditioning_line(known: "Conditioning") -> str:
+    """Return how well the true path says how an estimate is turned, as a line."""
+    sizes = ", ".join(f"{extent_m:.3g}" for extent_m in known.extents_m.tolist())
+    return (
+        f"the true path extends {sizes} m (sd along its axes); the second is {known.ratio:.3g} ATEs: "
+        + (_DECIDED[known.decided])
+    )
+
+
+def picture(score: "Score", ending: str) -> bytes:
     """Return a figure of a score's path and errors as a file. ending: of PLOTS."""
     from ..evaluation.metrics import FAILURES
     from ..evaluation.report.figures.scored_path import ScoredPath, scored_path_bytes
@@ -167,7 +220,7 @@ def picture(score: "Score", truth: "Trajectory", ending: str) -> bytes:
     else:
         rmse_m = math.sqrt(float((known_m**2).mean()))
         title = f"ATE RMSE {rmse_m:.3g} m, largest error {float(known_m.max()):.3g} m"
-    return scored_path_bytes(ScoredPath(truth.c2w[:, :3, 3], score.frame_errors, f"{title}\n{said}"), ending)
+    return scored_path_bytes(ScoredPath(score.truth.c2w[:, :3, 3], score.frame_errors, f"{title}\n{said}"), ending)
 
 
 def _picture(text: str) -> Path:

@@ -141,7 +141,8 @@ def _path(
     poses = read_poses_to_compare(estimate, sequence.folder)
     for note in poses.notes:
         say(f"note: {note}")
-    return poses.estimate, score_trajectory(poses.estimate, poses.truth, monocular=options.monocular)
+    frames_s = None if poses.frames is None else poses.frames.stamps_s
+    return poses.estimate, score_trajectory(poses.estimate, poses.truth, monocular=options.monocular, frames_s=frames_s)
 
 
 def _truth(options: argparse.Namespace, sequence: "SequenceToMap | None") -> "TrueMap":
@@ -175,13 +176,13 @@ def _map(
     file = _mesh_file(options)
     if score is None:
         return read_ply(options.map)
-    if score.by is None:
+    if score.by_poses is None:
         return None
     if file is not None:
-        return moved(read_ply(file), score.by.matrix)
+        return moved(read_ply(file), score.by_poses.matrix)
     assert poses is not None
     assert sequence is not None
-    fused = fuse_along(poses, sequence.frames, sequence.camera, by=score.by, voxel_m=options.voxel_m)
+    fused = fuse_along(poses, sequence.frames, sequence.camera, by=score.by_poses, voxel_m=options.voxel_m)
     say(f"note: {fused.frames:,} frames were fused, with voxels of {100 * fused.voxel_m:g} cm")
     return fused.mesh
 

@@ -9,7 +9,7 @@ from ..core.datasets.layouts import LAYOUTS, find_sequence
 from ..core.datasets.layouts.layout import OutputFormat
 from ..core.errors import NoisyWorldError
 from ..core.regular_files import read_bytes
-from ..evaluation.metrics.association import associate_poses
+from ..evaluation.association import associate_poses
 from ..evaluation.outcome import Outcome
 from ..evaluation.systems.definition import System, read_system
 from ..evaluation.systems.estimate_file import ESTIMATE, read_estimate_file

@@ -44,7 +44,7 @@ def read_tracked(dataset: Path, found: Path, name: str) -> TrackedPath:
     from ..evaluation.systems.estimate_file import ESTIMATE, read_estimate_file
 
     truth = find_sequence(dataset / name).trajectory
-    score = score_trajectory(read_estimate_file(found / name / ESTIMATE), truth)
+    score = score_trajectory(read_estimate_file(found / name / ESTIMATE), truth, frames_s=truth.stamps_s)
     frames = score.frame_errors
     return TrackedPath(
         name,

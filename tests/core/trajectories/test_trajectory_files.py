@@ -160,7 +160,7 @@ def test_endless_words_are_cut(refused):
     for text in (
         "9" * 5000 + "x 1 2",
         TUM_LINE + "1" * 300 + "x 0 0 0 0 0 0 1\n",
-        ("0." + "0" * 900 + "1 0 0 0 0 0 0 1\n") * 2,
+        "".join("0." + "0" * 900 + f"{digit} 0 0 0 0 0 0 1\n" for digit in (2, 1)),
     ):
         assert len(refused(text)) < 300
     assert len(refused("9" * 250 + " 0 0 0 0 0 0 1\n")) < 300
@@ -221,10 +221,19 @@ def test_quaternions_that_are_none(refused, write):
     read_trajectory(write("0 1 2 3 0 0 0 1.009\n"))
 
 
-def test_stamps_that_do_not_increase(refused):
-    lines = "".join(f"{stamp} 1 2 3 0 0 0 1\n" for stamp in (0.1, 0.2, 0.2, 0.3))
-    assert refused(lines).startswith("line 3: the time stamp 0.2 does not come after")
+def test_stamps_that_go_back(refused):
+    lines = "".join(f"{stamp} 1 2 3 0 0 0 1\n" for stamp in (0.1, 0.2, 0.15, 0.3))
+    assert refused(lines).startswith("line 3: the time stamp 0.15 does not come after")
     assert "line 2" in refused("1 0 0 0 0 0 0 1\n0.5 0 0 0 0 0 0 1\n")
+
+
+def test_of_poses_with_one_stamp_the_first_is_kept_with_a_note(write):
+    text = "".join(f"{stamp} {place} 2 3 0 0 0 1\n" for place, stamp in enumerate(["0.1", "0.2", "0.20", "0.2", "0.3"]))
+    found = read_trajectory(write(text))
+    assert found.stamps_s.tolist() == [0.1, 0.2, 0.3]
+    assert found.c2w[:, 0, 3].tolist() == [0, 1, 4]
+    assert "2 poses" in found.notes[0]
+    assert "line 3" in found.notes[0]
 
 
 @cases("content", ["", "\n\n", "# only a comment\n", "\ufeff"])

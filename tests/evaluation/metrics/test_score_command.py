@@ -47,7 +47,7 @@ def values(capsys, *words):
 def test_the_table(files, capsys):
     out = score(capsys, files / "estimate.txt", files / "truth.txt").out
     assert "18 of 24 frames have one of the 18 poses, within 0.01 s; SE(3)" in out
-    rows = {line.split()[-1]: line for line in out.splitlines()[4:]}
+    rows = {line.split()[-1]: line for line in out.splitlines() if line}
     assert "INCOMPLETE: it tracked less than 80 % of the frames" in out
     assert set(METRICS) <= set(rows)
     assert rows["tracked_share"].split()[:3] == ["tracked", "frames", "0.75"]
@@ -137,7 +137,7 @@ def test_options(files, capsys):
 @pytest.mark.parametrize(
     ("content", "said"),
     [
-        ("0 1 2 3 0 0 0 1\n0 1 2 3 0 0 0 1\n", "line 2: the time stamp 0 does not come after the one before it"),
+        ("1 1 2 3 0 0 0 1\n0 1 2 3 0 0 0 1\n", "line 2: the time stamp 0 does not come after the one before it"),
         ("0 1 2 nan 0 0 0 1\n", "line 1: holds nan"),
         ("0 1 2 3 0 0 0 7\n", "line 1: the quaternion has length 7, not 1"),
         ("hello\nworld again\n", "line 2"),
@@ -173,3 +173,83 @@ def test_the_script(files):
     words = [sys.executable, ROOT / "headless/score.py", files / "estimate.txt", files / "truth.txt", "--json"]
     done = subprocess.run(list(map(str, words)), capture_output=True, text=True, check=True)
     assert json.loads(done.stdout)["matched"] == 18
+
+
+# --- frames ---
+
+
+def line(stamp_s):
+    """A pose of a smooth path, at any time."""
+    return f"{stamp_s:.6f} {0.2 * stamp_s:.6f} {0.3 * np.sin(stamp_s):.6f} {0.1 * np.cos(2 * stamp_s):.6f} 0 0 0 1\n"
+
+
+@pytest.fixture
+def mocap(tmp_path):
+    """A truth at 100 Hz over 20 s, and the times of a camera of 30 Hz."""
+    (tmp_path / "truth.txt").write_text("".join(line(k / 100) for k in range(2001)))
+    return tmp_path, [k / 30 for k in range(601)]
+
+
+@pytest.mark.parametrize(
+    "run",
+    [
+        (lambda k: True, 1.0, 0, "complete"),
+        (lambda k: not 200 <= k < 260, 541 / 601, 1, "complete"),
+        (lambda k: k < 300, 300 / 601, 1, "incomplete"),
+    ],
+)
+@pytest.mark.parametrize("said", ["rate", "list", "nanoseconds", "beside"])
+def test_coverage_counts_frames_and_not_samples_of_the_truth(mocap, capsys, run, said):
+    (folder, times_s), (kept, share, losses, result) = mocap, run
+    (folder / "e.txt").write_text("".join(line(t) for k, t in enumerate(times_s) if kept(k)))
+    words = [folder / "e.txt", folder / "truth.txt"]
+    if said == "list":
+        (folder / "times.txt").write_text("# color images\n" + "".join(f"{t:.6f} rgb/{t:.6f}.png\n" for t in times_s))
+        words += ["--frames", folder / "times.txt"]
+    elif said == "nanoseconds":
+        at = 1_400_000_000
+        (folder / "data.csv").write_text(
+            "#t [ns],name\n" + "".join(f"{at * 10**9 + round(t * 1e9)},x\n" for t in times_s)
+        )
+        for name in ("e.txt", "truth.txt"):
+            rows = [row.split(" ", 1) for row in (folder / name).read_text().splitlines()]
+            (folder / name).write_text("".join(f"{float(t) + at:.6f} {rest}\n" for t, rest in rows))
+        words += ["--frames", folder / "data.csv"]
+    elif said == "beside":
+        (folder / "rgb.txt").write_text("".join(f"{t:.6f} rgb/{t:.6f}.png\n" for t in times_s))
+    found = values(capsys, *words)
+    assert found["values"]["tracked_share"] == pytest.approx(share, abs=0.002)
+    assert (found["values"]["losses"], found["result"]) == (losses, result)
+    assert {"rate": "30 Hz", "list": "times.txt", "nanoseconds": "data.csv", "beside": "rgb.txt"}[said] in found[
+        "frames_from"
+    ]
+    assert found["values"]["rpe_1frame_rmse_m"] < 0.003  # a frame's motion, and the truth's time off by 5 ms at most
+    assert "frames: " in score(capsys, *words).out
+
+
+def test_keyframes_have_no_rate_of_their_own(mocap, capsys):
+    folder, times_s = mocap
+    chosen = np.flatnonzero(np.random.default_rng(0).uniform(size=601) < 0.1)
+    (folder / "e.txt").write_text("".join(line(times_s[k]) for k in chosen))
+    found = values(capsys, folder / "e.txt", folder / "truth.txt")
+    assert (found["frames_from"], found["result"]) == ("the samples of the truth", "incomplete")
+
+
+def test_a_truth_and_an_estimate_with_equal_stamps(tmp_path, capsys):
+    # Of two equal ones the first is kept: then evo's figure of the file without the second is ours, 0 here.
+    rows = [line(k / 20) for k in range(40)]
+    (tmp_path / "good.txt").write_text("".join(rows))
+    (tmp_path / "twice.txt").write_text("".join([*rows[:20], rows[19].replace(" 0 0 0 1", " 1 0 0 0"), *rows[20:]]))
+    for words in (("good.txt", "twice.txt"), ("twice.txt", "good.txt")):
+        done = score(capsys, *(tmp_path / name for name in words), "--json")
+        assert json.loads(done.out)["values"]["ate_rmse_m"] < 1e-12
+        assert json.loads(done.out)["values"]["ate_rotation_max_deg"] < 1e-6
+        assert "line 21" in done.err
+
+
+@pytest.mark.parametrize("format_name", ["auto", "array"])
+def test_other_formats_are_read(files, truth, capsys, format_name):
+    np.save(files / "poses.npy", truth.c2w)
+    found = values(capsys, files / "poses.npy", files / "truth.txt", "--format", format_name)
+    assert found["values"]["ate_rmse_m"] < 1e-12
+    assert "no format" in score(capsys, files / "poses.npy", files / "truth.txt", "--format", "arrays", status=1).err

@@ -14,7 +14,7 @@ from noisy_world.evaluation.outcome import Outcome
 from noisy_world.evaluation.systems.definition import Writes
 from noisy_world.evaluation.systems.estimate_file import estimate_text, read_estimate_file
 from noisy_world.evaluation.systems.normalising import normalised
-from noisy_world.evaluation.whole_text import check_whole
+from noisy_world.evaluation.estimates.whole_text import check_whole
 
 PAIR = trajectory_pairs.random_pair(3)
 FIXED = [f"{0.05 * k:.2f} {k:.1f} 2.0 3.0 0.000000 0.000000 0.600000 {0.8 + 1e-6 * k:.6f}" for k in range(4)]

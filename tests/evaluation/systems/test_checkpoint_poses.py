@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from noisy_world.evaluation.systems.checking import PROGRAMS
-from noisy_world.evaluation.systems.readers import read_estimate
+from noisy_world.evaluation.estimates import read_estimate
 
 PYTHON = os.environ.get("NOISY_WORLD_TORCH_PYTHON", sys.executable)
 with_torch = pytest.mark.skipif(

@@ -19,7 +19,7 @@ from noisy_world.evaluation.systems.configurations import CONFIGURATIONS
 from noisy_world.evaluation.systems.configurations.__main__ import main
 from noisy_world.evaluation.systems.configurations.given import bound_m
 from noisy_world.evaluation.systems.configurations.go_slam import working_size
-from noisy_world.evaluation.systems.readers import read_estimate
+from noisy_world.evaluation.estimates import read_estimate
 
 WIDE, HIGH, COUNT = 24, 18, 5
 STEPS = 2500  # 2 m

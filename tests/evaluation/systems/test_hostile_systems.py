@@ -18,7 +18,7 @@ from noisy_world.evaluation.systems import checking
 from noisy_world.evaluation.systems.checking import system_versions
 from noisy_world.evaluation.systems.guard import LEAST_FREE_BYTES, ResourceLimits, CommandProcesses
 from noisy_world.evaluation.systems.leavings import LONGEST_SENTENCE, sentence, remove_tree
-from noisy_world.evaluation.systems.readers import read_estimate
+from noisy_world.evaluation.estimates import read_estimate
 from noisy_world.evaluation.systems.running import run_system
 
 GOOD = "write(''.join(line(frame, frame['index'] / 100) for frame in frames))\n"

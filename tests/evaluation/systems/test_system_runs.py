@@ -91,13 +91,15 @@ def test_neither_the_index_nor_the_sequence_tells_a_true_pose(tmp_path, recordin
         ("write('# timestamp tx ty tz qx qy qz qw\\n\\n')", "finished", ""),
         ("write(line(frames[2]))", "finished", ""),
         ("write(''.join(line(f) for f in frames))", "finished", ""),
-        ("write(line(frames[0]) + line(frames[1], math.nan))", "not_finite", "poses.txt holds nan in line 2"),
-        ("write(line(frames[0]) + line(frames[1], -math.inf))", "not_finite", "poses.txt holds -inf in line 2"),
+        ("write(line(frames[0]) + line(frames[1], math.nan))", "not_finite", "poses.txt: line 2: holds nan"),
+        ("write(line(frames[0]) + line(frames[1], -math.inf))", "not_finite", "poses.txt: line 2: holds -inf"),
         ("write(line(frames[0]) + '0.05 1 2\\n')", "unreadable", "poses.txt: line 2: 3 numbers"),
         ("write('segmentation fault 0\\n')", "unreadable", "poses.txt: line 1: 'segmentation' is not a number"),
         ("open('poses.txt', 'wb').write(bytes(range(256)))", "unreadable", "poses.txt: is not a text file"),
-        ("write(line(frames[0]) * 2)", "unreadable", "poses.txt: line 2: the time stamp"),
-        ("write('77.0 0 0 0 0 0 0 1\\n')", "unreadable", "poses.txt: no pose belongs to a frame that was given"),
+        ("write(line(frames[0]) * 2)", "finished", "1 pose has the time stamp of the pose before, which is kept"),
+        ("write(line(frames[1]) + line(frames[0]))", "unreadable", "poses.txt: line 2: the time stamp"),
+        ("write('77.0 0 0 0 0 0 0 1\\n')", "finished", "no pose belongs to a frame that was given, within 0.01 s"),
+        ("write('timestamp tx ty tz qx qy qz qw\\n')", "finished", ""),
         (
             "write(line(frames[0]) + '77.0 0 0 0 0 0 0 1\\n')",
             "finished",
@@ -219,4 +221,4 @@ def test_poses_without_stamps_have_to_be_those_of_all_frames(tmp_path, recording
     writes = {"file": "poses.txt", "format": "kitti"}
     record = ended(tmp_path, recording, "write('1 0 0 0 0 1 0 0 0 0 1 0\\n')", writes=writes)
     assert record.outcome == "unreadable"
-    assert record.detail == "poses.txt: holds 1 poses without stamps, but 5 frames were given"
+    assert record.detail == "poses.txt: has 1 poses for 5 frames"

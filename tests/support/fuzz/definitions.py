@@ -9,12 +9,12 @@ from fuzz.structure import as_yaml, changed, note
 
 from noisy_world.evaluation import systems
 from noisy_world.evaluation.systems.definition import PLACEHOLDERS, read_system
-from noisy_world.evaluation.systems.readers import READERS
+from noisy_world.evaluation.estimates import FORMATS
 from pathlib import Path
 
 WORDS = (
     *(f"{{{name}}}" for name in PLACEHOLDERS),
-    *READERS,
+    *FORMATS,
     "{",
     "{x}",
     "colour",

@@ -15,7 +15,7 @@ from noisy_world.core.errors import NoisyWorldError as Refused
 from noisy_world.evaluation.outcome import Outcome
 from noisy_world.evaluation.systems.definition import Writes
 from noisy_world.evaluation.systems.normalising import normalised
-from noisy_world.evaluation.systems.readers import READERS
+from noisy_world.evaluation.estimates import FORMATS
 from noisy_world.evaluation.systems.running import _states_problem
 
 COUNT = 6
@@ -185,7 +185,7 @@ WRITERS = {
     "vslamlab": (_vslamlab,),
     "splatam": (_splatam,),
 }
-assert set(WRITERS) == set(READERS), "a reader's format is written, too"
+assert set(WRITERS) == set(FORMATS), "a reader's format is written, too"
 
 
 def _states():

@@ -76,19 +76,35 @@ def read_trajectory_file(
     stamp_unit: StampUnit | Auto = "auto",
 ) -> TrajectoryFile:
     """Read a file as `read_trajectory` does; return also what it is and what else it says."""
-    _check_name("format", format, FORMATS)
     _check_name("direction", direction, DIRECTIONS)
     _check_name("axes", axes, AXES)
-    _check_name("stamp_unit", stamp_unit, STAMP_UNITS)
     checked_rate(rate_hz)
     path = Path(path)
-    unit = None if stamp_unit == "auto" else stamp_unit
-    poses = _read(path, None if format == "auto" else format, unit)
+    poses = read_file_poses(path, format=format, stamp_unit=stamp_unit)
     own_axes = poses.axes if axes == "auto" else axes
     own_direction: Direction = "c2w" if direction == "auto" else direction
     c2w = convert_convention(poses.poses, direction=own_direction, axes=own_axes)
+    unit = None if stamp_unit == "auto" else stamp_unit
     trajectory = Trajectory(c2w, _stamps_s(path, poses, rate_hz, unit), poses.notes)
     return TrajectoryFile(poses.format, own_direction, own_axes, trajectory, poses.camera)
+
+
+def read_file_poses(
+    path: Path,
+    *,
+    format: TrajectoryFormat | Auto = "auto",  # noqa: A002
+    stamp_unit: StampUnit | Auto = "auto",
+    lost: bool = False,
+) -> FilePoses:
+    """Read a file's poses as they stand there: with their stamps, or with their numbers where there are none.
+
+    lost: whether a matrix that is not finite is a frame in which tracking was lost in every format of matrices, and so
+    left out; else in `matrices` and `log` alone. Raises InputError as `read_trajectory` does, NotFiniteError, which is
+    one, where a pose is not finite, and ValueError for an argument that does not exist.
+    """
+    _check_name("format", format, FORMATS)
+    _check_name("stamp_unit", stamp_unit, STAMP_UNITS)
+    return _read(path, None if format == "auto" else format, None if stamp_unit == "auto" else stamp_unit, lost=lost)
 
 
 def detect_format(path: str | Path) -> TrajectoryFormat:
@@ -96,7 +112,7 @@ def detect_format(path: str | Path) -> TrajectoryFormat:
     return _read(Path(path), None, None).format
 
 
-def _read(path: Path, declared: TrajectoryFormat | None, unit: StampUnit | None) -> FilePoses:
+def _read(path: Path, declared: TrajectoryFormat | None, unit: StampUnit | None, *, lost: bool = False) -> FilePoses:
     if path.is_dir():
         if declared not in (None, "matrices"):
             remedy = "a folder holds one pose a file: format: matrices, or auto"
@@ -109,20 +125,20 @@ def _read(path: Path, declared: TrajectoryFormat | None, unit: StampUnit | None)
     text = read_text(path)
     if declared == "transforms" or (declared is None and text.lstrip().startswith(("{", "["))):
         return transforms_poses(path, text)
-    return _read_rows(text_rows(path, text), declared, unit)
+    return _read_rows(text_rows(path, text), declared, unit, lost=lost)
 
 
-def _read_rows(rows: TextRows, declared: TrajectoryFormat | None, unit: StampUnit | None) -> FilePoses:
+def _read_rows(rows: TextRows, declared: TrajectoryFormat | None, unit: StampUnit | None, *, lost: bool) -> FilePoses:
     width = int(rows.widths[0])
     if declared in ("replica", "kitti"):
-        return line_poses(rows, 16 if declared == "replica" else 12)
+        return line_poses(rows, 16 if declared == "replica" else 12, lost=lost)
     if declared == "log" or (declared is None and is_log(rows)):
         return log_poses(rows)
     if declared == "matrices" or (declared is None and width == 4):
         return block_poses(rows)
     if declared in ("tum", "euroc"):
         return stamped_poses(rows, cast("Literal['tum', 'euroc']", declared), unit)
-    return line_poses(rows) if width in (12, 16) else stamped_poses(rows, None, unit)
+    return line_poses(rows, lost=lost) if width in (12, 16) else stamped_poses(rows, None, unit)
 
 
 def _stamps_s(path: Path, poses: FilePoses, rate_hz: float, unit: StampUnit | None) -> NDArray[np.float64]:

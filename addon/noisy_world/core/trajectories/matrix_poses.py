@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ..errors import InputError, NotFiniteError
 from ..geometry import nearest_rotation, pose, rotation_error
-from .pose_text import FilePoses, Float64, PoseRows, TextRows, all_finite, read_text, text_rows
+from .pose_text import FilePoses, Float64, PoseRows, TextRows, TrajectoryFormat, all_finite, read_text, text_rows
 
 # Tolerances of what a file says. Text of six digits is off by 1e-6. The wide ones are chosen: they mend files of three
 # digits, and refuse a matrix with scale or shear.
@@ -24,23 +24,36 @@ _ROTATION_EXACT = 1e-12  # below it a matrix is orthonormal to float64's roundin
 _LAST_ROW_TOLERANCE = 1e-6
 _LARGEST_COUNT = 2.0**53  # up to which float64 holds every whole number
 
+
+class AllLostError(NotFiniteError):
+    """A file of matrices in which none is finite: tracking was lost in every frame. count: how many there are."""
+
+    count: int = 0
+
+
 _BLOCK = "a pose is four lines of four numbers"
 # Camera-to-world: "the transformation matrix maps a point from its local coordinates to the world coordinates"
 # (http://redwood-data.org/indoor/fileformat.html); Open3D's FileLOG.cpp inverts it to get a camera's extrinsics.
 _LOG = "a .log has a line of three whole numbers and four lines of four for each pose"
 
 
-def line_poses(rows: TextRows, width: int | None = None) -> FilePoses:
-    """Read Replica's or KITTI's lines; width: 16 or 12 where content should not decide. Raises InputError."""
-    table = all_finite(rows.table((16, 12) if width is None else (width,)))
-    poses = rigid_poses(table)
-    return FilePoses(
-        "replica" if table.values.shape[1] == 16 else "kitti", poses, numbers=np.arange(len(poses), dtype=np.float64)
-    )
+def line_poses(rows: TextRows, width: int | None = None, *, lost: bool = False) -> FilePoses:
+    """Read Replica's or KITTI's lines; width: 16 or 12 where content should not decide. Raises InputError.
+
+    lost: whether lines that are not finite are left out, as frames in which tracking was lost; else they are refused.
+    """
+    table = rows.table((16, 12) if width is None else (width,))
+    name = "replica" if table.values.shape[1] == 16 else "kitti"
+    numbers = np.arange(len(table.values), dtype=np.float64)
+    if lost:
+        return _found_poses(name, table, numbers)
+    return FilePoses(name, rigid_poses(all_finite(table)), numbers=numbers)
 
 
 def block_poses(rows: TextRows) -> FilePoses:
-    """Read blocks of four lines; those that are not finite are left out. Raises InputError."""
+    """Read blocks of four lines, or a line for each; those that are not finite are left out. Raises InputError."""
+    if int(rows.widths[0]) in (12, 16):
+        return replace(line_poses(rows, lost=True), format="matrices")
     table = rows.table((4,), _BLOCK)
     if len(table.values) % 4:
         problem = f"{len(table.values)} lines of four numbers are no whole number of poses"
@@ -139,7 +152,7 @@ def _numbered_files(folder: Path) -> tuple[list[Path], list[int], list[Path]]:
 # --- matrices ---
 
 
-def _found_poses(format_name: str, blocks: PoseRows, numbers: Float64) -> FilePoses:
+def _found_poses(format_name: TrajectoryFormat, blocks: PoseRows, numbers: Float64) -> FilePoses:
     """Return the poses that are finite; of the others, which mean that tracking was lost, a note."""
     found = np.isfinite(blocks.values).all(axis=1)
     notes: tuple[str, ...] = ()
@@ -147,10 +160,11 @@ def _found_poses(format_name: str, blocks: PoseRows, numbers: Float64) -> FilePo
         file, where = blocks.place(int(np.argmin(found)))
         lost = f"{np.count_nonzero(~found)} of {len(found)} poses are not finite (tracking was lost)"
         if not found.any():
-            raise NotFiniteError(file, f"{lost}: no pose is left", where=where, remedy="choose another recording")
+            error = AllLostError(file, f"{lost}: no pose is left", where=where, remedy="choose another recording")
+            error.count = len(found)
+            raise error
         notes = (f"{lost} and are left out, first {file.name} {where}; the others keep their times",)
     poses = rigid_poses(blocks.keep(found))
-    assert format_name in ("matrices", "log")
     return FilePoses(format_name, poses, numbers=numbers[found], notes=notes, listed=numbers)
 
 

@@ -3,17 +3,19 @@
 
 TUM: 8 numbers, `t tx ty tz qx qy qz qw`, in seconds (ORB-SLAM3 writes nanoseconds into the same columns). EuRoC: 8 or
 17 columns, `t, px, py, pz, qw, qx, qy, qz, ...`, in whole nanoseconds, separated by commas; what follows the
-quaternion, velocities and biases, is not used. A header that names the quaternion's columns decides their order.
+quaternion, velocities and biases, is not used. A header that names the quaternion's columns decides their order. Of
+poses with one stamp the first is kept.
 """
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from decimal import Decimal, localcontext
 from typing import Literal, TypeAlias, get_args
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..errors import InputError
 from ..geometry import pose, rotation_from_quat_wxyz
@@ -32,6 +34,8 @@ _LEAST_NS = 1e17  # 1973 in nanoseconds since 1970, and 3e9 years in seconds: st
 _DAY_S = 86_400.0
 _SHORTEST_GAP_S = 1e-4  # the preset's highest rate is 10 kHz: what is closer was not meant as nanoseconds
 _QUAT_NORM_TOLERANCE = 1e-2  # chosen: three digits are mended, other mistakes refused
+
+_LEAST_COMMAS = 7  # of a header that names stamp, position and quaternion
 
 _WHOLE = re.compile(r"-?[0-9]+")
 _UNITS = {
@@ -80,13 +84,30 @@ def stamped_poses(
     columns = named or _columns(rows, table, declared, whole=whole)
     unit, guessed = _unit(table, stamps, columns, declared, declared_unit, whole_ns=whole and _comma_or_wide(rows))
     stamps_s = _seconds(stamps, unit)
-    _check_stamps(table, stamps, stamps_s, unit, guessed=guessed)
+    _check_stamps(table, stamps, stamps_s, unit)
+    kept, note = first_of_equal(stamps_s, lambda row: ": ".join([table.place(row)[1], stamps[row]]))
+    table, stamps_s = table.keep(kept), stamps_s[kept]
+    if guessed and len(stamps_s) > 1:
+        _check_gaps(table, stamps_s, unit)
     quat_wxyz = table.values[:, columns.quat_wxyz]
     length = np.array([math.hypot(*quat) for quat in quat_wxyz.tolist()])
     problem = "the quaternion has length {}, not 1"
     table.fail_where(np.abs(length - 1.0) > _QUAT_NORM_TOLERANCE, problem, of=length, remedy=_ORDERS[columns.format])
     poses = pose(rotation_from_quat_wxyz(quat_wxyz), table.values[:, columns.position])
-    return FilePoses(columns.format, poses, stamps_s)
+    return FilePoses(columns.format, poses, stamps_s, notes=note)
+
+
+def first_of_equal(stamps_s: Float64, place: Callable[[int], str]) -> tuple[NDArray[np.bool_], tuple[str, ...]]:
+    """(N,) seconds, not decreasing -> (N,) bool: the first pose of each stamp; and a note where others are left out.
+
+    place: a row -> its place and stamp, in words. Motion capture and systems write a stamp twice.
+    """
+    kept = np.concatenate([[True], np.diff(stamps_s) > 0.0])[: len(stamps_s)]
+    if kept.all():
+        return kept, ()
+    left_out, first = int(np.count_nonzero(~kept)), int(np.argmin(kept))
+    poses = "1 pose has" if left_out == 1 else f"{left_out} poses have"
+    return kept, (f"{poses} the time stamp of the pose before, which is kept; left out first: {place(first)}",)
 
 
 _ORDERS = {"tum": "a TUM line is t tx ty tz qx qy qz qw", "euroc": "a EuRoC row is t, x, y, z, qw, qx, qy, qz"}
@@ -131,6 +152,11 @@ def _named_columns(headers: Sequence[str], width: int) -> _Columns | None:
         if len(names) == width and (columns := _columns_of(names)) is not None:
             return columns
     return None
+
+
+def names_columns(header: str) -> bool:
+    """Tell whether a line without a number names the columns of a table of poses."""
+    return header.count(",") >= _LEAST_COMMAS or _columns_of(_column_names(header)) is not None
 
 
 def _column_names(header: str) -> list[str]:
@@ -201,17 +227,18 @@ def _seconds(stamps: Sequence[str], unit: StampUnit) -> Float64:
         )
 
 
-def _check_stamps(table: PoseRows, stamps: Sequence[str], stamps_s: Float64, unit: StampUnit, *, guessed: bool) -> None:
+def _check_stamps(table: PoseRows, stamps: Sequence[str], stamps_s: Float64, unit: StampUnit) -> None:
     texts = np.array(stamps)
     unlikely = np.abs(stamps_s) > LARGEST_STAMP_S
     problem = f"the time stamp {{}} {unit} is more than 1e11 s, over 3,000 years"
     remedy = Message("if the stamps are no seconds, say what they are: ", PresetKey("stamp_unit"), ": ms, us or ns")
     table.fail_where(unlikely, problem, of=texts, remedy=remedy)
-    late = np.concatenate([[False], np.diff(stamps_s) <= 0.0])
-    remedy = "sort the lines by time and leave out duplicates"
-    table.fail_where(late, "the time stamp {} does not come after the one before it", of=texts, remedy=remedy)
-    if guessed and len(stamps_s) > 1:
-        _check_gaps(table, stamps_s, unit)
+    step_s = np.diff(stamps_s, prepend=-np.inf)
+    late = step_s < 0.0
+    for row in np.flatnonzero(step_s == 0.0).tolist():  # equal, or not to be told apart in float64
+        late[row] = Decimal(stamps[row]) != Decimal(stamps[row - 1])
+    problem = "the time stamp {} does not come after the one before it"
+    table.fail_where(late, problem, of=texts, remedy="sort the lines by time")
 
 
 def _check_gaps(table: PoseRows, stamps_s: Float64, unit: StampUnit) -> None:

@@ -12,9 +12,9 @@ from ...core.errors import InputError
 from ...core.geometry import Intrinsics
 from ...core.scenes.mesh import Mesh
 from ...core.scenes.ply import read_ply
+from ..association import MAX_DIFFERENCE_S, associate_poses
 from ..estimate import Estimate
 from ..metrics.alignment import Similarity, aligned_poses
-from ..metrics.association import MAX_DIFFERENCE_S, associate_poses
 from .fusing import FAR_M, VOXEL_M, Fused, fuse
 from .reading import MAP
 from .score import moved

@@ -3,7 +3,7 @@
 
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import TypeAlias
+from typing import Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +11,11 @@ from numpy.typing import NDArray
 from ...core.geometry import pose
 
 Float64: TypeAlias = NDArray[np.float64]
+
+
+WELL_CONDITIONED = 10.0
+"""Second extent of a path over the ATE from which on positions decide how an estimate is turned. Chosen: below it a
+turn by 6 degrees moves the positions by less than they err."""
 
 
 class Alignment(StrEnum):
@@ -26,15 +31,12 @@ class Alignment(StrEnum):
 class Similarity:
     """A rotation, a translation and a scale: y = scale * rotation @ x + translation.
 
-    rotation: (3, 3) float64. translation: (3,) float64, metres. rotation_known: whether the positions decide the
-    rotation; where they lie in a line or stand still, one of those that fit equally well was taken, so positions are
-    laid well, and the cameras' rotations arbitrarily.
+    rotation: (3, 3) float64. translation: (3,) float64, metres.
     """
 
     rotation: Float64
     translation: Float64
     scale: float = 1.0
-    rotation_known: bool = True
 
     @property
     def matrix(self) -> Float64:
@@ -61,7 +63,8 @@ def least_squares_alignment(estimate: Float64, truth: Float64, *, with_scale: bo
 
     Umeyama, "Least-squares estimation of transformation parameters between two point patterns", PAMI 13(4), 1991,
     equations 34 to 43. A mirror image is never taken. Raises ValueError with a scale where one of the two stands still,
-    as then no scale fits.
+    as then no scale fits. Where the positions lie in a line, or nearly, they do not say how they are turned about it:
+    one of the rotations that fit equally well is taken, and `full_pose_alignment` finds a better one.
     """
     mean_estimate, mean_truth = estimate.mean(axis=0), truth.mean(axis=0)
     from_mean_e, from_mean_t = estimate - mean_estimate, truth - mean_truth
@@ -77,9 +80,73 @@ def least_squares_alignment(estimate: Float64, truth: Float64, *, with_scale: bo
         if still:
             raise ValueError("positions that are all the same have no scale")
         scale = float(spread @ signs / np.mean(np.sum(points_e**2, axis=1))) * (unit_t / unit_e)
-    noise = max(_rounding(estimate) / unit_e, _rounding(truth) / unit_t)
-    known = not still and bool(spread[1] > noise * spread[0])
-    return Similarity(rotation, mean_truth - scale * (rotation @ mean_estimate), scale, known)
+    return Similarity(rotation, mean_truth - scale * (rotation @ mean_estimate), scale)
+
+
+@dataclass(frozen=True, eq=False)
+class Conditioning:
+    """How well a path says how an estimate is to be laid over it.
+
+    extents_m: (3,) standard deviations of the true positions along their principal axes, the largest first. axes:
+    (3, 3) these axes, a row each. error_m: the RMSE of the positions, not below float64's rounding.
+    """
+
+    extents_m: Float64
+    axes: Float64
+    error_m: float
+
+    @property
+    def ratio(self) -> float:
+        """The second extent over the RMSE: a turn by its inverse, in radians, moves positions as far as they err."""
+        return float(self.extents_m[1]) / self.error_m
+
+    @property
+    def decided(self) -> Literal["all", "direction", "nothing"]:
+        """What of the rotation the positions decide: all of it, the direction of a line alone, or nothing."""
+        if self.ratio >= WELL_CONDITIONED:
+            return "all"
+        return "direction" if self.extents_m[0] >= WELL_CONDITIONED * self.error_m else "nothing"
+
+
+def conditioning_of(truth: Float64, error_m: float) -> Conditioning:
+    """(N, 3), N >= 3, the true positions, and the RMSE of the estimated ones -> how they condition an alignment."""
+    from_mean = truth - truth.mean(axis=0)
+    _, sizes, axes = np.linalg.svd(from_mean, full_matrices=False)
+    least_m = max(_rounding(truth), float(np.finfo(np.float64).tiny))
+    return Conditioning(sizes / np.sqrt(len(truth)), axes, max(error_m, least_m))
+
+
+def full_pose_alignment(estimate: Float64, truth: Float64, by: Similarity, known: Conditioning) -> Similarity:
+    """(N, 4, 4), (N, 4, 4) c2w -> the alignment whose rotation follows from rotations where positions leave it open.
+
+    by: the alignment of the positions, which is returned where they decide the rotation (`Conditioning.decided`). Of a
+    path that is nearly a line, they say its direction, and the rotations the turn about it that makes the mean squared
+    chordal distance of the rotations least; of one that hardly moves, the rotations say all, by the same measure.
+    """
+    if known.decided == "all":
+        return by
+    # The mean of R_true R_estimate^T: the least squares over turns T maximise the trace of T^T times it.
+    mean = np.einsum("nij,nkj->ik", truth[:, :3, :3], by.rotation @ estimate[:, :3, :3]) / len(truth)
+    turn = _turn_about(known.axes[0], mean) if known.decided == "direction" else _turn(mean)
+    rotation = turn @ by.rotation
+    means = estimate[:, :3, 3].mean(axis=0), truth[:, :3, 3].mean(axis=0)
+    return Similarity(rotation, means[1] - by.scale * (rotation @ means[0]), by.scale)
+
+
+def _turn(mean: Float64) -> Float64:
+    """(3, 3) -> the rotation T whose trace of T^T times it is largest."""
+    left, _, right = np.linalg.svd(mean)
+    return (left * [1.0, 1.0, np.sign(np.linalg.det(left) * np.linalg.det(right))]) @ right
+
+
+def _turn_about(axis: Float64, mean: Float64) -> Float64:
+    """(3,), (3, 3) -> the same among rotations about an axis of length 1, by Rodrigues' formula."""
+    x, y, z = axis
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    sine = float(np.sum(cross * mean))  # of the trace of T^T times the mean: the part that goes with the sine
+    cosine = float(np.trace(mean) - axis @ mean @ axis)
+    angle = np.arctan2(sine, cosine)
+    return np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * cross @ cross
 
 
 def aligned_poses(c2w: Float64, by: Similarity) -> Float64:

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.trajectories.trajectory import Trajectory
-from .alignment import Similarity, least_squares_alignment, stands_still
-from .association import Rows
+from ..association import Rows
+from .alignment import Conditioning, Similarity, least_squares_alignment, stands_still
 from .errors import (
     ErrorStatistics,
     Pairs,
@@ -33,11 +33,11 @@ Delta: TypeAlias = Literal["1frame", "1s", "1m"]
 class Compared:
     """The poses of an estimate that belong to frames of the truth.
 
-    estimate: (P, 4, 4) float64, camera-to-world, in the truth's world frame; in its own where the run failed.
+    estimate: (P, 4, 4) float64, camera-to-world, laid over the truth by `by`; in its own world where the run failed.
     truth: the true path of all N frames that the system was given. frames: (P,) rows of the truth, increasing: which
     frame each pose belongs to. protocol: how it was laid over the truth. by: with what; None where the run failed.
-    failure: "", or why the run has no errors. rotation_known: whether the alignment decides the rotation; it does not
-    where the positions lie in a line.
+    failure: "", or why the run has no errors. by_poses: what lays the cameras' rotations, and a map, over the truth: it
+    is `by` where the positions decide the rotation, else full poses do. conditioning: how well the path does.
     """
 
     estimate: Float64
@@ -46,7 +46,8 @@ class Compared:
     protocol: Protocol
     by: Similarity | None = None
     failure: str = ""
-    rotation_known: bool = True
+    by_poses: Similarity | None = None
+    conditioning: Conditioning | None = None
 
     @cached_property
     def true(self) -> Float64:
@@ -72,8 +73,14 @@ class Compared:
 
     @cached_property
     def rotation_errors_deg(self) -> Float64:
-        """(P,): the angles between estimated and true rotations; (0,) where the run failed."""
-        return np.zeros(0) if self.failure else rotation_errors_deg(self.estimate, self.true)
+        """(P,): the angles between estimated rotations, laid by `by_poses`, and true ones; (0,) if the run failed."""
+        if self.by is None or self.by_poses is None:
+            return np.zeros(0)
+        if self.by_poses is self.by:
+            return rotation_errors_deg(self.estimate, self.true)
+        laid = np.array(self.estimate)
+        laid[:, :3, :3] = (self.by_poses.rotation @ self.by.rotation.T) @ laid[:, :3, :3]
+        return rotation_errors_deg(laid, self.true)
 
     @cached_property
     def position(self) -> ErrorStatistics:
@@ -81,9 +88,9 @@ class Compared:
         return spread_of(self.position_errors_m)
 
     @cached_property
-    def rotation(self) -> ErrorStatistics | None:
-        """Statistics of the angles, of a run that did not fail; None where the rotation is not known."""
-        return spread_of(self.rotation_errors_deg) if self.rotation_known else None
+    def rotation(self) -> ErrorStatistics:
+        """Statistics of the angles, of a run that did not fail."""
+        return spread_of(self.rotation_errors_deg)
 
     @property
     def ate_m(self) -> float | None:

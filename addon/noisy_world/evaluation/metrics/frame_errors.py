@@ -19,8 +19,8 @@ COLUMNS = ("index", "stamp_s", "tracked", "error_m", "rotation_error_deg", "x_m"
 class FrameErrors:
     """Of every true frame: (N,) stamps in seconds, whether it has a pose, and how far that is off.
 
-    error_m, rotation_error_deg: (N,), after alignment; NaN where the frame has no pose, where the run failed, and of
-    rotations where the positions do not decide them. position_m: (N, 3) the estimated position in the true world frame.
+    error_m, rotation_error_deg: (N,), after alignment; NaN where the frame has no pose, and where the run failed.
+    position_m: (N, 3) the estimated position in the true world frame.
     """
 
     stamp_s: Float64

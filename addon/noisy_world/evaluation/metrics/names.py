@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from ...core.errors import NoisyWorldError
 from ...core.installed import Door, Registry
+from .alignment import WELL_CONDITIONED
 from .compared import Compared, Delta
 from .errors import consecutive_pairs, relative_errors, spread_of
 from .metric import Compute, Metric, TrajectoryMetric
@@ -65,9 +66,9 @@ def _of_ate() -> list[TrajectoryMetric]:
         )
     for key in ("rmse", "mean", "median", "max"):
         label, said = _STATISTICS[key]
-        angle = "the angles between estimated and true rotations, after the alignment of the positions"
-        none = (
-            " No value where the positions lie in a line, as they do not decide the rotation then."
+        angle = "the angles between estimated and true rotations, after alignment"
+        line = (
+            f" Where conditioning is below {WELL_CONDITIONED:g}, positions do not decide the turn, and full poses do."
             if key == "rmse"
             else ""
         )
@@ -77,8 +78,8 @@ def _of_ate() -> list[TrajectoryMetric]:
                 f"ATE rotation {label}",
                 "deg",
                 "lower",
-                f"{said} of {angle}.{none}",
-                lambda compared, key=key: getattr(compared.rotation, key) if compared.rotation else None,
+                f"{said} of {angle}.{line}",
+                lambda compared, key=key: getattr(compared.rotation, key),
             )
         )
     return found
@@ -187,6 +188,15 @@ _COVERAGE = [
         "",
         "true length over estimated length as Sim(3) alignment finds it; of a system with depth it should be 1.",
         lambda compared: None if compared.still or not compared.by else compared.by.scale * compared.remaining_scale,
+    ),
+    TrajectoryMetric(
+        "conditioning",
+        "conditioning",
+        "",
+        "",
+        "the second extent of the true path, the standard deviation of its positions along its second principal axis, "
+        f"over ate_rmse_m. Below {WELL_CONDITIONED:g} positions hardly say how the path is turned about itself.",
+        lambda compared: compared.conditioning.ratio if compared.conditioning else None,
     ),
 ]
 

@@ -8,8 +8,8 @@ can be compared otherwise.
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
+from ..association import MAX_DIFFERENCE_S
 from .alignment import Alignment
-from .association import MAX_DIFFERENCE_S
 
 Kind: TypeAlias = Literal["strict", "paper"]
 

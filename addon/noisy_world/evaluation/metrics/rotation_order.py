@@ -5,6 +5,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.geometry import quat_wxyz_from_rotation, rotation_from_quat_wxyz
+from .alignment import IDENTITY, aligned_poses, full_pose_alignment
 from .compared import Compared
 from .errors import rotation_errors_deg
 
@@ -17,16 +18,21 @@ TURNED_DEG = 150.0  # chosen: a median error from which on the camera looks the 
 def rotation_notes(matched: Compared) -> tuple[str, ...]:
     """Return a sentence where the positions fit and the rotations do not, as of quaternions w x y z read as x y z w.
 
-    matched: an estimate that lies over the truth by its positions.
+    matched: an estimate that lies over the truth. Rotations are those of full poses, so that a path which does not say
+    how it is turned about itself accuses nobody.
     """
-    by, rotation = matched.by, None if matched.failure else matched.rotation
-    if by is None or rotation is None or rotation.median < WRONG_DEG:
+    by, known = matched.by, matched.conditioning
+    if by is None or known is None or matched.rotation.median < WRONG_DEG:
         return ()
+    rotation = matched.rotation
     extent_m = float(np.linalg.norm(np.ptp(matched.true[:, :3, 3], axis=0)))
     if matched.position.rmse > SMALL_SHARE * extent_m:
         return ()
     said = f"the positions fit and the rotations are off by {rotation.median:.0f} degrees (median)"
-    other_deg = float(np.median(rotation_errors_deg(_read_w_first(matched.estimate, by.rotation), matched.true)))
+    other = _read_w_first(matched.estimate, by.rotation)
+    if by is not matched.by_poses:
+        other = aligned_poses(other, full_pose_alignment(other, matched.true, IDENTITY, known))
+    other_deg = float(np.median(rotation_errors_deg(other, matched.true)))
     if other_deg * BETTER < rotation.median:
         return (
             f"{said}, but by {other_deg:.2g} if the quaternions are taken for w x y z: they look as if they were "

@@ -5,21 +5,26 @@ from dataclasses import dataclass, field, replace
 from typing import TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...core.trajectories.trajectory import Trajectory
+from ..association import MAX_DIFFERENCE_S
 from ..estimate import Estimate
 from .alignment import (
     IDENTITY,
     Alignment,
+    Conditioning,
     Similarity,
     aligned_poses,
+    conditioning_of,
     first_pose_alignment,
+    full_pose_alignment,
     least_squares_alignment,
     stands_still,
 )
-from .association import MAX_DIFFERENCE_S, associate_poses
 from .compared import Compared
 from .frame_errors import FrameErrors
+from .given_frames import FrameSamples, FramesFrom, frame_samples
 from .names import metrics_of, value_of
 from .protocols import PROTOCOLS, Protocol
 from .rotation_order import rotation_notes
@@ -47,22 +52,29 @@ FAILURES = {
 class Score:
     """What is said of one estimate.
 
-    protocol: its name. alignment: how the estimate was laid over the truth, by: with what; None where the run failed.
-    failure: "" or one of FAILURES. poses: of the estimate that were scored; frames: of the truth; matched: how many of
-    both belong together, their stamps max_difference_s apart at most. values: by the names of METRICS (or
-    PAPER_METRICS), each finite; None where a metric has none. frame_errors: of every true frame. notes: what a user
-    should know, one sentence each.
+    protocol: its name. alignment: how the estimate was laid over the truth, by: with what, and by_poses with what its
+    rotations and its map are; None where the run failed. conditioning: how well the path says how it is turned; None
+    likewise. failure: "" or one of FAILURES. poses: of the estimate that were scored; frames: that the system was
+    given; matched: how many of both belong together, their stamps max_difference_s apart at most. frames_from: where
+    the frames come from, rate_hz: at which rate, where that is the estimate's own. values: by the names of METRICS (or
+    PAPER_METRICS), each finite; None where a metric has none. truth, frame_errors: the true poses and the errors of
+    every frame. notes: what a user should know, one sentence each.
     """
 
     protocol: str
     alignment: Alignment
     by: Similarity | None
+    by_poses: Similarity | None
+    conditioning: Conditioning | None
     failure: str
     poses: int
     frames: int
     matched: int
     max_difference_s: float
+    frames_from: FramesFrom
+    rate_hz: float | None
     values: Values
+    truth: Trajectory = field(repr=False)
     frame_errors: FrameErrors = field(repr=False)
     notes: tuple[str, ...] = ()
 
@@ -81,12 +93,16 @@ def score_trajectory(
     keyframes: Estimate | None = None,
     max_difference_s: float | None = None,
     alignment: Alignment | None = None,
+    frames_s: NDArray[np.float64] | None = None,
 ) -> Score:
-    """Score an estimate against the true path of all the frames that the system was given.
+    """Score an estimate against the true path.
 
     protocol: its name, or one of your own. monocular: whether the system had no depth, so its scale is free. keyframes:
     those of the run, which protocol paper scores instead. max_difference_s, alignment: instead of the protocol's.
-    A run that failed is a result with a word, never an exception. Raises ValueError for a protocol that does not exist.
+    frames_s: (F,) stamps of all frames that the system was given, in which coverage is counted; None: the estimate's
+    own rate says them where the truth has more samples than that, as a motion capture's has, else each sample of the
+    truth is a frame. A run that failed is a result with a word, never an exception. Raises ValueError for a protocol
+    that does not exist.
     """
     if isinstance(protocol, str):
         if protocol not in PROTOCOLS:
@@ -95,11 +111,26 @@ def score_trajectory(
     how = protocol.alignment(monocular=monocular) if alignment is None else alignment
     scored = keyframes if protocol.keyframes and keyframes is not None else estimate
     within_s = protocol.max_difference_s if max_difference_s is None else max_difference_s
-    matched = compare_poses(scored, truth, protocol, how, within_s)
-    values = {name: value_of(metric, matched) for name, metric in metrics_of(protocol).items()}
-    errors, counts = _frame_errors(matched), (len(scored), len(truth), len(matched.frames))
-    notes = rotation_notes(matched)
-    return Score(protocol.name, how, matched.by, matched.failure, *counts, within_s, values, errors, notes)
+    found = frame_samples(scored.stamps_s, estimate.stamps_s, truth.stamps_s, frames_s, within_s)
+    matched = _compared(scored, truth, protocol, how, found)
+    return Score(
+        protocol=protocol.name,
+        alignment=how,
+        by=matched.by,
+        by_poses=matched.by_poses,
+        conditioning=matched.conditioning,
+        failure=matched.failure,
+        poses=len(scored),
+        frames=len(matched.truth),
+        matched=len(matched.frames),
+        max_difference_s=within_s,
+        frames_from=found.source,
+        rate_hz=found.rate_hz,
+        values={name: value_of(metric, matched) for name, metric in metrics_of(protocol).items()},
+        truth=matched.truth,
+        frame_errors=_frame_errors(matched),
+        notes=rotation_notes(matched),
+    )
 
 
 def compare_poses(
@@ -109,13 +140,27 @@ def compare_poses(
     how: Alignment = Alignment.SE3,
     within_s: float = MAX_DIFFERENCE_S,
 ) -> Compared:
-    """Return an estimate laid over the truth, or why it cannot be: what metrics are computed from."""
-    rows, frames = associate_poses(scored.stamps_s, truth.stamps_s, within_s)
-    matched = Compared(scored.c2w[rows], truth, frames, protocol)
+    """Return an estimate laid over the truth, or why it cannot be: what metrics are computed from.
+
+    Each sample of the truth is a frame.
+    """
+    stamps_s = scored.stamps_s
+    found = frame_samples(stamps_s, stamps_s, truth.stamps_s, truth.stamps_s, within_s)
+    return _compared(scored, truth, protocol, how, found)
+
+
+def _compared(scored: Estimate, truth: Trajectory, protocol: Protocol, how: Alignment, found: FrameSamples) -> Compared:
+    """Return the poses that belong to frames of the truth, laid over it."""
+    of_frames = truth if len(found.rows) == len(truth) else truth.at(found.rows, truth.stamps_s[found.rows])
+    matched = Compared(scored.c2w[found.poses], of_frames, found.frames, protocol)
     if failure := _failure(scored, matched, how):
         return replace(matched, failure=failure)
     by = _alignment(matched, how)
-    return replace(matched, estimate=aligned_poses(matched.estimate, by), by=by, rotation_known=by.rotation_known)
+    laid = replace(matched, estimate=aligned_poses(matched.estimate, by), by=by)
+    known = conditioning_of(matched.true[:, :3, 3], laid.position.rmse)
+    fitted = how in (Alignment.SE3, Alignment.SIM3)
+    by_poses = full_pose_alignment(matched.estimate, matched.true, by, known) if fitted else by
+    return replace(laid, by_poses=by_poses, conditioning=known)
 
 
 def _failure(scored: Estimate, matched: Compared, how: Alignment) -> str:
@@ -148,6 +193,5 @@ def _frame_errors(matched: Compared) -> FrameErrors:
     if not matched.failure:
         error_m[matched.frames] = matched.position_errors_m
         position_m[matched.frames] = matched.estimate[:, :3, 3]
-        if matched.rotation_known:
-            rotation_deg[matched.frames] = matched.rotation_errors_deg
+        rotation_deg[matched.frames] = matched.rotation_errors_deg
     return FrameErrors(matched.truth.stamps_s, matched.tracked, error_m, rotation_deg, position_m)

@@ -11,7 +11,7 @@ from ...core.trajectories.trajectory import Trajectory
 from ..estimate import Estimate
 from ..metrics.alignment import Similarity
 from ..metrics.frame_errors import FrameErrors
-from ..metrics.protocols import paper_protocol
+from ..metrics.protocols import PROTOCOLS, paper_protocol
 from ..metrics.score import score_trajectory
 from ..outcome import Outcome, RunRecord
 from ..systems.estimate_file import ESTIMATE, KEYFRAMES, read_estimate_file
@@ -26,8 +26,8 @@ NOTHING = Estimate(np.zeros(0), np.zeros((0, 4, 4)))
 class Scored:
     """A run that was scored.
 
-    content: of scores.json. errors: of its frames, by the study's protocol. estimate: its poses. by: what lays them
-    over the truth by protocol strict; None where the run failed. notes: on its poses, one sentence each.
+    content: of scores.json. errors: of its frames, by the study's protocol. estimate: its poses. by: what lays
+    its map over the truth, by protocol strict; None where the run failed. notes: on its poses, one sentence each.
     """
 
     content: dict[str, Any]
@@ -47,11 +47,11 @@ def score_run(folder: Path, record: RunRecord, truth: Trajectory, *, protocol: s
     estimate = read_estimate_file(folder / ESTIMATE) if finished else NOTHING
     keyframes = read_estimate_file(folder / KEYFRAMES) if finished and (folder / KEYFRAMES).is_file() else None
     scores = {
-        STRICT: score_trajectory(estimate, truth, STRICT, monocular=monocular),
-        PAPER: score_trajectory(
-            estimate, truth, paper_protocol(record.system), monocular=monocular, keyframes=keyframes
-        ),
+        name: score_trajectory(
+            estimate, truth, chosen, monocular=monocular, keyframes=keyframes, frames_s=truth.stamps_s
+        )
+        for name, chosen in ((STRICT, PROTOCOLS[STRICT]), (PAPER, paper_protocol(record.system)))
     }
     content: dict[str, Any] = {name: score.values for name, score in scores.items()}
     content |= {"failure": scores[protocol].failure, MAP: {}}
-    return Scored(content, scores[protocol].frame_errors, estimate, scores[STRICT].by, scores[STRICT].notes)
+    return Scored(content, scores[protocol].frame_errors, estimate, scores[STRICT].by_poses, scores[STRICT].notes)

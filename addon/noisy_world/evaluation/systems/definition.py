@@ -15,11 +15,11 @@ from ...core.errors import InputError
 from ...core.regular_files import read_bytes
 from ...core.schema import Choice, ConfigPath, key, parse, shown
 from ...core.yaml_reading import read_yaml
-from .leavings import LARGEST_READ_BYTES
-from .readers import READERS, TEXT_FORMATS
+from ..estimates import FORMATS
+from ..estimates.format import StampsOf
+from ..estimates.poses import LARGEST_READ_BYTES
 
 Modality = Literal["colour", "depth"]
-StampsOf = Literal["time", "index", "none"]
 AxesOf = Literal["auto", "opencv", "opengl", "robot"]
 DirectionOf = Literal["auto", "c2w", "w2c"]
 IsolateBy = Literal["none", "bubblewrap"]
@@ -48,7 +48,7 @@ UNDECISIVE = ("about", "remedy", "file", "versions", "limits", "isolate", "reach
 
 FORMAT_CHOICES: dict[str, Choice] = {
     "auto": Choice("Auto", "told by content"),
-    **{name: Choice(name, reader.meaning) for name, reader in READERS.items()},
+    **{name: Choice(name, known.meaning) for name, known in FORMATS.items()},
 }
 """What `writes.format` may be, by name."""
 
@@ -278,9 +278,10 @@ def _check(system: System, place: ConfigPath) -> None:
 
 def _check_convention(writes: Writes, place: ConfigPath) -> None:
     """Refuse to be told what a format says itself."""
-    if writes.format in ("auto", *TEXT_FORMATS):
+    known = FORMATS.get(writes.format)
+    if known is None or known.any_stamps:
         return
-    open_to_say = ("axes", "direction") if READERS[writes.format].any_convention else ()
+    open_to_say = ("axes", "direction") if known.any_convention else ()
     for name, usual in (("axes", "auto"), ("direction", "auto"), ("stamps", "time"), ("stamp_unit", "auto")):
         if getattr(writes, name) != usual and name not in open_to_say:
             raise place.at(name).error(f"is given, but {writes.format} says it itself", "leave it out")

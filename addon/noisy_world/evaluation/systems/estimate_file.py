@@ -1,15 +1,15 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """`estimate.txt`: the poses that a system estimated, in the folder of a run: TUM's format, camera-to-world."""
 
-import math
 from pathlib import Path
 
 import numpy as np
 
 from ...core.errors import InputError
-from ...core.geometry import continuous_quats, pose, quat_wxyz_from_rotation, rotation_from_quat_wxyz
+from ...core.geometry import continuous_quats, quat_wxyz_from_rotation
 from ...core.regular_files import read_text
 from ..estimate import Estimate
+from ..estimates import Asked, Frames, estimate_of, read_poses
 
 ESTIMATE = "estimate.txt"
 KEYFRAMES = "keyframes.txt"
@@ -37,19 +37,4 @@ def read_estimate_file(path: Path) -> Estimate:
         problem = "the file ends in the middle of a line, so it was cut"
         remedy = "remove the run's folder and run the same command again"
         raise InputError(path, problem, where=f"line {len(lines)}", remedy=remedy)
-    rows = [_row(path, number, line) for number, line in enumerate(lines, 1)]
-    table = np.array(rows, dtype=np.float64).reshape(-1, 8)
-    try:
-        return Estimate(table[:, 0], pose(rotation_from_quat_wxyz(table[:, [7, 4, 5, 6]]), table[:, 1:4]))
-    except ValueError as error:
-        raise InputError(path, str(error)) from error
-
-
-def _row(path: Path, number: int, line: str) -> list[float]:
-    try:
-        row = [float(word) for word in line.split()]
-    except ValueError:
-        row = []
-    if len(row) != 8 or not all(map(math.isfinite, row)):
-        raise InputError(path, "is no stamp, position and quaternion", where=f"line {number}")
-    return row
+    return estimate_of(path, read_poses(path, "tum", Asked(stamp_unit="s")), Frames.of([]))[0]

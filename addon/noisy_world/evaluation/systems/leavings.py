@@ -12,13 +12,9 @@ from pathlib import Path
 
 from ...core.errors import InputError, one_line
 from ...core.regular_files import check_regular
+from ..estimates.poses import OverLimitError
 
 LONGEST_SENTENCE = 400  # characters
-LARGEST_READ_BYTES = 64 * 10**6  # of an estimate, where no definition says another limit
-
-
-class OverLimitError(InputError):
-    """What a system left is more than its limits allow to be read."""
 
 
 def found_output(folder: Path, pattern: str) -> Path | None:

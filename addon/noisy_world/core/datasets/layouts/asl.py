@@ -105,9 +105,10 @@ def exact_stamps(path: Path, poses: Trajectory) -> Stamps:
     """Return the stamps of the poses of a file to the nanosecond, where it says them so; else the poses' own."""
     own = Stamps(poses.stamps_s)
     cells = [row[0] for _, row in _rows(path)]
-    if len(cells) != len(poses) or not all(map(_is_whole, cells)):
+    if not all(map(_is_whole, cells)):
         return own
     stamps = Stamps.of_ns(map(int, cells))
+    stamps = stamps.take(np.flatnonzero(np.diff(stamps.seconds, prepend=-np.inf) > 0.0))  # as the poses' reader does
     return stamps if np.array_equal(stamps.seconds, own.seconds) else own
 
 

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from ..readers.frames import Index
+from ...estimates.frames import Index
 from .co_slam import co_slam
 from .go_slam import go_slam, go_slam_mono
 from .nice_slam import imap, nice_slam

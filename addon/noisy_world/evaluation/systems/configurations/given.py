@@ -18,7 +18,7 @@ from ....core.datasets.storage import storage_errors
 from ....core.errors import InputError
 from ....core.trajectories.files import replica_text
 from ....core.trajectories.trajectory import evenly_stamped
-from ..readers.frames import Index
+from ...estimates.frames import Index
 
 TO_POSES = Path(__file__).resolve().parents[1] / "programs" / "checkpoint_poses.py"
 SEQUENCE = "sequence"  # of a run's folder

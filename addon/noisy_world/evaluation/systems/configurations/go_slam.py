@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from ....core.yaml_reading import yaml_text
-from ..readers.frames import Index
+from ...estimates.frames import Index
 from .given import RESULT, camera_keys, write_sequence, write_text
 
 _AREA_PX = 320 * 640  # of the images that it works on: H_out, W_out of configs/Replica/replica.yaml

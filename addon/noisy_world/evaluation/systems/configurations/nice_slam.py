@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from ....core.yaml_reading import yaml_text
-from ..readers.frames import Index
+from ...estimates.frames import Index
 from .given import RESULT, bound_m, camera_keys, scaled_edges, then_poses, write_sequence, write_text
 
 _IMAP_SCALE = 0.1  # configs/imap.yaml, as programs/checkpoint_poses.py undoes it

@@ -11,7 +11,7 @@ from typing import Any
 from ....core.datasets.image_reading import read_pixels
 from ....core.errors import InputError
 from ....core.yaml_reading import yaml_text
-from ..readers.frames import Index
+from ...estimates.frames import Index
 from .given import RESULT, SEQUENCE, camera_keys, write_sequence, write_text
 
 

@@ -16,13 +16,12 @@ from typing import IO, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from ....core.errors import InputError
-from ....core.regular_files import open_regular
-from ....core.trajectories.trajectory import Axes, Direction
-from ...estimate import Estimate
-from ..leavings import LARGEST_READ_BYTES, OverLimitError
+from ...core.errors import InputError
+from ...core.regular_files import open_regular
+from ...core.trajectories.trajectory import convert_convention
 from .archives import open_archive
-from .frames import Index, check_every_frame, estimate_of_frames
+from .format import Asked, EstimateFormat
+from .poses import LARGEST_READ_BYTES, OverLimitError, ReadPoses, rigid, whole_matrices
 
 POSES = ("poses", "c2w", "w2c", "pose")
 STAMPS = ("stamps_s", "timestamps", "stamps", "times", "tstamps")
@@ -30,33 +29,36 @@ NUMBERS = ("frames", "indices", "numbers")
 _ARCHIVE = b"PK\x03\x04"
 
 
-def read(
-    path: Path,
-    index: Index,
-    *,
-    direction: Direction = "c2w",
-    axes: Axes = "opencv",
-    largest_bytes: int = LARGEST_READ_BYTES,
-) -> Estimate:
-    """Return the estimate of a .npy with the poses of all frames, or of a .npz with stamps or numbers beside them.
+def read(path: Path, asked: Asked) -> ReadPoses:
+    """Read a .npy with the poses of all frames, or a .npz with stamps or numbers beside them.
 
-    Raises InputError, OverLimitError where its arrays have more than `largest_bytes`.
+    A matrix of zeros alone is a frame that the system has not come to: it is lost. Raises InputError, OverLimitError
+    where its arrays have more than `asked.largest_bytes`.
     """
-    arrays = load_arrays(path, largest_bytes=largest_bytes)
+    arrays = load_arrays(path, largest_bytes=asked.largest_bytes)
     name = _poses_name(path, arrays)
-    poses = _numbers(path, name, arrays[name])
+    poses = whole_matrices(path, _numbers(path, name, arrays[name]))
     stamped = [item for item in STAMPS if item in arrays]
     numbered = [item for item in NUMBERS if item in arrays]
-    if stamped and not numbered:
-        return _stamped(path, poses, _row(path, stamped[0], arrays[stamped[0]], len(poses)), direction, axes)
+    stamps_s, numbers = None, np.arange(len(poses))
     if numbered:
-        numbers = _row(path, numbered[0], arrays[numbered[0]], len(poses))
-        if (numbers != np.floor(numbers)).any():
+        values = _row(path, numbered[0], arrays[numbered[0]], len(poses))
+        if (values != np.floor(values)).any() or (np.abs(values) > 2.0**53).any():
             raise InputError(path, "are no whole numbers", where=numbered[0])
-        frames = numbers.astype(np.int64).tolist()
-        return estimate_of_frames(path, frames, poses, index, direction=direction, axes=axes)
-    check_every_frame(path, len(poses), index)
-    return estimate_of_frames(path, range(len(poses)), poses, index, direction=direction, axes=axes)
+        numbers = values.astype(np.int64)
+    elif stamped:
+        stamps_s = _row(path, stamped[0], arrays[stamped[0]], len(poses))
+    kept = np.flatnonzero(poses[:, :3, :].any(axis=(1, 2)))
+    places = [f"pose {row}" if stamped and not numbered else f"frame {numbers[row]}" for row in kept.tolist()]
+    c2w = convert_convention(
+        rigid(path, places, poses[kept]),
+        direction="c2w" if asked.direction == "auto" else asked.direction,
+        axes="opencv" if asked.axes == "auto" else asked.axes,
+    )
+    if stamps_s is not None:
+        return ReadPoses("array", c2w, stamps_s=stamps_s[kept], places=tuple(places))
+    count = None if numbered else len(poses)
+    return ReadPoses("array", c2w, numbers=numbers[kept], places=tuple(places), count=count)
 
 
 def load_arrays(
@@ -153,11 +155,11 @@ def _row(path: Path, name: str, array: NDArray, count: int) -> NDArray[np.float6
     return row
 
 
-def _stamped(
-    path: Path, poses: NDArray[np.float64], stamps_s: NDArray[np.float64], direction: Direction, axes: Axes
-) -> Estimate:
-    order = np.argsort(stamps_s, kind="stable")
-    if (np.diff(stamps_s[order]) <= 0.0).any():
-        raise InputError(path, "has two poses of one time stamp")
-    own = {"frames": [{"stamp_s": stamp_s} for stamp_s in stamps_s[order].tolist()]}
-    return estimate_of_frames(path, range(len(order)), poses[order], own, direction=direction, axes=axes)
+def _recognises(path: Path, head: bytes) -> bool:
+    del path
+    return head.startswith((b"\x93NUMPY", _ARCHIVE))
+
+
+FORMAT = EstimateFormat(
+    "array", "numpy's .npy or .npz of N x 4 x 4", read, _recognises, any_convention=True, reads_parts=True
+)

@@ -4,8 +4,8 @@
 import math
 from pathlib import Path
 
-from ..core.errors import InputError
-from ..core.schema import shown
+from ...core.errors import InputError
+from ...core.schema import shown
 
 REMEDY = "write it again or, if it is whole, end its last line with a line break"
 FEWEST = 3  # chosen: lines from which on equally many digits are no chance

@@ -1,0 +1,97 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The formats of trajectories, as `core.trajectories.files` reads them, for a path of which frames may be missing.
+
+A frame whose matrix is not finite, or that a numbered format leaves out, is one that was lost.
+"""
+
+from functools import partial
+from pathlib import Path
+from typing import cast
+
+import numpy as np
+
+from ...core.errors import InputError
+from ...core.messages import Message, PresetKey
+from ...core.trajectories.files import STAMPED_FORMATS, read_file_poses
+from ...core.trajectories.matrix_poses import AllLostError
+from ...core.trajectories.pose_text import FilePoses, TrajectoryFormat, is_header, read_text
+from ...core.trajectories.stamped_poses import StampUnit, names_columns
+from ...core.trajectories.trajectory import Axes, Direction, convert_convention
+from .format import Asked, Auto, EstimateFormat
+from .poses import ReadPoses, no_pose
+from .whole_text import check_whole
+
+_SPARSE = ("log",)  # formats of one file that number their frames, and may leave some out
+
+
+def read_text_poses(path: Path, asked: Asked, format_name: TrajectoryFormat | Auto = "auto") -> ReadPoses:
+    """Read a file, or a folder of one pose a file. Raises InputError, and NotFiniteError for what is not a lost frame.
+
+    A file without a pose, a table's header alone among them, is the estimate of a system that tracked no frame.
+    """
+    if not path.is_dir():
+        text = read_text(path)
+        if holds_no_pose(text):
+            return no_pose(format_name)
+        check_whole(path, text)
+    unit: StampUnit | Auto = "s" if asked.stamps == "index" else asked.stamp_unit
+    try:
+        found = read_file_poses(path, format=format_name, stamp_unit=unit, lost=True)
+    except AllLostError as error:
+        return no_pose(format_name, None if path.is_dir() else error.count)
+    direction = cast("Direction", "c2w" if asked.direction == "auto" else asked.direction)
+    axes = cast("Axes", found.axes if asked.axes == "auto" else asked.axes)
+    c2w = convert_convention(found.poses, direction=direction, axes=axes)
+    if asked.stamps == "none":
+        order = np.arange(len(c2w))
+        return ReadPoses(found.format, c2w, numbers=order, count=len(c2w), notes=found.notes)
+    if asked.stamps == "index" and found.stamps_s is not None:
+        return ReadPoses(found.format, c2w, numbers=_whole_numbers(path, found.stamps_s), notes=found.notes)
+    if found.stamps_s is not None:
+        return ReadPoses(found.format, c2w, stamps_s=found.stamps_s, notes=found.notes)
+    return _numbered(path, found, c2w, unit)
+
+
+def _numbered(path: Path, found: FilePoses, c2w: np.ndarray, unit: StampUnit | Auto) -> ReadPoses:
+    """Return the poses of a format without stamps, by the numbers of their frames."""
+    assert found.numbers is not None, "poses have stamps or numbers"
+    if unit != "auto" and found.format not in STAMPED_FORMATS:
+        remedy = Message("leave ", PresetKey("stamp_unit"), " out")
+        raise InputError(path, f"has no time stamps ({found.format}), so none in {unit}", remedy=remedy)
+    numbers = _whole_numbers(path, found.numbers)
+    sparse = path.is_dir() or found.format in _SPARSE
+    count = None if sparse else len(numbers) if found.listed is None else len(found.listed)
+    return ReadPoses(found.format, c2w, numbers=numbers, count=count, notes=found.notes)
+
+
+def _whole_numbers(path: Path, values: np.ndarray) -> np.ndarray:
+    wrong = np.flatnonzero((values != np.floor(values)) | (values < 0.0) | (values > 2.0**53))
+    if wrong.size:
+        raise InputError(path, f"{values[wrong[0]]:g} is no number of a frame, 0 the first")
+    return values.astype(np.int64)
+
+
+def holds_no_pose(text: str) -> bool:
+    """Tell whether a text holds nothing but blank lines, comments and a line that names a table's columns."""
+    lines = (line.partition("#")[0].strip() for line in text.splitlines())
+    rows = [line for line in lines if line]
+    return not rows or (len(rows) == 1 and is_header(rows[0]) and names_columns(rows[0]))
+
+
+def _text_format(name: TrajectoryFormat, meaning: str) -> EstimateFormat:
+    stamped = name in STAMPED_FORMATS
+    read = partial(read_text_poses, format_name=name)
+    return EstimateFormat(name, meaning, read, any_convention=True, any_stamps=True, any_unit=stamped)
+
+
+FORMATS = (
+    _text_format("tum", "text: t tx ty tz qx qy qz qw"),
+    _text_format("euroc", "table: t, x, y, z, qw, qx, qy, qz"),
+    _text_format("kitti", "text: 12 numbers a frame, for every frame"),
+    _text_format("replica", "text: 16 numbers a frame, for every frame"),
+    _text_format("matrices", "text: four lines of four numbers a frame, in a file or a folder"),
+    _text_format("log", "Open3D's .log"),
+    _text_format("transforms", "nerfstudio's transforms.json, for every frame"),
+)
+OF_ANY = EstimateFormat("auto", "", read_text_poses, any_convention=True, any_stamps=True, any_unit=True)
+"""What no format recognises: one of the above, told by content."""
