@@ -21,7 +21,7 @@ test -n "$(PYTHON)" || { echo "make: Python 3.13 is needed; get it, with 'uv pyt
 endef
 
 .DEFAULT_GOAL := help
-.PHONY: help venv demo picture gallery thumbnails rooms screenshots assets example film extension ice wheel docs test test-below test-above test-python311 test-bare fuzz bench benchmark lint format lock slam-env blender-env peer-env corruptions-env clean
+.PHONY: help venv demo picture gallery thumbnails rooms screenshots assets example film extension ice wheel docs test test-all test-below test-above test-python311 test-bare fuzz bench benchmark lint format lock slam-env blender-env peer-env corruptions-env clean
 
 help: ## list the targets
 	@grep -hE '^[a-z0-9-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 16
@@ -102,19 +102,29 @@ $(VENV)/.evaluate: requirements-evaluate.lock $(VENV)/.installed
 PYTEST := $(PY) -m pytest --dist loadfile --no-loadscope-reorder --maxprocesses 4 --numprocesses
 ONE_MORE = $$($(PY) -c 'import os; print(min(4, 1 + os.cpu_count()))')
 
-test: test-below test-above ## run the tests; of core and perturbations, count the branches that they take
+# `make test` leaves out what is marked long, and does not count branches, which takes as long again. `make test-all`
+# and .ci/run do both.
+LONG_TOO := SELECTED= COUNT_BRANCHES=yes
+SELECTED := -m "not long"
+
+test: test-below test-above ## run the tests, but for the long ones
+
+test-all: ## run all tests; of core and perturbations, count the branches that they take
+	$(MAKE) test-below test-above $(LONG_TOO)
 
 test-below: $(VENV)/.extras
-	$(PYTEST) logical --cov --cov-report= $(COUNTED)
+	$(PYTEST) logical $(SELECTED) $(if $(COUNT_BRANCHES),--cov --cov-report=) $(COUNTED)
+ifdef COUNT_BRANCHES
 	$(PY) -m coverage report --include='addon/noisy_world/core/*'
 	$(PY) -m coverage report --include='addon/noisy_world/perturbations/*'
+endif
 
 test-above: $(VENV)/.extras
-	$(PYTEST) $(ONE_MORE) tests $(COUNTED:%=--ignore=%)
+	$(PYTEST) $(ONE_MORE) $(SELECTED) tests $(COUNTED:%=--ignore=%)
 
 # What the library does without Blender, under the oldest Python that it works with.
 test-python311: .venv-python311/.installed ## run tests of what needs no Blender under Python 3.11
-	.venv-python311/bin/python -m pytest -m "not one_python" -o cache_dir=.pytest_cache_python311 $(BELOW_BLENDER311) # kept rooms are each Python's own
+	.venv-python311/bin/python -m pytest -m "not one_python and not long" -o cache_dir=.pytest_cache_python311 $(BELOW_BLENDER311) # kept rooms are each Python's own
 
 .venv-python311/.installed: requirements-library.lock
 	@test -n "$(PYTHON311)" || { echo "make: no Python 3.11 is here" >&2; exit 1; }

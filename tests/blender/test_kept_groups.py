@@ -12,12 +12,15 @@ from group_tools import by_groups, picture
 
 from noisy_world.blender import kept_groups, nodes
 from noisy_world.blender.nodes import ensure_group, remove_group
-from noisy_world.core.node_graphs.graph import BroughtImage, Graph, GroupInput
+from noisy_world.core.node_graphs.graph import BroughtImage, Graph, GroupInput, Panel
 from noisy_world.core.node_graphs.group_inputs import REFERENCE_INPUT
 
 IMAGE = GroupInput("Image", "color", (0.5, 0.5, 0.5, 1.0), "What comes in")
 TINT = np.linspace(0, 255, 24 * 40 * 3).reshape(24, 40, 3).astype(np.uint8)
 FILED = "ice.png"
+VALUES = ("Factor", "Use", "Kind", "Reference Width")
+SHOWN = ("item_type", "name", "description", "identifier", "default_value", "min_value", "max_value", "subtype",
+         "is_panel_toggle", "default_closed", "in_out")  # fmt: skip
 
 
 def child(name="Child", times=2.0):
@@ -38,6 +41,13 @@ def large(folder, times=2.0):
     value = graph.input(IMAGE)
     graph.input(REFERENCE_INPUT)
     factor = graph.input(GroupInput("Factor", "float", 0.5, "How much", 0.0, 1.0, "FACTOR"))
+    options = Panel("Options", "What can be chosen", closed=True)
+    use = graph.input(GroupInput("Use", "bool", True, "Whether", panel=options, toggles=True))
+    menu = graph.input(GroupInput("Kind", "menu", "More", "Which", panel=options, items=("Less", "More", "Most")))
+    where = graph.input(GroupInput("Where", "vector", (0.0, 0.25, 0.5), "Where it is", panel=options))
+    with graph.section("Choice"):
+        less, more, _ = graph.chosen(menu)
+        value = graph.choose(use, value + where * more + less, value)
     with graph.section("Chain"):
         for number in range(kept_groups.LEAST_NODES):
             value = value * (1.0 + 0.01 * number) + 0.001
@@ -88,7 +98,11 @@ def described():
         found[tree.name] = (
             [(node.name, node.label, node.bl_idname, tuple(node.location)) for node in tree.nodes],
             [(socket.node.name, socket.identifier, socket.hide) for socket in sockets],
-            [(item.item_type, item.name, getattr(item, "identifier", "")) for item in tree.interface.items_tree],
+            [
+                [repr(getattr(item, name, None)) for name in SHOWN if name != "default_value" or item.name in VALUES]
+                for item in tree.interface.items_tree
+            ],
+            [tuple(item.default_value) for item in tree.interface.items_tree if "Where" in item.name],
             [values, used, links, tree.users, tree.use_fake_user, dict(tree.items())],
         )
     for image in bpy.data.images:

@@ -150,8 +150,16 @@ def test_a_flake_without_a_streak_is_a_point():
     assert abs((below * (layer[:-1] - layer.mean())).mean() / layer.var()) < 0.05
 
 
-@cases("severity", [2, 5])
-def test_snow_has_the_references_spectrum(severity):
+def test_snow_has_the_references_spectrum():
+    check_spectrum(2)
+
+
+@pytest.mark.long
+def test_heavy_snow_has_the_references_spectrum():
+    check_spectrum(5)
+
+
+def check_spectrum(severity):
     rgb = flat(340, 600, 0.0)
     ratios = spectrum_ratios("snow", rgb, 8, severity=severity, blending_ratio=1.0)
     # So few draws of the direction: 15 % holds over hundreds of them.

@@ -15,6 +15,8 @@ from written import run, world
 
 from noisy_world.executors import ray_cluster
 
+pytestmark = pytest.mark.long
+
 SETTINGS = [
     {"name": "clean"},
     {"name": "noise", "perturb": [{"gaussian_noise": {"severity": 3}}]},

@@ -3,6 +3,7 @@
 
 import json
 import os
+import shutil
 import subprocess
 import sys
 
@@ -14,7 +15,7 @@ from group_tools import IDENTIFIERS, by_nodes, picture, step_of
 from worlds import ROOT
 
 sys.path.append(str(ROOT / "headless"))
-from tools import assets
+from tools import assets, package
 
 from noisy_world.blender import kept_groups, nodes
 from noisy_world.core.node_graphs.chain import shown_values
@@ -28,9 +29,12 @@ SCRIPT = ROOT / "tests/headless/append_groups.py"
 
 
 @pytest.fixture(scope="module")
-def library(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("assets")
-    assert assets.write_library(folder) == len(PERTURBATIONS)
+def library(tmp_path_factory, building):
+    """A copy of the library that the extension's build writes where its groups or their previews have changed."""
+    folder = tmp_path_factory.mktemp("assets") / "library"
+    with building():
+        package.make_library()
+        shutil.copytree(ROOT / "addon/noisy_world/assets", folder)
     return folder
 
 

@@ -34,8 +34,8 @@ def test_what_is_of_use(monkeypatch, asked, there, jobs, words):
 
 
 def test_too_many_jobs_change_nothing_but_the_line(tmp_path):
-    pytest.importorskip("bpy", reason="bpy is not installed")
-    preset = write_world(tmp_path, frames=3)
+    pytest.importorskip("embreex", reason="embreex is not installed: pip install '.[embree]'")
+    preset = write_world(tmp_path, frames=3, render={"engine": "embree", "backend": "reference"})
     generate_here(preset, "--out", tmp_path / "one")
     many = generate(preset, "--out", tmp_path / "many", "--jobs", 64, env=os.environ | {"PYTHON_CPU_COUNT": "2"})
     assert many.stderr.splitlines()[0] == "--jobs 64 is more than is of use with 2 processors, so it is taken as 2"

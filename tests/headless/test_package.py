@@ -243,6 +243,7 @@ def zips(tmp_path_factory, building):
         path.unlink()
 
 
+@pytest.mark.long
 def test_a_zip_holds_its_platforms_wheels_alone(zips):
     for platform, tag in {"linux_x64": "x86_64", "macos_arm64": "arm64"}.items():
         with zipfile.ZipFile(zips[platform]) as packed:
@@ -290,6 +291,7 @@ print("@" + json.dumps([enabled, [module.__file__ for module in (cv2, deflate, O
 """
 
 
+@pytest.mark.long
 @needs_blender
 def test_a_clean_profile_has_all_that_it_needs(profile, tmp_path):
     (tmp_path / "probe.py").write_text(PROBE)
@@ -300,6 +302,7 @@ def test_a_clean_profile_has_all_that_it_needs(profile, tmp_path):
     assert str(profile) not in numpy
 
 
+@pytest.mark.long
 @needs_blender
 def test_generate_works_in_that_profile(profile, tmp_path):
     # A checkout without the packages beside it, and the extension's own script, with and without the preferences.
@@ -321,6 +324,7 @@ def test_generate_works_in_that_profile(profile, tmp_path):
     assert made[0] == made[1] == made[2]
 
 
+@pytest.mark.long
 @needs_blender
 def test_another_platforms_zip_is_refused_in_a_line(zips, tmp_path):
     _, said = install(tmp_path / "user", zips["macos_arm64"])
@@ -345,6 +349,7 @@ def without_wheels(source, target, dropped):
     return target
 
 
+@pytest.mark.long
 @needs_blender
 def test_an_extension_without_a_package_names_it_and_its_python(zips, tmp_path):
     path = without_wheels(zips["linux_x64"], tmp_path / "less.zip", "openexr")
@@ -362,6 +367,7 @@ def test_an_extension_without_a_package_names_it_and_its_python(zips, tmp_path):
     assert "enable the add-on, or install the zip" in lines[0]
 
 
+@pytest.mark.long
 @needs_blender
 def test_no_address_is_asked_for(profile):
     assert "network" not in tomllib.loads(

@@ -16,7 +16,10 @@ import pytest
 from worlds import GENERATE, ROOT, generate, write_world
 
 BLENDER = os.environ.get("NOISY_WORLD_BLENDER", "")
-pytestmark = pytest.mark.skipif(not BLENDER, reason="NOISY_WORLD_BLENDER names no Blender program")
+pytestmark = [
+    pytest.mark.long,
+    pytest.mark.skipif(not BLENDER, reason="NOISY_WORLD_BLENDER names no Blender program"),
+]
 
 
 def blender(*arguments, before=(), **options):

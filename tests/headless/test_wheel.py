@@ -16,6 +16,8 @@ from noisy_world.cli import command
 from noisy_world.cli.ending import exit_status
 from noisy_world.cli.shipped import found_preset
 
+pytestmark = pytest.mark.long
+
 VERSION = tomllib.loads((ROOT / "blender_manifest.toml").read_text())["version"]
 
 

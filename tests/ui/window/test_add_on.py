@@ -21,7 +21,10 @@ from analytic import look_at
 from worlds import ROOT, write_box_ply
 
 BLENDER = os.environ.get("NOISY_WORLD_BLENDER", "")
-pytestmark = pytest.mark.skipif(not BLENDER, reason="NOISY_WORLD_BLENDER names no Blender program")
+pytestmark = [
+    pytest.mark.long,
+    pytest.mark.skipif(not BLENDER, reason="NOISY_WORLD_BLENDER names no Blender program"),
+]
 MODULE = "bl_ext.user_default.noisy_world"
 FRAMES = 5
 PICTURES = (
