@@ -15,6 +15,7 @@ from worlds import ROOT
 from noisy_world.core.machine import (
     available_threads,
     end_opencv_threads_before_forks,
+    free_memory_bytes,
     keep_freed_memory,
     peak_memory_bytes,
     processor_features,
@@ -83,3 +84,88 @@ def threads_at_a_fork():
 def test_opencv_s_threads_have_ended_when_a_process_forks():
     busy, forking, here, child = in_new_process(threads_at_a_fork)
     assert (forking, here, child) == (busy - 3, 4, 4)
+
+
+GB = 10**9
+
+
+def written(folder, files):
+    """Write files of /proc and /sys into a folder; return it."""
+    for name, text in files.items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_text(text)
+    return folder
+
+
+MACHINE = {"proc/meminfo": f"MemTotal: 32000000 kB\nMemAvailable: {20 * GB // 1024} kB\nSwapFree: 0 kB\nHugePages: 0\n"}
+# Documentation/admin-guide/cgroup-v2.rst and cgroup-v1/memory.rst of Linux.
+GROUPS = {
+    "none": ({}, 20),
+    "version 2": (
+        {
+            "proc/self/cgroup": "0::/job/step\n",
+            "sys/fs/cgroup/job/step/memory.max": "max\n",
+            "sys/fs/cgroup/job/step/memory.current": f"{GB}\n",
+            "sys/fs/cgroup/job/memory.max": f"{8 * GB}\n",
+            "sys/fs/cgroup/job/memory.current": f"{5 * GB}\n",
+            "sys/fs/cgroup/job/memory.stat": f"anon {2 * GB}\nactive_file {GB}\ninactive_file {GB}\n",
+        },
+        4,  # 8 GB, of which 5 are used, one of them by a cache that is dropped where memory is needed
+    ),
+    "version 2, the group's own root": (
+        {
+            "proc/self/cgroup": "0::/\n",
+            "sys/fs/cgroup/memory.max": f"{3 * GB}\n",
+            "sys/fs/cgroup/memory.current": f"{GB}\n",
+        },
+        2,
+    ),
+    "version 1": (
+        {
+            "proc/self/cgroup": "5:cpu,cpuacct:/docker/a\n4:memory:/docker/a\n",
+            "sys/fs/cgroup/memory/memory.limit_in_bytes": f"{6 * GB}\n",  # what a container sees
+            "sys/fs/cgroup/memory/memory.usage_in_bytes": f"{3 * GB}\n",
+            "sys/fs/cgroup/memory/memory.stat": f"inactive_file 0\ntotal_inactive_file {2 * GB}\n",
+        },
+        5,
+    ),
+    "more than there is": (
+        {
+            "proc/self/cgroup": "4:memory:/\n",
+            "sys/fs/cgroup/memory/memory.limit_in_bytes": "9223372036854771712\n",
+            "sys/fs/cgroup/memory/memory.usage_in_bytes": f"{3 * GB}\n",
+        },
+        20,
+    ),
+    "over its limit": (
+        {
+            "proc/self/cgroup": "0::/\n",
+            "sys/fs/cgroup/memory.max": f"{GB}\n",
+            "sys/fs/cgroup/memory.current": f"{2 * GB}\n",
+        },
+        0,
+    ),
+}
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="the files are Linux's")
+@pytest.mark.parametrize("name", GROUPS)
+def test_free_memory_is_the_least_of_the_machines_and_of_its_groups(name, tmp_path):
+    files, free_gb = GROUPS[name]
+    assert free_memory_bytes(written(tmp_path, MACHINE | files)) == pytest.approx(free_gb * GB, abs=1024)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="the files are Linux's")
+def test_free_memory_is_within_the_limit_of_address_space(tmp_path, monkeypatch):
+    import resource
+
+    monkeypatch.setattr(resource, "getrlimit", lambda which: (9 * GB if which == resource.RLIMIT_AS else 1, -1))
+    root = written(tmp_path, MACHINE | {"proc/self/status": f"Name: python\nVmSize: {2 * GB // 1024} kB\n"})
+    assert 9 * GB - 2 * GB - 2 * GB < free_memory_bytes(root) <= 9 * GB - 2 * GB  # less what threads only map
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="the files are Linux's")
+def test_free_memory_is_as_free_tells():
+    told = subprocess.run(["free", "-b"], capture_output=True, text=True, check=False)
+    available = int(told.stdout.splitlines()[1].split()[6])
+    assert 0 < free_memory_bytes() <= available + 2 * GB  # others take and give back meanwhile

@@ -18,7 +18,7 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.errors import NoisyWorldError
+from ..core.errors import NoisyWorldError, memory_errors
 from ..core.geometry import Intrinsics
 from ..core.optics import Distortion
 from ..core.planning.metering import light_seen
@@ -133,7 +133,8 @@ def main(folder: str) -> None:
         os.nice(NICENESS)
     progress = JsonProgress(os.fdopen(os.dup(1), "w", buffering=1), lost=lambda: os._exit(1))
     try:
-        _render(Path(folder), progress)
+        with memory_errors():
+            _render(Path(folder), progress)
     except NoisyWorldError as error:
         progress.tell({"error": error.message})
         raise SystemExit(1) from error

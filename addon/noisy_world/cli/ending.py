@@ -2,6 +2,7 @@
 """How a command ends: what its user can mend is one line and an exit status; a bug keeps its traceback."""
 
 import argparse
+import io
 import os
 import select
 import sys
@@ -40,10 +41,11 @@ def ended(
     if problem := missing_package(needs, entry):
         wrong(problem)
         return 1
-    from ..core.errors import BusyError, InterruptedRunError, NoisyWorldError
+    from ..core.errors import BusyError, InterruptedRunError, NoisyWorldError, memory_errors
 
     try:
-        return work()
+        with memory_errors():
+            return work()
     except InterruptedRunError:
         say(f"stopped; {stopped}")
         return INTERRUPTED
@@ -55,8 +57,10 @@ def ended(
 def exit_status(work: Callable[[], int]) -> int:
     """Run a whole command line and return the exit status of its process.
 
-    Where nobody reads its output any more, as after `| head`, it ends without a word, as Unix tools do.
+    Where nobody reads its output any more, as after `| head`, it ends without a word, as Unix tools do; where its
+    output cannot be written, as on a full disk, with a line.
     """
+    _open_streams()
     try:
         try:
             status = work()
@@ -69,10 +73,50 @@ def exit_status(work: Callable[[], int]) -> int:
     except BrokenPipeError:
         if not (gone := [number for number in (1, 2) if _reader_is_gone(number)]):
             raise  # of another pipe, to a process that this one has started
-        for number in gone:  # Python writes what is left when it ends, and would complain
-            os.dup2(os.open(os.devnull, os.O_WRONLY), number)
+        _put_devnull(gone)
         return READER_GONE
+    except OSError as error:
+        if error.filename is not None or not _output_fails():
+            raise  # of another file
+        _put_devnull((1,))
+        say(f"standard output cannot be written: {error.strerror or error}")
+        return 1
     return status
+
+
+def _open_streams() -> None:
+    """Have all three standard streams: where one is closed, as a daemon's are, what goes there is dropped.
+
+    Otherwise the next file that is opened would be that stream. What the stream's encoding lacks is shown escaped.
+    """
+    for number, (name, mode) in enumerate((("stdin", "r"), ("stdout", "w"), ("stderr", "w"))):
+        try:
+            os.fstat(number)
+        except OSError:
+            opened = os.open(os.devnull, os.O_RDWR)
+            if opened != number:
+                os.dup2(opened, number)
+                os.close(opened)
+        if getattr(sys, name) is None:  # so Python says that it was closed
+            setattr(sys, name, open(number, mode, encoding="utf-8", closefd=False))  # noqa: SIM115 - it stays open
+    if isinstance(sys.stdout, io.TextIOWrapper) and sys.stdout.errors == "strict":
+        sys.stdout.reconfigure(errors="backslashreplace")
+
+
+def _output_fails() -> bool:
+    """Tell whether nothing more can be written to standard output."""
+    try:
+        sys.stdout.flush()
+        os.write(1, b"\n")
+    except OSError:
+        return True
+    return False
+
+
+def _put_devnull(numbers: Iterable[int]) -> None:
+    """Drop what goes to some streams: Python writes what is left when it ends, and would complain."""
+    for number in numbers:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), number)
 
 
 def _reader_is_gone(number: int) -> bool:

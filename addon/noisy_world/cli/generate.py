@@ -112,9 +112,12 @@ def _without_blender(plan: "Plan") -> str:
 
 
 def need_packages(plan: "Plan", options: argparse.Namespace, entry: Entry) -> None:
-    """Raise MissingDependencyError where a package or library that a run needs is missing. Starts nothing."""
+    """Raise NoisyWorldError where a package, a library or memory that a run needs is missing. Starts nothing."""
     from ..core.errors import MissingDependencyError
+    from ..core.planning.memory import check_memory
 
+    if options.ray is None:
+        check_memory(plan)
     if plan.needs_blender and (problem := blender_lacks(entry)):
         raise MissingDependencyError(problem + _without_blender(plan))
     if "embree" in plan.engines:

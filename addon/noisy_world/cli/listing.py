@@ -153,7 +153,9 @@ def list_plan(plan: "Plan", what: str) -> int:
 
 def print_plan(plan: "Plan", out: Path | str) -> None:
     """Print what a run would do."""
+    from ..core.machine import free_memory_bytes
     from ..core.planning.estimate import estimate, size_text
+    from ..core.planning.memory import memory_bytes
     from ..core.planning.plan_notes import plan_notes
 
     guess = estimate(plan)
@@ -172,6 +174,9 @@ def print_plan(plan: "Plan", out: Path | str) -> None:
     between = f"{size_text(guess.least_bytes)} to {size_text(guess.most_bytes)}, by what the images show"
     took = duration_text(guess.seconds)
     print(f"estimate   {size_text(guess.bytes_written)} ({between}), {took} on two cores (rough)")
+    free = free_memory_bytes()
+    here = "" if free is None else f"; {size_text(free)} are free here"
+    print(f"memory     {size_text(memory_bytes(plan))} or more in each process, and what the scenes take{here}")
 
 
 def counted(things: Sequence[object], name: str) -> str:

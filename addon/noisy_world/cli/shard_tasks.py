@@ -17,6 +17,7 @@ from typing import Any
 from ..core.datasets.dataset_state import IDENTITY, WORK_FOLDER
 from ..core.machine import available_threads, peak_memory_bytes
 from ..core.planning.estimate import estimate
+from ..core.planning.memory import check_memory
 from ..core.planning.plan import Plan
 from ..core.planning.shards import Shard, seconds_of
 from ..core.presets.preset import check_document
@@ -178,6 +179,7 @@ def make_dataset(
         else:
             if note:
                 progress.note(note)
+            check_memory(plan, jobs)
             place, count = destination_of(plan, options, folder=folder), None
             workers = ShardWorkers(plan, place.folder, executor, stop, merging=place.merged_by_workers)
         overwrite, make = options.overwrite, workers.make

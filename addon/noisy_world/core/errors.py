@@ -5,6 +5,8 @@ On the command line each becomes a single line and a non-zero exit status, in th
 other exception is a bug and keeps its traceback.
 """
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from .messages import Message, Part, Remedy, Subject, either
@@ -72,6 +74,31 @@ class BusyError(StorageError):
 
 class CannotJoinError(StorageError):
     """This process does not see the run that it is to take part in, or would make other bytes."""
+
+
+class OutOfMemoryError(NoisyWorldError):
+    """This process got no more memory."""
+
+
+@contextmanager
+def memory_errors() -> Iterator[None]:
+    """Turn want of memory, numpy's, OpenCV's and that of threads, into one line. Raises OutOfMemoryError."""
+    try:
+        yield
+    except Exception as error:
+        if not (isinstance(error, MemoryError) or _is_opencvs(error) or str(error) == _NO_THREAD):
+            raise
+        more = "" if _is_opencvs(error) or not str(error) else f": {error}"
+        raise OutOfMemoryError(f"memory is short{more}", remedy=MORE_MEMORY) from error
+
+
+MORE_MEMORY = either("make the images smaller", "run it where there is more memory")
+_OPENCV_NO_MEMORY = -4  # cv2.Error.StsNoMem
+_NO_THREAD = "can't start new thread"  # Python's, a RuntimeError, where there is no room for its stack
+
+
+def _is_opencvs(error: Exception) -> bool:
+    return type(error).__module__ == "cv2" and getattr(error, "code", None) == _OPENCV_NO_MEMORY
 
 
 class InterruptedRunError(NoisyWorldError):

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from .regular_files import read_text
 
+_MAPPED_ONLY_BYTES = 10**9  # measured: stacks and arenas of threads, which count as address space and take no memory
 _M_TRIM_THRESHOLD, _M_TOP_PAD, _M_MMAP_THRESHOLD = -1, -2, -3  # malloc.h of glibc
 
 
@@ -79,3 +80,120 @@ def end_opencv_threads_before_forks() -> None:
 
     if hasattr(os, "register_at_fork"):
         os.register_at_fork(before=before, after_in_parent=after, after_in_child=after)
+
+
+def limit_process(processor_s: int) -> None:
+    """End this process after so many seconds of a processor, or where it takes more memory than there is.
+
+    It is for a process that reads what somebody gave: a few lines of USD may mean millions of copies. It does nothing
+    where the system has no such limits.
+    """
+    try:
+        import resource  # noqa: PLC0415 - not on Windows
+    except ImportError:
+        return
+    _lower_limit(resource.RLIMIT_CPU, processor_s)
+    if (free := free_memory_bytes()) is not None:
+        mapped = _fields_kb(Path("/proc/self/status")).get("VmSize", 0) * 1024
+        _lower_limit(resource.RLIMIT_AS, mapped + free + _MAPPED_ONLY_BYTES)
+
+
+def allow_processor(further_s: int) -> None:
+    """Allow this process so many more seconds of a processor, where it has a limit that it may raise."""
+    try:
+        import resource  # noqa: PLC0415 - not on Windows
+    except ImportError:
+        return
+    soft, hard = resource.getrlimit(resource.RLIMIT_CPU)
+    if soft != resource.RLIM_INFINITY:
+        more = soft + further_s
+        resource.setrlimit(resource.RLIMIT_CPU, (more if hard == resource.RLIM_INFINITY else min(more, hard), hard))
+
+
+def _lower_limit(which: int, limit: int) -> None:
+    if sys.platform != "win32":
+        import resource  # noqa: PLC0415 - not on Windows
+
+        soft, hard = resource.getrlimit(which)
+        known = [value for value in (soft, hard) if value != resource.RLIM_INFINITY]
+        resource.setrlimit(which, (min([limit, *known]), hard))
+
+
+def free_memory_bytes(system: Path = Path("/")) -> int | None:
+    """Return how many bytes of memory this process may still take; None where the system does not report it.
+
+    It is the least of what the machine has free, what its control groups leave it (those of containers and of batch
+    systems, versions 1 and 2), and what its limit of address space (`ulimit -v`) does. system: the root of /proc and
+    /sys.
+    """
+    found = [_machine_free_bytes(system), *_groups_free_bytes(system), _address_space_free_bytes(system)]
+    known = [value for value in found if value is not None]
+    return max(0, min(known)) if known else None
+
+
+def held_memory_bytes() -> int:
+    """Return the resident memory of this process; 0 where the system does not report it."""
+    return _fields_kb(Path("/proc/self/status")).get("VmRSS", 0) * 1024
+
+
+def _machine_free_bytes(system: Path) -> int | None:
+    counted = _fields_kb(system / "proc/meminfo")
+    if "MemAvailable" in counted:
+        return (counted["MemAvailable"] + counted.get("SwapFree", 0)) * 1024
+    if sys.platform == "darwin":  # which does not tell what is free in a way that Python knows
+        return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+    return None
+
+
+def _address_space_free_bytes(system: Path) -> int | None:
+    if sys.platform == "win32":
+        return None
+    import resource  # noqa: PLC0415 - not on Windows
+
+    limit = resource.getrlimit(resource.RLIMIT_AS)[0]
+    if limit == resource.RLIM_INFINITY:
+        return None
+    return limit - _fields_kb(system / "proc/self/status").get("VmSize", 0) * 1024 - _MAPPED_ONLY_BYTES
+
+
+def _groups_free_bytes(system: Path) -> list[int]:
+    """Return what each control group that this process is in, and each above it, leaves its processes."""
+    found: list[int] = []
+    for line in _lines(system / "proc/self/cgroup"):
+        _, controllers, path = line.split(":", 2)
+        mount = system / "sys/fs/cgroup"
+        if "memory" in controllers.split(","):
+            mount, names = mount / "memory", ("memory.limit_in_bytes", "memory.usage_in_bytes", "total_inactive_file")
+        elif not controllers:
+            names = ("memory.max", "memory.current", "inactive_file")
+        else:
+            continue
+        inside = mount / path.lstrip("/")
+        # A container may see its own group where the whole tree would be mounted.
+        for folder in (inside, *inside.parents[: len(inside.parts) - len(mount.parts)]):
+            free = _group_free_bytes(folder, *names)
+            found += [] if free is None else [free]
+    return found
+
+
+def _group_free_bytes(folder: Path, limit: str, usage: str, cached: str) -> int | None:
+    """Return what a control group leaves its processes, the files' content that it could drop too; None for any."""
+    limits, used = _lines(folder / limit), _lines(folder / usage)
+    if not (limits and used and limits[0].isdecimal() and used[0].isdecimal()):  # "max" is no limit
+        return None
+    words = (line.split() for line in _lines(folder / "memory.stat"))
+    dropped = sum(int(value) for name, value in words if name == cached)
+    return int(limits[0]) - int(used[0]) + dropped
+
+
+def _fields_kb(path: Path) -> dict[str, int]:
+    """Return the fields of a file of /proc that are in kB, by name."""
+    rows = (line.split() for line in _lines(path))
+    return {row[0].rstrip(":"): int(row[1]) for row in rows if len(row) == 3 and row[2] == "kB"}
+
+
+def _lines(path: Path) -> list[str]:
+    try:
+        return read_text(path).splitlines()
+    except (OSError, UnicodeError):
+        return []

@@ -7,7 +7,7 @@ import queue
 import threading
 from typing import Any
 
-from ..core.errors import BusyError, CannotJoinError, InterruptedRunError, NoisyWorldError
+from ..core.errors import BusyError, CannotJoinError, InterruptedRunError, NoisyWorldError, memory_errors
 from ..core.exit_statuses import BUSY, DONE, INTERRUPTED, REFUSED, USERS_ERROR
 from ..core.progress import JsonProgress
 from .jobs import Prepare
@@ -24,13 +24,16 @@ def work(prepare: Prepare, stop: threading.Event) -> int:
         return INTERRUPTED
     with contextlib.ExitStack() as closing:
         try:
-            perform = closing.enter_context(prepare(order, parent))
+            with memory_errors():
+                perform = closing.enter_context(prepare(order, parent))
         except NoisyWorldError as error:  # the parent could prepare it, so it is this machine that lacks something
             parent.tell({"error": error.message})
             return REFUSED
         try:
             while (name := parent.next()) is not None:
-                parent.made(name, perform(name))
+                with memory_errors():
+                    report = perform(name)
+                parent.made(name, report)
         except InterruptedRunError:
             return INTERRUPTED
         except NoisyWorldError as error:

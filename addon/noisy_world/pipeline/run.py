@@ -15,6 +15,7 @@ from ..core.datasets.provenance import plain_identity
 from ..core.datasets.shard_record import shard_folder
 from ..core.errors import StorageError
 from ..core.machine import available_threads, peak_memory_bytes
+from ..core.planning.memory import check_memory
 from ..core.planning.plan import Plan
 from ..core.planning.plan_notes import plan_notes
 from ..core.planning.shards import Shard
@@ -71,8 +72,11 @@ class Run:
         """Make the dataset, or the part of it that is missing.
 
         Raises InterruptedRunError when stopped, StorageError when the disk or a store cannot be written. Finished
-        frames stay, and another run of the same plan continues from there.
+        frames stay, and another run of the same plan continues from there. NoisyWorldError where its frames take more
+        memory than there is.
         """
+        if self._workers is None:
+            check_memory(self._plan)
         return self._through(self._make, unfinished=True)
 
     def merge(self, missing: Callable[[Work, list[Path]], StorageError]) -> Report:

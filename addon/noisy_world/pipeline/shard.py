@@ -19,6 +19,7 @@ from ..core.datasets.shard_record import SHARD, ShardRecord, read_shard
 from ..core.datasets.storage import FolderLock
 from ..core.errors import StorageError
 from ..core.machine import peak_memory_bytes
+from ..core.planning.memory import check_memory
 from ..core.planning.plan import Plan, Render
 from ..core.planning.shards import Shard, render_of
 from ..core.progress import Progress
@@ -34,7 +35,11 @@ class ShardMaker:
     """Makes one shard of a plan after another; a scene stays in memory between neighbours."""
 
     def __init__(self, plan: Plan, *, progress: Progress, stop: threading.Event, threads: int = 0) -> None:
-        """Prepare. stop: when set, a shard ends after the current frame. threads: of the renderer; 0 for all."""
+        """Prepare. stop: when set, a shard ends after the current frame. threads: of the renderer; 0 for all.
+
+        Raises NoisyWorldError where the plan's frames take more memory than there is.
+        """
+        check_memory(plan)
         self._plan = plan
         self._progress = progress
         self._frames = FrameMaker(plan, progress=progress, stop=stop, threads=threads)

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import bpy
 
-from ..core.errors import NoisyWorldError
+from ..core.errors import NoisyWorldError, memory_errors
 from ..core.labels import american, title
 from ..core.perturbing.kinds import SEQUENCE_KINDS
 from ..perturbations import registry
@@ -37,7 +37,8 @@ def guarded(operator: bpy.types.Operator, work: Callable[[], str]) -> set[str]:
     if window is not None:
         window.cursor_set("WAIT")
     try:
-        message = work()
+        with memory_errors():
+            message = work()
     except NoisyWorldError as error:
         operator.report({"ERROR"}, spoken(error.message))
         return CANCELLED

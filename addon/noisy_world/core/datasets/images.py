@@ -88,7 +88,7 @@ def encode_colour(pixels: NDArray[np.uint8], image: Literal["jpg", "png"], *, fi
     swapped = cv2.cvtColor(pixels, cv2.COLOR_RGB2BGR) if pixels.ndim == 3 else np.ascontiguousarray(pixels)
     done, data = cv2.imencode(".jpg", swapped, options)
     if not done:
-        raise RuntimeError(f"OpenCV could not encode {pixels.shape} {pixels.dtype} as .jpg")
+        raise MemoryError(f"OpenCV could not encode {pixels.shape} {pixels.dtype} as .jpg")
     return data.tobytes()
 
 
