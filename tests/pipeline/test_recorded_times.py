@@ -10,8 +10,10 @@ from probes import BOTH_PROBES, COLOUR, DEPTH, Probes
 from written import read, run, states
 
 from noisy_world.core.datasets.layouts import find_sequence
-from noisy_world.core.errors import InputError
+from noisy_world.core.errors import InputError, StorageError
+from noisy_world.core.presets.preset import read_preset
 from noisy_world.perturb import frames
+from noisy_world.planning import make_plan
 
 
 pytestmark = pytest.mark.usefixtures("no_blender")
@@ -114,3 +116,19 @@ def test_the_library_reads_as_a_preset_does(tmp_path):
     (source / "groundtruth.txt").write_text("0 0 0 0 0 0 0 1\n")
     with pytest.raises(InputError, match="no colour, depth and pose lie within"):
         next(frames(source, []))
+
+
+@pytest.mark.parametrize("name", ["rgb.txt", "depth.txt"])
+def test_when_colour_and_depth_were_taken_is_part_of_the_identity(tmp_path, name):
+    """Files, poses and pairs stay what they are; stamps alone are a millisecond later."""
+    source = jittered_tum(tmp_path)
+    preset = preset_of(tmp_path / "p", {"name": "box", "sequence": str(source)})
+    run(preset, tmp_path / "out")
+    before = json.loads((tmp_path / "out/manifest.json").read_text())["identity"]["scenes"]["box"]["inputs"]
+    lines = [line.split(" ", 1) for line in (source / name).read_text().splitlines()]
+    (source / name).write_text("".join(f"{float(stamp) + 0.001:.6f} {rest}\n" for stamp, rest in lines))
+    (scene,) = make_plan(read_preset(preset)).scenes
+    after = scene.source.hashes()
+    assert {key for key in before if before[key] != after[key]} == {"stamps_sha256"}
+    with pytest.raises(StorageError, match=r"scenes\.0\.stamps"):
+        run(preset, tmp_path / "out")

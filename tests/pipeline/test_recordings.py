@@ -3,10 +3,13 @@
 
 from recorded_presets import camera, preset_of, recorded
 import json
+import re
 
 import cv2
 import numpy as np
 import pytest
+import yaml
+from made_recordings import write_tum
 from worlds import generate_here
 from written import names_in, run
 
@@ -56,9 +59,32 @@ def test_no_camera_at_all_is_never_guessed(tmp_path, layout):
     preset = preset_of(tmp_path / "p", {"sequence": str(source)})
     with pytest.raises(InputError) as error:
         make_plan(read_preset(preset))
-    assert str(error.value).endswith("says its intrinsics; give camera; its images are 8 x 6")
     assert "scenes.0.sequence" in str(error.value)
-    run(preset, tmp_path / "given", overrides=["camera=" + json.dumps(camera())])
+    (whole,) = re.findall(r"camera: ({[^}]*})", str(error.value))
+    assert yaml.safe_load(whole) == {"width": 8, "height": 6, "fx": "FX", "fy": "FY", "cx": "CX", "cy": "CY"}
+    for name, value in {"FX": 4.0, "FY": 4.0, "CX": 3.5, "CY": 2.5}.items():
+        whole = whole.replace(name, str(value))
+    run(preset, tmp_path / "given", overrides=[f"camera={whole}"])
+
+
+@pytest.mark.parametrize(
+    ("name", "camera"),
+    [
+        # TUM's table of intrinsics, https://cvg.cit.tum.de/data/datasets/rgbd-dataset/file_formats
+        ("freiburg1_desk", {"fx": 517.3, "fy": 516.5, "cx": 318.6, "cy": 255.3}),
+        ("my_fr2-xyz", {"fx": 520.9, "fy": 521.0, "cx": 325.1, "cy": 249.7}),
+        ("fr3/office", {"fx": 535.4, "fy": 539.2, "cx": 320.1, "cy": 247.6}),
+        ("frame1", {"fx": "FX", "fy": "FY", "cx": "CX", "cy": "CY"}),
+        ("fr12", {"fx": "FX", "fy": "FY", "cx": "CX", "cy": "CY"}),
+    ],
+)
+def test_the_camera_to_give_is_printed_whole(tmp_path, name, camera):
+    black = np.zeros((480, 640), np.uint8)
+    write_tum(tmp_path / name, [np.stack([black] * 3, axis=-1)], [black], [(0, 0, 0, 0, 0, 0, 1)])
+    with pytest.raises(InputError) as error:
+        make_plan(read_preset(preset_of(tmp_path / "p", {"name": "desk", "sequence": str(tmp_path / name)})))
+    (whole,) = re.findall(r"camera: ({[^}]*})", str(error.value))
+    assert yaml.safe_load(whole) == {"width": 640, "height": 480, **camera}
 
 
 def test_scenes_with_different_cameras(tmp_path, capfd):

@@ -107,17 +107,25 @@ def test_plain_images_are_previewed_as_they_are_written(tmp_path):
 
 def test_its_keys_come_back_from_a_preset(recording, tmp_path):
     recording.recorded_poses, recording.register_depth, recording.recorded_rate_hz = "keep", True, 15.0
-    recording.recorded_void = "sky"
+    recording.recorded_void, recording.recorded_depth_scale_per_m = "sky", 1000.5
     path = tmp_path / "scan.yaml"
     document.save_preset(recording, path)
     said = document.to_document(recording, tmp_path)
     assert said["scenes"] == [
-        {"name": "scan", "sequence": "scene0000_00", "poses": "keep", "register": True, "void": "sky", "rate_hz": 15.0}
+        {
+            "name": "scan",
+            "sequence": "scene0000_00",
+            "poses": "keep",
+            "register": True,
+            "void": "sky",
+            "depth_scale_per_m": 1000.5,
+            "rate_hz": 15.0,
+        }
     ]
     assert "camera" not in said
     item = settings()
     item.mesh_source, item.sequence_path, item.recorded_poses, item.register_depth = "ROOM", "", "drop", False
-    item.recorded_void = "unmeasured"
+    item.recorded_void, item.recorded_depth_scale_per_m = "unmeasured", 0.0
     apply_preset.open_preset(item, path)
     assert document.to_document(item, tmp_path) == said
     film(tmp_path / "walk.avi")
@@ -216,6 +224,8 @@ def test_each_source_draws_fields_that_there_are(recording, monkeypatch):
     assert drawn["FILE"] == ["mesh_path"]
     assert drawn["SCENE"] == ["compositing", "depth_alpha"]
     assert drawn["RECORDING"][0] == "sequence_path"
-    assert drawn["RECORDING"][-5:-2] == ["undistort", "register_depth", "recorded_void"]
+    assert drawn["RECORDING"][-6:-2] == [
+        "undistort", "register_depth", "recorded_depth_scale_per_m", "recorded_void"
+    ]  # fmt: skip
     assert drawn["RECORDING"][-2:] == ["recorded_poses", "recorded_rate_hz"]
     assert drawn["VIDEO"] == ["video_path", "video_depth_path", "label"]

@@ -15,10 +15,12 @@ from ..core.datasets.provenance import plain_identity
 from ..core.datasets.shard_record import shard_folder
 from ..core.errors import StorageError
 from ..core.machine import available_threads, peak_memory_bytes
+from ..core.messages import Message
 from ..core.planning.memory import check_memory
 from ..core.planning.plan import Plan
 from ..core.planning.plan_notes import plan_notes
 from ..core.planning.shards import Shard
+from ..core.planning.source import remarks_on
 from ..core.presets.preset import canonical
 from ..core.progress import Progress
 from .completed_images import CompletedImages, FinishedImages, find_missing
@@ -148,6 +150,7 @@ class Run:
         self._progress.start("rendering", self._plan.frame_count, self.report.frames_kept)
         for text in plan_notes(self._plan):
             self._note(text)
+        self._remark(work)
         if shards is None:
             self._make_here(work)
         elif shards:
@@ -157,6 +160,13 @@ class Run:
                 else:
                     self._make_shards_here(shards, made)
         self._progress.finish()
+
+    def _remark(self, work: Work) -> None:
+        """Say what is to be known of the scenes of which frames are missing."""
+        for scene in self._plan.scenes:
+            if any(render.scene is scene and work.get(render.name) for render in self._plan.renders):
+                for text in remarks_on(scene.source, self._plan.cameras[scene.name]):
+                    self._note(Message(f"{scene.name}: ", text))
 
     def _make_here(self, work: Work) -> None:
         """Make frames in this process, in the dataset's own folder; a scene is in memory once for all its renders."""

@@ -16,7 +16,7 @@ from ..core.channels import COLOUR_AND_DEPTH
 from ..core.datasets.image_files import WholeFile
 from ..core.datasets.layouts import Modality, OutputFormat, PosePolicy, find_sequence, known_recordings, recognising
 from ..core.datasets.storage import sha256_of_file
-from ..core.datasets.stored import StoredFrame, StoredSequence, same_camera
+from ..core.datasets.stored import SCALES_PER_M, StoredFrame, StoredSequence, same_camera
 from ..core.datasets.unmeasured import VOID_CHOICES, VOID_MEANING, MeasuredDepth, Void
 from ..core.geometry import Intrinsics
 from ..core.machine import keep_freed_memory
@@ -32,6 +32,7 @@ from ..core.trajectories.frame_request import FrameRequest
 from ..core.trajectories.sensor_paths import SensorPaths
 from ..core.trajectories.stamps import FrameStamps
 from ..core.trajectories.trajectory import Trajectory
+from .parallax import parallax_remark
 from .path_files import sha256_of_path
 from .rectification import Rectification
 from .scene_files import FileSource
@@ -85,6 +86,14 @@ class RecordingKeys(SceneKeys):
     register: bool = key(
         "whether depth of a sequence that has a camera of its own is laid into colour, by the calibration",
         default=False,
+        identity="meaning",
+    )
+    depth_scale_per_m: float | None = key(
+        "steps a metre of a sequence's depth images, where it is not what its files or its layout say",
+        unit="steps/m",
+        default=None,
+        minimum=SCALES_PER_M[0],
+        maximum=SCALES_PER_M[1],
         identity="meaning",
     )
     void: Void = key(VOID_MEANING, default="unmeasured", choices=VOID_CHOICES)
@@ -166,8 +175,9 @@ class Recording(SimpleSource):
         known, size_px = self.stored.known_camera, self.stored.size_px
         self.stored.check_images()
         if asked is None and known is None:
-            problem = f"no file of {self.location} says its intrinsics"
-            raise self.place.at("sequence").error(problem, f"give camera; its images are {_spoken(size_px)}")
+            raise self.place.at("sequence").error(
+                f"no file of {self.location} says its intrinsics", self._whole_camera()
+            )
         if asked is None:
             assert known is not None, "one of them is"
             return known
@@ -179,6 +189,19 @@ class Recording(SimpleSource):
             problem = f"its camera has {_values(known)} ({self.stored.camera_path}), but the preset's {_values(asked)}"
             raise self.place.at("sequence").error(problem, "set camera to these, or leave it out")
         return asked
+
+    def _whole_camera(self) -> Part:
+        """Return the key that says a camera, with what is known of it."""
+        width_px, height_px = self.stored.size_px
+        likely = self.stored.likely
+        if likely is None or (likely.width_px, likely.height_px) != (width_px, height_px):
+            values, why = "fx: FX, fy: FY, cx: CX, cy: CY", ", with its calibration in pixels in place of the capitals"
+        else:
+            named = (("fx", likely.fx_px), ("fy", likely.fy_px), ("cx", likely.cx_px), ("cy", likely.cy_px))
+            values = ", ".join(f"{name}: {value:g}" for name, value in named)
+            why = ", which is the benchmark's of the Kinect that the folder is named by, or its own calibration"
+        camera = PresetKey("camera", f"{{width: {width_px}, height: {height_px}, {values}}}")
+        return Message("give ", camera, why)
 
     def trajectory(self) -> Trajectory:
         """Return its ground truth."""
@@ -199,6 +222,13 @@ class Recording(SimpleSource):
             **{key: True for key in ("undistort", "register") if getattr(self, key)},
             **_timing(stored),
         }
+
+    def remarks(self, camera: Intrinsics) -> Iterator[str]:
+        """Yield what parallax between some of the frames says against the depth scale and the poses."""
+        lensless = self.stored.assumed and camera != self.stored.known_camera
+        optics = replace(self.stored.optics, distortion=None) if lensless else self.stored.optics
+        if remark := parallax_remark(replace(self.stored, optics=optics), camera):
+            yield remark
 
     @contextmanager
     def prepare(self, camera: Intrinsics, note: Callable[[str], None]) -> Iterator["OpenRecording"]:
@@ -221,13 +251,14 @@ def read_recording(
     undistort: bool = False,
     register: bool = False,
     distortion: DistortionSpec | None = None,
+    depth_scale_per_m: float | None = None,
     void: Void = "unmeasured",
 ) -> Recording:
     """Find the files of a recording. rate_hz: of its frames, as the preset says it; None where it does not.
 
     poses: what becomes of frames without a pose. undistort: whether to make a pinhole of a lens that distorts.
     register: whether depth of a camera of its own is laid into colour. distortion: of a lens that frames are bent by.
-    void: what depth 0 means.
+    depth_scale_per_m: steps a metre of depth, in place of what files and layout say. void: what depth 0 means.
     Raises InputError where files are missing or wrong, where its own stamps say another rate, and where there is
     nothing to undistort or register.
     """
@@ -240,6 +271,10 @@ def read_recording(
         raise place.at("undistort").error(f"no file of {folder} says that the lens distorts", "leave it out")
     if register and stored.optics.depth is None:
         raise place.at("register").error(f"depth and colour of {folder} have one camera", "leave it out")
+    if depth_scale_per_m not in (None, stored.depth_scale_per_m):
+        before, said = stored.depth_scale_per_m, PresetKey("scenes.depth_scale_per_m")
+        note = Message(f"depth has {depth_scale_per_m:g} steps a metre by ", said, f", in place of {before:g}")
+        stored = replace(stored, depth_scale_per_m=depth_scale_per_m, notes=(*stored.notes, note))
     return Recording(stored, place, undistort, register, distortion, void)
 
 
@@ -343,6 +378,7 @@ class RecordingKind(FileSource[RecordingKeys]):
             "undistort": "no file that says their lens",
             "register": "no depth",
             "distortion": "no known camera",
+            "depth_scale_per_m": "no depth",
             "void": "no depth",
         }
         for name, what in lacking.items():
@@ -367,6 +403,7 @@ class RecordingKind(FileSource[RecordingKeys]):
             undistort=keys.undistort,
             register=keys.register,
             distortion=keys.distortion,
+            depth_scale_per_m=keys.depth_scale_per_m,
             void=keys.void,
         )
 

@@ -34,7 +34,8 @@ POLL_S = 0.05  # between looks for a pause
 RENDERED_BY = {
     "seed", "scene_name", "setting_name", "deviation_rotation", "deviation_translation_m",
     "sequence_path", "recorded_layout", "recorded_poses", "recorded_rate_hz", "undistort", "register_depth",
-    "recorded_void", "recorded_camera", "video_path", "video_depth_path", "video_depth_scale_per_m",
+    "recorded_depth_scale_per_m", "recorded_void", "recorded_camera",
+    "video_path", "video_depth_path", "video_depth_scale_per_m",
     "mesh_source", "trajectory_source", "lens_source", "render_source", "compositing", "depth_alpha",
     "width_px", "height_px", "fx_px", "fy_px", "cx_px", "cy_px", "near_m", "far_m", "distortion",
 }  # fmt: skip

@@ -232,6 +232,8 @@ class _Recording(_Footage):
         said = {"sequence": place(panel.sequence_path)}
         said |= {key: value for key, value in given.items() if value != defaults[key]}
         said |= {} if plain else distortion_of(panel, rendered=False)
+        if panel.recorded_depth_scale_per_m and not plain:
+            said |= {"depth_scale_per_m": value_of(panel, "recorded_depth_scale_per_m")}
         return said | ({"rate_hz": value_of(panel, "recorded_rate_hz")} if panel.recorded_rate_hz else {})
 
     def take(self, panel: Any, entry: SceneEntry[Any]) -> str:
@@ -240,6 +242,7 @@ class _Recording(_Footage):
             setattr(panel, name, getattr(entry.keys, key))
         take_distortion(panel, entry.keys.distortion)
         set_value(panel, "recorded_rate_hz", entry.keys.rate_hz or 0.0)
+        set_value(panel, "recorded_depth_scale_per_m", entry.keys.depth_scale_per_m or 0.0)
         return Path(panel.sequence_path).stem
 
     def draw(self, layout: bpy.types.UILayout, panel: Any) -> None:
@@ -260,6 +263,7 @@ class _Recording(_Footage):
         column = layout.column(heading="Treatment", align=True)
         column.prop(panel, "undistort")
         column.prop(panel, "register_depth")
+        layout.prop(panel, "recorded_depth_scale_per_m")
         layout.prop(panel, "recorded_void")
 
     def draw_path(self, layout: bpy.types.UILayout, panel: Any) -> None:

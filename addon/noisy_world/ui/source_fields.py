@@ -138,6 +138,11 @@ def source_members() -> dict[str, Any]:
             RecordingKeys, "void", label="Void", update="recorded_void",
             description="What depth 0 means to fog, weather and defocus by depth; depth is written as it is",
         ),
+        "recorded_depth_scale_per_m": described(
+            RecordingKeys, "depth_scale_per_m", label="Depth Scale", update="recorded_depth_scale_per_m", precision=1,
+            default=0.0, min=0.0, soft_min=0.0,
+            description="Steps a meter of depth, such as 1000 for millimeters; 0: what files and layout say",
+        ),
         "video_path": described(
             VideoKeys, "video", label="Video", update="video_path", subtype="FILE_PATH", options=path_options,
             description="A video that OpenCV reads, such as .mp4, .mov, .avi or .mkv",

@@ -111,6 +111,7 @@ class StoredSequence:
     camera_path the file that says them; None where none does. notes: sentences that the user should see. void_steps:
     what depth images hold where there is no depth, besides 0. optics: what its cameras have beyond one pinhole.
     assumed: says that the camera is the dataset's documented one, which another may replace; "" where a file says it.
+    likely: a camera that its folder's name hints at, where none is known.
     """
 
     folder: Path
@@ -128,6 +129,7 @@ class StoredSequence:
     void_steps: tuple[int, ...] = ()
     optics: Optics = PINHOLE
     assumed: str = ""
+    likely: Intrinsics | None = None
 
     @cached_property
     def size_px(self) -> SizePx:

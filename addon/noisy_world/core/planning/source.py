@@ -4,7 +4,7 @@
 All other code uses a source by this protocol alone and never asks which one it is. `noisy_world.sources` holds them.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal, Protocol, TypeAlias
@@ -312,3 +312,12 @@ class Source(Protocol):
         should see.
         """
         ...
+
+
+def remarks_on(source: Source, camera: Intrinsics) -> Iterable[str]:
+    """Return what a user should know of a source's frames before a run makes many, found by looking at some of them.
+
+    It is what a source's method `remarks` returns for its camera; most have none. May take a second.
+    """
+    remarks: Callable[[Intrinsics], Iterable[str]] | None = getattr(source, "remarks", None)
+    return () if remarks is None else remarks(camera)

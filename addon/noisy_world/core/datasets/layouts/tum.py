@@ -130,6 +130,7 @@ class TumLayout(Layout):
             found.notes,
             optics=kinect[1] if kinect else params.optics if params else PINHOLE,
             assumed=_ASSUMED if kinect else "",
+            likely=_likely(folder),
         )
 
 
@@ -140,6 +141,13 @@ def _kinect(folder: Path) -> tuple[Intrinsics, Optics] | None:
         return None
     values, coefficients = KINECTS[named[1]]
     return Intrinsics(640, 480, *values), Optics(distortion=distortion_of("radial-tangential", coefficients))
+
+
+def _likely(folder: Path) -> Intrinsics | None:
+    """Return the Kinect of a sequence whose folder, or the one above, is called like one of the benchmark's."""
+    names = " ".join([folder.resolve().parent.name, folder.resolve().name]).lower()
+    named = re.search(r"(?<![a-z])(?:freiburg|fr)[-_ ]?([123])(?![0-9])", names)
+    return None if named is None else Intrinsics(640, 480, *KINECTS[named[1]][0])
 
 
 def _stamp_texts(stamps: Stamps) -> list[str]:
