@@ -21,7 +21,7 @@ test -n "$(PYTHON)" || { echo "make: Python 3.13 is needed; get it, with 'uv pyt
 endef
 
 .DEFAULT_GOAL := help
-.PHONY: help venv demo picture gallery thumbnails rooms screenshots assets example film extension ice wheel docs test test-all test-below test-above test-python311 test-bare fuzz bench benchmark lint format lock slam-env blender-env peer-env corruptions-env clean
+.PHONY: help venv demo picture gallery thumbnails rooms screenshots assets example film extension ice wheel docs test test-all test-below test-above test-lowest test-bare fuzz bench benchmark lint format lock slam-env blender-env peer-env corruptions-env clean
 
 help: ## list the targets
 	@grep -hE '^[a-z0-9-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 16
@@ -85,7 +85,7 @@ $(VENV)-docs/.installed: requirements-docs.lock
 
 # What stands below Blender, whose branches are counted: 95 % of core's and of the perturbations' have to be taken.
 BELOW_BLENDER := tests/core tests/perturbations tests/pipeline tests/sources
-BELOW_BLENDER311 := tests/core tests/perturbations tests/sources tests/recipes tests/rays
+BELOW_BLENDER_LOWEST := tests/core tests/perturbations tests/sources tests/recipes tests/rays
 # Blender imports the meshes of these, and core makes of them what they are.
 COUNTED := $(BELOW_BLENDER) tests/blender/test_imported_colours.py tests/blender/test_imported_meshes.py tests/blender/test_imported_refusals.py
 
@@ -122,13 +122,13 @@ endif
 test-above: $(VENV)/.extras
 	$(PYTEST) $(ONE_MORE) $(SELECTED) tests $(COUNTED:%=--ignore=%)
 
-# What the library does without Blender, under the oldest Python that it works with.
-test-python311: .venv-python311/.installed ## run tests of what needs no Blender under Python 3.11
-	.venv-python311/bin/python -m pytest -m "not one_python and not long" -o cache_dir=.pytest_cache_python311 $(BELOW_BLENDER311) # kept rooms are each Python's own
+# What the library does without Blender, under the oldest Python and with the oldest packages that it works with.
+test-lowest: .venv-lowest/.installed ## run tests of what needs no Blender under Python 3.11, with the lowest versions of all packages
+	.venv-lowest/bin/python -m pytest -m "not one_python and not long" -o cache_dir=.pytest_cache_lowest $(BELOW_BLENDER_LOWEST) tests/evaluation/analysis # kept rooms are each Python's own
 
-.venv-python311/.installed: requirements-library.lock
+.venv-lowest/.installed: requirements-lowest.lock
 	@test -n "$(PYTHON311)" || { echo "make: no Python 3.11 is here" >&2; exit 1; }
-	$(ENVIRONMENT) "$(PYTHON311)" .venv-python311 $(PINNED) $<
+	$(ENVIRONMENT) "$(PYTHON311)" .venv-lowest $(PINNED) $<
 	touch $@
 
 test-bare: ## run `make demo` and `make test` on a bare Debian, as a new user has it: needs root and debootstrap
@@ -188,8 +188,8 @@ lock: ## pin the newest packages that pyproject.toml allows; needs uv
 	uv pip compile --group pyproject.toml:extras --constraints requirements.lock --universal --python-version 3.13 --generate-hashes --no-annotate --no-header --upgrade -o requirements-extras.lock
 	uv pip compile --group pyproject.toml:evaluate --constraints requirements.lock --universal --python-version 3.13 --generate-hashes --no-annotate --no-header --upgrade -o requirements-evaluate.lock
 	uv pip compile --group pyproject.toml:bench --constraints requirements.lock --universal --python-version 3.13 --generate-hashes --no-annotate --no-header --upgrade -o requirements-bench.lock
-	uv pip compile pyproject.toml --group library --universal --python-version 3.11 --generate-hashes --no-annotate --no-header --upgrade -o requirements-library.lock
+	uv pip compile pyproject.toml --group lowest --resolution lowest-direct --universal --python-version 3.11 --generate-hashes --no-annotate --no-header --upgrade -o requirements-lowest.lock
 	uv pip compile --group pyproject.toml:docs --constraints requirements.lock --universal --python-version 3.13 --generate-hashes --no-annotate --no-header --upgrade -o requirements-docs.lock
 
 clean: ## remove what the targets made
-	rm -rf $(VENV) $(VENV)-docs $(VENV)-slam .venv-python311 .venv-peer .venv-corruptions .blender-env out dist .coverage .pytest_cache .pytest_cache_python311 .ruff_cache
+	rm -rf $(VENV) $(VENV)-docs $(VENV)-slam .venv-lowest .venv-peer .venv-corruptions .blender-env out dist .coverage .pytest_cache .pytest_cache_lowest .ruff_cache

@@ -31,7 +31,7 @@ def poses(count=FRAMES, seed=0):
     random = np.random.default_rng(seed)
     c2w = np.tile(np.eye(4), (count, 1, 1))
     little = Rotation.from_rotvec(random.uniform(-0.2, 0.2, (count, 3)))
-    c2w[:, :3, :3] = (Rotation.random(rng=random) * little).as_matrix()
+    c2w[:, :3, :3] = (Rotation.random(None, random) * little).as_matrix()
     c2w[:, :3, 3] = random.uniform(-0.5, 0.5, (count, 3)) * HALF_M
     return c2w
 

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 
 from ..core.extras import blender_missing
+from ..core.opencv import old_opencv
 from ..core.requirements import missing_packages, missing_sentence
 from .entry import Entry
 from .system_libraries import advice, missing_libraries
@@ -17,9 +18,12 @@ OF_NO_USE_HERE = (b"Could not get a list of mounted file-systems", b"Falling bac
 
 
 def missing_package(names: Iterable[str], entry: Entry) -> str:
-    """Return which packages are missing and the command that installs them; "" where none is."""
+    """Return which packages are missing or too old and the command that installs them; "" where none is."""
+    names = list(names)
     missing = missing_packages(names)
-    return missing_sentence(missing, entry.whose_python, entry.remedy) if missing else ""
+    if missing:
+        return missing_sentence(missing, entry.whose_python, entry.remedy)
+    return old_opencv() if "cv2" in names else ""
 
 
 def blender_problem(entry: Entry) -> str:

@@ -15,9 +15,11 @@ from .shipped import checkout
 
 DISTRIBUTION = "noisy-world"
 
+_EMBREEX = 'embreex>=4.4; sys_platform != "linux" or platform_machine == "x86_64"'
+_NUMBA = 'numba>=0.60; sys_platform != "darwin" or platform_machine != "x86_64" or python_version < "3.14"'
 EXTRAS = {
     "blender": ('bpy==5.2.3; python_version == "3.13"',),
-    "embree": ("embreex>=4.4", "numba>=0.63"),
+    "embree": (_EMBREEX, _NUMBA),
     "cloud": ("fsspec>=2026.2", "pyarrow>=23", "s3fs>=2026.2"),
     "cluster": ("ray>=2.50",),
     "strict": ("simplejpeg>=1.8",),
@@ -25,13 +27,13 @@ EXTRAS = {
     "ros": ("rosbags>=0.11",),
     "view": ("rerun-sdk>=0.30",),
     "evaluate": (
-        "embreex>=4.4",
-        "gtsam>=4.3",
+        _EMBREEX,
+        'gtsam>=4.3; sys_platform != "win32"',
         "jinja2>=3.1",
-        "matplotlib>=3.10",
-        "numba>=0.63",
-        "pandas>=3",
-        "scipy>=1.16",
+        "matplotlib>=3.9",
+        _NUMBA,
+        "pandas>=2.2.2",
+        "scipy>=1.13",
         "tabulate>=0.9",
     ),
 }

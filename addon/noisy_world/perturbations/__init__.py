@@ -10,6 +10,7 @@ from dataclasses import replace
 from functools import cache
 
 from ..core.installed import Door, collected
+from ..core.opencv import check_opencv
 from ..core.perturbing.kinds import KINDS, Perturbation, propagation_key
 
 DOOR = Door[Perturbation]("noisy_world.perturbations", "perturbation", "PERTURBATION", KINDS)
@@ -19,8 +20,10 @@ DOOR = Door[Perturbation]("noisy_world.perturbations", "perturbation", "PERTURBA
 def registry() -> dict[str, Perturbation]:
     """Return all perturbations by name, our own and those of installed packages, in the order of propagation.
 
-    Raises NoisyWorldError naming an installed package whose perturbations cannot be loaded or have a name in use.
+    Raises NoisyWorldError naming an installed package whose perturbations cannot be loaded or have a name in use, or
+    an OpenCV that is too old.
     """
+    check_opencv()
     found = collected(DOOR, _own()).values()
     items = [replace(each.item, distribution=each.distribution) for each in found]
     return {item.name: item for item in sorted(items, key=propagation_key)}

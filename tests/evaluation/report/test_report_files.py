@@ -182,7 +182,7 @@ def test_what_is_missing_is_said(tmp_path, quick):
         (lambda text: text.replace("room0,", "../x,", 1), "line 2, column 'scene': '../x' is no name"),
         (lambda text: text.replace("room0,", "a" * 300 + ",", 1), "(300 characters) is no name"),
         (lambda text: text.replace(",40,", ",inf,", 1), "line 2, column 'frames': 'inf' is no number"),
-        (lambda text: text.replace("room0,", "a\0b,", 1), "line 2, column 'scene': 'a\\x00b' is no name"),
+        (lambda text: text.replace("room0,", "a\0b,", 1), "line 2: holds a NUL"),
         (lambda text: text.splitlines(keepends=True)[0], "holds no run yet"),
         (lambda text: "", "cannot be read"),
     ],

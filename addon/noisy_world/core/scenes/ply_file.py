@@ -242,7 +242,7 @@ def _decimals(block: bytes) -> NDArray[np.float64] | None:
 def _from_text(block: bytes, kind: type, words: int) -> NDArray | None:
     if words == 0:  # numpy reads a number from blanks alone
         return np.empty(0, kind)
-    with warnings.catch_warnings(action="ignore"), suppress(ValueError):  # older numpy warns and stops early
+    with warnings.catch_warnings(action="error"), suppress(ValueError, DeprecationWarning):  # numpy before 2.3 warns
         numbers = np.fromstring(block, kind, sep=" ")
         return numbers if len(numbers) == words else None  # 1.5.2 is one word and parts of two numbers
     return None

@@ -117,6 +117,8 @@ def read_table(path: Path, needed: Sequence[str]) -> "DataFrame":
         table = pd.read_csv(StringIO(text), dtype=str, keep_default_na=False)
     except (OSError, UnicodeError, pd.errors.ParserError, pd.errors.EmptyDataError) as error:
         raise InputError(path, f"cannot be read: {str(error) or 'it is empty'}", remedy=REMEDY) from error
+    if (at := text.find("\0")) >= 0:  # where pandas 2 ends a name without a word
+        raise InputError(path, "holds a NUL", where=f"line {text.count(chr(10), 0, at) + 1}", remedy=REMEDY)
     table = table.rename(columns=text_of)
     for name in needed:
         if name not in table.columns:
