@@ -234,6 +234,7 @@ def frames(
     scene: str | None = None,
     intrinsics: Intrinsics | None = None,
     rate_hz: float | None = None,
+    depth_scale_per_m: float | None = None,
     void: Void = "unmeasured",
 ) -> Iterator[PerturbedFrame]:
     """Perturb a sequence in any layout, frame by frame, without writing anything.
@@ -242,7 +243,9 @@ def frames(
     decide the random streams; a preset with equal ones makes equal pixels. stream: the name under which colour and
     depth draw random patterns, if not the setting's. intrinsics: of the sequence's camera, for perturbations that ask
     for them; default: what its files say, if they do. rate_hz: of a sequence that has no time
-    stamps; default 20. Warns of images without a partner, which are left out.
+    stamps; default 20. depth_scale_per_m: steps a metre of depth images, where it is not what files and layout say.
+    void: what depth 0 means to perturbations of colour, as `apply` says; a frame that measured nothing counts as far as
+    the nearest frame that did. Warns of images without a partner, which are left out, and of what files say otherwise.
 
     Raises, when it is called, InputError for a folder that holds no sequence, for values that a preset could not have,
     and for intrinsics or a rate that the sequence's own files contradict; TypeError and ValueError for other arguments
@@ -259,7 +262,11 @@ def frames(
         raise TypeError(f"perturb is {describe(perturb)}, but has to be a list, such as [{{'fog': {{'severity': 3}}}}]")
     check_intrinsics(intrinsics)
     void = _checked_void(void)
-    recording = read_recording(Path(folder), ConfigPath("frames"), checked_rate("rate_hz", rate_hz), void=void)
+    recording = read_recording(
+        *(Path(folder), ConfigPath("frames"), checked_rate("rate_hz", rate_hz)),
+        depth_scale_per_m=checked_rate("depth_scale_per_m", depth_scale_per_m),
+        void=void,
+    )
     stored = recording.stored
     for note in (*stored.notes, *stored.image_notes):
         warnings.warn(f"{folder}: {note}", stacklevel=2)

@@ -166,6 +166,15 @@ def test_the_library_and_a_recipe_make_what_a_dataset_holds(tmp_path):
         assert (frame.rgb[..., ::-1] == colour_of(tmp_path / "out", frame.index)).all()
 
 
+def test_the_library_is_told_the_depth_scale(tmp_path):
+    recording(tmp_path / "seq", [wall_steps()])
+    with pytest.warns(UserWarning, match="depth_scale_per_m"):
+        (frame,) = frames(tmp_path / "seq", [], depth_scale_per_m=1000)
+    assert frame.depth_m.max() == WALL_M * 5
+    with pytest.raises(ValueError, match="depth_scale_per_m is the number 0"):
+        frames(tmp_path / "seq", [], depth_scale_per_m=0)
+
+
 def test_the_library_takes_no_guess():
     rgb = np.full((4, 6, 3), GREY, np.uint8)
     with pytest.raises(ValueError, match="no pixel that was measured; void='sky'"):

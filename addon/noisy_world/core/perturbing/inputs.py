@@ -84,11 +84,11 @@ def checked_whole_number(argument: str, value: Any, largest: int) -> int:
 
 
 def checked_rate(argument: str, value: Any) -> float | None:
-    """Return a rate in hertz, or None."""
-    rate_hz = checked_number(argument, value)
-    if rate_hz is not None and rate_hz <= 0:
+    """Return a number above 0, such as a rate in hertz, or None."""
+    rate = checked_number(argument, value)
+    if rate is not None and rate <= 0:
         raise ValueError(f"{argument} is {describe(value)}, but has to be above 0")
-    return rate_hz
+    return rate
 
 
 def checked_number(argument: str, value: Any) -> float | None:

@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..datasets.images import as_float
-from ..datasets.unmeasured import completed_m
 from ..linear_light import decoded, encoded
 from ..perturbing.execution import Notes
 from ..perturbing.exposing import Channels, SceneAround, TakenImages
@@ -130,8 +129,6 @@ class _Around:
         middle_s = float(times_s[len(times_s) // 2])
         depth_m = self.take(middle_s, None).depth_m
         assert depth_m is not None, "a step that measures travel has depth"
-        if self._render.scene.source.capabilities.unmeasured_m is not None:
-            depth_m = completed_m(depth_m)
         here, (c2w, _) = self._request.after(middle_s), self._request.poses_after(times_s)
         cameras, lens = (self._render.measured_camera, self._render.camera), self._render.optics.distortion
         longest_px = travel_px(depth_m, here.depth_c2w, c2w, *cameras, lens=lens)
