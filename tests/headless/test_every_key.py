@@ -50,6 +50,7 @@ CHANGES = {
     "scenes[].trajectory.handheld.speed_m_s": ("handheld", "scenes.0.trajectory.handheld.speed_m_s=0.8"),
     "scenes[].trajectory.handheld.clearance_m": ("handheld", "scenes.0.trajectory.handheld.clearance_m=0.3"),
     "scenes[].trajectory.handheld.revisit": ("long", "scenes.0.trajectory.handheld.revisit=true"),
+    "scenes[].trajectory.handheld.wander_m": ("handheld", "scenes.0.trajectory.handheld.wander_m=0.2"),
     "scenes[].trajectory.body.kind": ("carried", "scenes.0.trajectory.body.kind=runner"),
     "scenes[].trajectory.body.motion": ("carried", "scenes.0.trajectory.body.motion=2"),
     "scenes[].trajectory.format": ("mesh", "scenes.0.trajectory.format=kitti"),

@@ -170,6 +170,7 @@ class MeshSource(SimpleSource):
                 speed_m_s=spec.speed_m_s,
                 clearance_m=spec.clearance_m,
                 revisit=spec.revisit,
+                wander_m=spec.wander_m,
                 **carried,
             )
         except NoisyWorldError as error:

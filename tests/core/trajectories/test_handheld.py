@@ -101,6 +101,23 @@ def test_stays_clear_of_walls_and_furniture(furnished):
     assert at_m[:, 2].max() <= 1.7
 
 
+@pytest.mark.one_python
+@pytest.mark.parametrize("seed", [0, 3, 7])
+def test_a_hand_that_wanders_gives_extent_in_three_axes_and_stays_clear(seed):
+    room = boxes(ROOM, PILLAR, TABLE)
+    plain, strayed = (handheld_path(room, seed=seed, frames=200, wander_m=wander_m) for wander_m in (0.0, 0.3))
+    at_m = positions(strayed)
+    extents_m = np.sqrt(np.sort(np.linalg.eigvalsh(np.cov(at_m.T, bias=True))))  # the least first
+    assert np.sqrt(np.linalg.eigvalsh(np.cov(positions(plain).T, bias=True)).min()) < 0.03
+    assert extents_m[0] > 0.05
+    assert extents_m[1] > 0.1
+    assert np.minimum(at_m - ROOM[0], np.array(ROOM[1]) - at_m).min() >= 0.45
+    assert min(distance_to_box_m(at_m, PILLAR).min(), distance_to_box_m(at_m, TABLE).min()) >= 0.45
+    assert 1.2 <= at_m[:, 2].min() < at_m[:, 2].max() <= 1.7
+    assert np.linalg.norm(np.diff(at_m, axis=0), axis=1).max() * 20 < 1.0
+    np.testing.assert_array_equal(plain.c2w[:, :3, :3], strayed.c2w[:, :3, :3])  # it looks where it looked
+
+
 def test_walks_through_the_whole_room(furnished):
     at_m = positions(furnished)
     assert (at_m[:, 0] < 2.0).any()  # both sides of the pillar

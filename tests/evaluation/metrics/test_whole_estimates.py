@@ -7,6 +7,7 @@ import trajectory_pairs
 
 from noisy_world.core.errors import InputError
 from noisy_world.core.geometry import quat_wxyz_from_rotation
+from noisy_world.core.trajectories.trajectory import Trajectory
 from noisy_world.evaluation.estimate import Estimate
 from noisy_world.evaluation.metrics import score_trajectory
 from noisy_world.evaluation.metrics.reading import read_poses_to_compare
@@ -101,3 +102,25 @@ def test_other_axes_are_told_from_other_orders():
     score = score_trajectory(turned(PAIR.truth, lambda rotation: rotation @ np.diag([1.0, -1.0, -1.0])), PAIR.truth)
     assert "its cameras may have other axes (--axes)" in score.notes[0]
     assert score_trajectory(turned(PAIR.truth, lambda rotation: rotation), PAIR.truth).notes == ()
+
+
+def nearly_straight(truth):
+    """The same poses on a walk of metres that is straight to 6 mm."""
+    c2w = truth.c2w.copy()
+    c2w[:, :3, 3] = 0.006 * np.random.default_rng(1).standard_normal((len(c2w), 3))
+    c2w[:, 0, 3] += 0.1 * np.arange(len(c2w))
+    return Trajectory(c2w, truth.stamps_s)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_walk_that_is_nearly_straight_accuses_only_those_whose_rotations_are_wrong(seed):
+    truth = nearly_straight(PAIR.truth)
+    c2w = turned(truth, lambda rotation: rotation).c2w.copy()
+    c2w[:, :3, 3] += 0.004 * np.random.default_rng(seed).standard_normal((len(c2w), 3))
+    right = Estimate(truth.stamps_s, c2w)
+    score = score_trajectory(right, truth)
+    assert score.conditioning.decided == "direction"
+    assert score.notes == ()
+    assert score.values["ate_rotation_rmse_deg"] < 1.0
+    c2w[:, :3, :3] = shuffled(c2w[:, :3, :3])
+    assert "written w first" in score_trajectory(Estimate(truth.stamps_s, c2w), truth).notes[0]

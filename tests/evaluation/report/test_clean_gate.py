@@ -4,6 +4,7 @@
 import csv
 import json
 import math
+from dataclasses import replace
 
 import pytest
 from results_made import write_study
@@ -15,6 +16,7 @@ pytest.importorskip("scipy", reason="the extra evaluate is not installed")
 
 from noisy_world.evaluation.report import write_report
 from noisy_world.evaluation.report.clean_gate import MARK, clean_gate
+from noisy_world.evaluation.report.evaluated import opening
 from noisy_world.evaluation.report.reading import read_results
 
 WANTED = {"digest": "d", "repeatable": False, "expects_clean": {"ate_m": 0.01, "scale_off": 0.01}}
@@ -118,3 +120,23 @@ def test_runs_through_60_degrees_of_320_x_240_are_flagged_and_those_of_the_study
     assert camera_of(study)["width"] / camera_of(study)["fx"] == 2.0  # 90 degrees
     wide = clean_gate(read_results(study))
     assert [scene.wrong for scene in wide.scenes if scene.system == "orb_slam3"] == [""] * 6
+
+
+def with_columns(folder, **columns):
+    """Results of a system in two scenes, clean and in fog, with further columns: a value for each scene."""
+    results = results_of(folder, {"mine": [[GOOD], [GOOD]]}, {"mine": WANTED})
+    extra = {name: results.runs["scene"].map(dict(zip("ab", values, strict=True))) for name, values in columns.items()}
+    return replace(results, runs=results.runs.assign(success_10cm=1.0, **extra))
+
+
+def test_scenes_whose_path_is_nearly_straight_are_marked(tmp_path):
+    said = opening(with_columns(tmp_path, conditioning=(3.9, 40.0)))
+    assert "does not say how an estimate is turned about itself in a (3.9): " in said
+    assert "b (" not in said
+
+
+@pytest.mark.parametrize(("columns", "accused"), [({"conditioning": (40.0, 40.0)}, True), ({}, False)])
+def test_rotations_laid_by_positions_alone_accuse_nobody(tmp_path, columns, accused):
+    # Results made before full poses laid rotations have no column `conditioning`: a straight walk turned them freely.
+    said = opening(with_columns(tmp_path, ate_rotation_median_deg=(90.0, 90.0), **columns))
+    assert ("quaternions are written w first" in said) == accused

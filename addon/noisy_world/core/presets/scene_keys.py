@@ -27,6 +27,15 @@ class HandheldSpec:
         default=False,
         identity="meaning",
     )
+    wander_m: float = key(
+        "how far the hand strays from the walk along each axis, where there is room, so that the path has extent in "
+        "three of them; 0 is a walk at nearly one height, often nearly straight",
+        unit="m",
+        default=0.0,
+        minimum=0,
+        maximum=2,
+        identity="meaning",
+    )
 
 
 @dataclass(frozen=True)
@@ -158,5 +167,8 @@ def check_trajectory(spec: TrajectorySpec, place: ConfigPath) -> None:
     """Check what involves several keys of a path. Raises InputError."""
     if (spec.file is None) == (spec.handheld is None):
         raise place.error("needs either file or handheld", "name one of them")
+    if spec.body is not None and spec.handheld is not None and spec.handheld.wander_m > 0.0:
+        problem = "strays by a hand, and a body carries the camera"
+        raise place.at("handheld").at("wander_m").error(problem, "leave body or wander_m out")
     if spec.stop is not None and spec.stop <= spec.start:
         raise place.at("stop").error(f"is {spec.stop}, not beyond start ({spec.start})")

@@ -80,8 +80,11 @@ def find_room(
     rng: np.random.Generator,
     *,
     step_m: float | None = None,
+    wander_m: float = 0.0,
 ) -> Room:
     """Return the largest free space at one of the camera's heights. Raises NoisyWorldError where there is none.
+
+    wander_m: how far the height changes, where that is more than a walk's own change and the camera's heights allow it.
 
     step_m: of a body that stands on the floor, which needs all free from this height above it up to its head; None:
     the clearance is kept below the camera and above it.
@@ -99,7 +102,7 @@ def find_room(
         raise NoisyWorldError(
             f"no hand-held path: the floor is at z = {floor_m:.2f} m and eye_height_m above it lies outside of bounds_m"
         )
-    sway_m = min(_SWAY_M, max((high_m - low_m) / 2.0 - BOB_M, 0.0))
+    sway_m = min(max(_SWAY_M, wander_m), max((high_m - low_m) / 2.0 - BOB_M, 0.0))
     reach_m = sway_m + BOB_M + clearance_m
     largest_m2 = 0.0
     # A seeded height; the others are tried only where there is no room at it, under a low ceiling or among shelves.

@@ -18,6 +18,10 @@ WELL_CONDITIONED = 10.0
 turn by 6 degrees moves the positions by less than they err."""
 
 
+CONDITIONING = "conditioning"
+"""The metric that says how well a path does."""
+
+
 class Alignment(StrEnum):
     """How an estimate is laid over the truth before it is compared."""
 

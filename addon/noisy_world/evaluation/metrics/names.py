@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ...core.errors import NoisyWorldError
 from ...core.installed import Door, Registry
-from .alignment import WELL_CONDITIONED
+from .alignment import CONDITIONING, WELL_CONDITIONED
 from .compared import Compared, Delta
 from .errors import consecutive_pairs, relative_errors, spread_of
 from .metric import Compute, Metric, TrajectoryMetric
@@ -190,7 +190,7 @@ _COVERAGE = [
         lambda compared: None if compared.still or not compared.by else compared.by.scale * compared.remaining_scale,
     ),
     TrajectoryMetric(
-        "conditioning",
+        CONDITIONING,
         "conditioning",
         "",
         "",

@@ -10,6 +10,7 @@ from typing import Any
 from ...core.errors import one_line
 from ..analysis.run_table import SUCCESS, SUCCESS_OVER_CLEAN
 from ..metrics import PROTOCOLS
+from ..metrics.alignment import CONDITIONING, WELL_CONDITIONED
 from ..metrics.rotation_order import WRONG_DEG
 from ..metrics.success import IS_INCOMPLETE, LEAST_TRACKED
 from ..study.record import VERSIONS
@@ -45,13 +46,36 @@ def opening(results: Results) -> str:
                 f" Of the {len(noisy)} perturbed runs that have a clean one beside them, {successes} had "
                 f"{column_of(SUCCESS_OVER_CLEAN).label}: an ATE below ten times the clean one."
             )
-    return said + _turned(results)
+    return said + _turned(results) + _nearly_straight(results)
+
+
+def _nearly_straight(results: Results) -> str:
+    """Return a sentence that marks the scenes whose paths do not say how an estimate is turned; "" for none.
+
+    By the clean runs, or by all where there is none; nothing is said of results whose runs have no such column.
+    """
+    runs = results.complete
+    if CONDITIONING not in runs:
+        return ""
+    clean = runs[runs["perturbation"] == CLEAN]
+    known = (clean if len(clean) else runs).dropna(subset=[CONDITIONING])
+    least = known.groupby("scene", sort=True)[CONDITIONING].median()
+    marked = [f"{scene} ({ratio:.2g})" for scene, ratio in least.items() if ratio < WELL_CONDITIONED]
+    if not marked:
+        return ""
+    return (
+        f" The path does not say how an estimate is turned about itself in {_listed(marked)}: its second extent is so "
+        f"many ATEs of clean runs (median), below {WELL_CONDITIONED:g}. Full poses lay rotations and maps there."
+    )
 
 
 def _turned(results: Results) -> str:
-    """Return a sentence on each system whose positions are right where its rotations are not; "" for none."""
+    """Return a sentence on each system whose positions are right where its rotations are not; "" for none.
+
+    Nothing is said of results without the column of the conditioning: their rotations were laid by positions alone.
+    """
     runs = results.complete
-    if SUCCESS not in runs or ROTATION not in runs:
+    if SUCCESS not in runs or ROTATION not in runs or CONDITIONING not in runs:
         return ""
     turned = runs[(runs[SUCCESS] == 1.0) & (runs[ROTATION] > WRONG_DEG)]
     return "".join(

@@ -12,6 +12,7 @@ from ...core.presets.preset import check_document
 from ...core.progress import Progress
 from ..maps.names import MAP_METRICS
 from ..metrics import METRICS
+from ..metrics.alignment import CONDITIONING, WELL_CONDITIONED
 from ..metrics.frame_errors import frame_errors_text
 from ..outcome import Outcome, RunRecord
 from ..systems.definition import ExpectedClean, System
@@ -151,3 +152,10 @@ def _tell_clean(run: SystemRun, expected: ExpectedClean | None, scores: Mapping[
     if expected and (unmet := expected.unmet(scores.get("ate_rmse_m"), scores.get("scale"))):
         said = f"{run.system} on {run.case.name}: {', '.join(unmet)} on clean frames; expected: {expected.text}"
         progress.note(f"{said}. The report will mark its ratios", f"{run.system} {run.case.scene} {CLEAN}")
+    ratio = scores.get(CONDITIONING)
+    if ratio is not None and ratio < WELL_CONDITIONED:
+        said = f"the path's second extent is {ratio:.2g} ATEs of {run.system} on {run.case.name}, below "
+        said += (
+            f"{WELL_CONDITIONED:g}, so positions do not say how an estimate is turned; the report will mark the scene"
+        )
+        progress.note(said, f"{run.case.scene} {CONDITIONING}")
