@@ -74,17 +74,19 @@ def many_by_nodes(chains, images, indices=(0,), *, identifiers=IDENTIFIERS, dept
         ]
 
 
-def by_groups(nodes, image, folder, *, frame=5, depth_m=None):
+def by_groups(nodes, image, folder, *, frame=5, depth_m=None, set_up=None):
     """What the groups that people see make of a float image (H, W, 3), standing in a user's compositor, in one call.
 
     nodes: by a label, the perturbation's name (or a description of a group) and the values of sockets; an array among
-    these is linked as an image.
+    these is linked as an image. set_up: what is done to the scene first, such as giving it a camera.
     """
     scene, tree = bpy.data.scenes.new("By groups"), new_tree("By groups")
     scene.compositing_node_group = tree
     render = scene.render
     render.resolution_x, render.resolution_y = image.shape[1], image.shape[0]
     render.compositor_device, render.compositor_precision = "CPU", "FULL"
+    if set_up is not None:
+        set_up(scene)
     scene.frame_set(frame)
     file = tree.nodes.new("CompositorNodeOutputFile")
     file.directory, file.file_name = str(folder), "by_groups"

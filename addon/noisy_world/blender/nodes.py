@@ -273,11 +273,27 @@ def _add_node(tree: bpy.types.NodeTree, item: Node, child: bpy.types.NodeTree | 
         setattr(node, name, value)
     if items is not None:
         _add_items(node, items)
+    if item.follows is not None:
+        _follow(node.outputs[0], *item.follows)
     if item.label:
         node.label = item.label
     if item.name:
         node.name = item.name
     return node
+
+
+def _follow(socket: bpy.types.NodeSocket, path: str, otherwise: float) -> None:
+    """Let a value follow a property of whichever scene is composited: a driver of the context needs neither a script
+    nor an object, so it goes with the group into any file.
+    """
+    set_value(socket, otherwise)
+    curve: Any = socket.driver_add("default_value")
+    curve.driver.type = "AVERAGE"
+    variable = curve.driver.variables.new()
+    variable.type = "CONTEXT_PROP"
+    target = variable.targets[0]
+    target.context_property, target.data_path = "ACTIVE_SCENE", path
+    target.use_fallback_value, target.fallback_value = True, otherwise
 
 
 def _add_items(node: bpy.types.Node, items: int | tuple[str, ...]) -> None:

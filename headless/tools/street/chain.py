@@ -22,7 +22,7 @@ from noisy_world.blender.typed import (
     set_value,
 )
 from noisy_world.core.geometry import Intrinsics
-from noisy_world.core.node_graphs.camera import camera_values
+from noisy_world.core.node_graphs.camera import OVERRIDE_CAMERA, camera_values
 from noisy_world.core.node_graphs.group_inputs import socket_name, socket_value
 from noisy_world.core.node_graphs.groups import build_group
 from noisy_world.core.perturbing.kinds import ColourPerturbation
@@ -108,6 +108,8 @@ def _group(tree: bpy.types.NodeTree, link: Link, camera: Intrinsics) -> bpy.type
     node.node_tree = ensure_group(build_group(perturbation))
     node.width = group_of(node).default_group_node_width
     seen = {} if perturbation.by_camera is None else perturbation.by_camera(camera)
+    if OVERRIDE_CAMERA in node.inputs:
+        set_value(node.inputs[OVERRIDE_CAMERA], True)
     for name, value in seen.items():
         set_value(node.inputs[socket_name(name)], socket_value(perturbation, name, value))
     for name, value in link.values.items():

@@ -16,7 +16,7 @@ from ..perturbing.execution import ColourWork, deciding
 from ..perturbing.kinds import SEVERITIES, ColourPerturbation, FrameContext
 from ..perturbing.steps import Step
 from ..trajectories.camera_state import AT_REST, CameraState
-from .camera import camera_values
+from .camera import OVERRIDE_CAMERA, camera_values, looks_at_scene
 from .flat import flat
 from .graph import Graph, Socket
 from .group_inputs import (
@@ -237,11 +237,14 @@ def shown_values(
 ) -> dict[str, Any]:
     """Return what `socket_values` does for a group that people see: by its Severity, where that decides all the same.
 
-    Only whole levels go by the severity, as the table's values are exact there.
+    Only whole levels go by the severity, as the table's values are exact there. The camera is the sequence's, not that
+    of the scene which shows the group.
     """
     values, note = socket_values(
         step, index, identifiers, scene_frame=scene_frame, intrinsics=intrinsics, decided=decided, lit=lit
     )
+    if looks_at_scene(step.perturbation):
+        values[OVERRIDE_CAMERA] = True
     table = step.perturbation.group_severities
     if not table or not values["Enabled"]:
         return values

@@ -70,7 +70,8 @@ class _Writer:
                 found[number] = known
             else:
                 inside = node.group and self._flat_group(node.group)
-                made = self.result.node(node.idname, inputs, node.properties, picture=node.picture, group=inside)
+                brought = {"picture": node.picture, "group": inside, "follows": node.follows}
+                made = self.result.node(node.idname, inputs, node.properties, **brought)
                 numbers[number] = made.number
         return {item.name: value_of(item.socket) for item in graph.outputs}
 

@@ -78,7 +78,11 @@ class BroughtImage:
 
 @dataclass(frozen=True)
 class Node:
-    """A node: its type, its properties, its inputs (linked or not), and the section it belongs to."""
+    """A node: its type, its properties, its inputs (linked or not), and the section it belongs to.
+
+    follows: of a Value node, the property of the scene that it gives, by its path from the scene, and the number where
+    there is none.
+    """
 
     idname: str
     label: str
@@ -88,6 +92,7 @@ class Node:
     picture: BroughtImage | None = None
     group: "Graph | None" = None
     name: str = ""
+    follows: tuple[str, float] | None = None
 
 
 class Socket:  # noqa: PLW1641 - not hashable, as == raises
@@ -228,12 +233,13 @@ class Graph:
         picture: BroughtImage | None = None,
         group: "Graph | None" = None,
         name: str = "",
+        follows: tuple[str, float] | None = None,
     ) -> NodeHandle:
         """Add a node, or return the equal one of the same section.
 
         inputs: by identifier, each a socket or the value of an unlinked input.
         """
-        item = Node(idname, label, self._section, dict(properties or {}), dict(inputs), picture, group, name)
+        item = Node(idname, label, self._section, dict(properties or {}), dict(inputs), picture, group, name, follows)
         for value in item.inputs.values():
             if isinstance(value, Socket) and value.graph is not self:
                 raise ValueError(f"{self.name}: {idname} is linked to a socket of {value.graph.name}")
@@ -311,6 +317,13 @@ class Graph:
         """Add a node that gives an image of ours."""
         return self.node("CompositorNodeImage", {}, label=picture.name, picture=picture).out("Image", "color")
 
+    def of_scene(self, path: str, otherwise: float) -> Socket:
+        """Return a number that follows a property of the scene that is composited, by a driver that needs no script.
+
+        path: from the scene, such as "camera.data.lens". otherwise: where there is none, as without a camera.
+        """
+        return self.node("ShaderNodeValue", {}, label=path, follows=(path, otherwise)).out("Value", "float")
+
     def group(self, graph: "Graph", inputs: Mapping[str, Any], name: str = "") -> NodeHandle:
         """Add a group node; its inputs and outputs are identified by their names."""
         return self.node("CompositorNodeGroup", inputs, group=graph, label=name, name=name)
@@ -384,7 +397,8 @@ def _content(item: Any) -> Any:
     if isinstance(item, Node):
         picture = [item.picture.name, item.picture.version] if item.picture else None
         parts = [item.idname, item.label, item.section, _content(item.properties), _content(item.inputs)]
-        return [*parts, picture, item.group.stamp if item.group else None, item.name]
+        followed = [list(item.follows)] if item.follows else []
+        return [*parts, picture, item.group.stamp if item.group else None, item.name, *followed]
     if isinstance(item, Mapping):
         return {str(name): _content(value) for name, value in item.items()}
     if isinstance(item, (tuple, list, np.ndarray)):

@@ -13,7 +13,15 @@ from dataclasses import dataclass, replace
 from ..errors import NoisyWorldError
 from ..labels import title
 from ..perturbing.kinds import ColourPerturbation
-from .camera import CameraSockets, camera_sockets
+from .camera import (
+    CAMERA_PANEL,
+    OVERRIDE_CAMERA_INPUT,
+    CameraSockets,
+    camera_sockets,
+    looks_at_scene,
+    of_scene,
+    scene_values,
+)
 from .graph import Graph, Kind, Socket, Value
 from .group_inputs import (
     CLIP_INPUT,
@@ -141,9 +149,9 @@ def build_group(
     mask = None if bare else graph.input(MASK_INPUT)
     severity = graph.input(SEVERITY_INPUT) if perturbation.group_severities and not bare else None
     enabled = graph.input(ENABLED_INPUT)
-    given, override = _parameters(graph, perturbation, served, severity)
+    given, override, own_camera = _parameters(graph, perturbation, served, severity, bare=bare)
     timing = timing_sockets(graph, perturbation)
-    camera = camera_sockets(graph) if perturbation.uses_motion else None
+    camera = camera_sockets(graph, own_camera) if perturbation.uses_motion else None
     reference, encoded = graph.input(REFERENCE_INPUT), graph.input(ENCODED_INPUT)
     light = Light(image, encoded, not lit if bare else graph.input(CLIP_INPUT))
     share = mask
@@ -152,10 +160,21 @@ def build_group(
             given |= by_severity(perturbation, severity, override, given)
             share = strength(severity, override, mask)
     source = _given(light, perturbation)
+    scenes = () if own_camera is None else of_scene(perturbation)
     with graph.section("Size"):
         canvas = _timed(_canvas(source, reference, depth_m, light.clip), perturbation, timing)
         canvas = replace(canvas, camera=camera)
-        scaled = {key: _in_pixels_and_degrees(perturbation, key, value, canvas) for key, value in given.items()}
+        scaled = {
+            key: _in_pixels_and_degrees(perturbation, key, value, canvas)
+            for key, value in given.items()
+            if key not in scenes
+        }
+    if own_camera is not None:
+        with graph.section("The scene's lens"):
+            seen = scene_values(graph, canvas.width_px, canvas.height_px)
+            for key in scenes:
+                value = graph.choose(own_camera, given[key], seen[key], "float")
+                scaled[key] = _in_pixels_and_degrees(perturbation, key, value, canvas)
     with graph.section(perturbation.label):
         result = perturbation.build(canvas, scaled, served)
     given_back = _given_back(light, perturbation)(result, share)
@@ -184,20 +203,29 @@ def _given_back(light: Light, perturbation: ColourPerturbation) -> Callable[[Soc
 
 
 def _parameters(
-    graph: Graph, perturbation: ColourPerturbation, served: Mapping[str, float], severity: Socket | None
-) -> tuple[dict[str, Socket], Socket | None]:
+    graph: Graph,
+    perturbation: ColourPerturbation,
+    served: Mapping[str, float],
+    severity: Socket | None,
+    *,
+    bare: bool,
+) -> tuple[dict[str, Socket], Socket | None, Socket | None]:
     """Add a socket for each parameter, or for what the group is told for a frame.
 
-    With severity, the switch by which those of its table override it.
+    With severity, the switch by which those of its table override it; unless it is bare, the switch by which those that
+    the scene decides override that.
     """
     if not perturbation.has_parameter_sockets:
-        return {name: graph.input(item) for name, item in frame_inputs(perturbation).items()}, None
+        return {name: graph.input(item) for name, item in frame_inputs(perturbation).items()}, None, None
     inputs = parameter_inputs(perturbation, served)
-    always = [name for name in inputs if name not in perturbation.severities]
+    scenes = () if bare else of_scene(perturbation)
+    always = [name for name in inputs if name not in perturbation.severities and name not in scenes]
     given = {name: graph.input(inputs[name]) for name in always}
     override = None if severity is None else graph.input(OVERRIDE_INPUT)
-    given |= {name: graph.input(item) for name, item in inputs.items() if name not in given}
-    return {name: given[name] for name in inputs}, override
+    given |= {name: graph.input(item) for name, item in inputs.items() if name not in given and name not in scenes}
+    own_camera = None if bare or not looks_at_scene(perturbation) else graph.input(OVERRIDE_CAMERA_INPUT)
+    given |= {name: graph.input(replace(inputs[name], panel=CAMERA_PANEL)) for name in scenes}
+    return {name: given[name] for name in inputs}, override, own_camera
 
 
 def _in_pixels_and_degrees(perturbation: ColourPerturbation, name: str, value: Socket, canvas: Canvas) -> Socket:
