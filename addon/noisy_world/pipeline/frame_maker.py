@@ -101,6 +101,16 @@ class FrameMaker:
         if self._stop.is_set():
             raise InterruptedRunError("stopped")
 
+    def clean_frame(self, render: Render, number: int) -> CleanFrame:
+        """Return a source frame of a render by its number, with the images that are written where nothing perturbs it.
+
+        It is read where clean frames are kept and it is there, else made. Raises InterruptedRunError when stopped.
+        """
+        if self._stop.is_set():
+            raise InterruptedRunError("stopped")
+        image = self._open(render, judging=False).frame(self.paths_of(render).request(number))
+        return CleanFrame.of(render, number, image, of_light=self._plan.format.of_light)
+
     @property
     def _modalities(self) -> tuple[Modality, ...]:
         return self._plan.format.modalities

@@ -27,8 +27,9 @@ class Publication:
 def publish(folder: Path, store: Store, progress: Progress, stop: threading.Event) -> Publication:
     """Pack the finished dataset of a folder at an address; each file's hash is checked on the way.
 
-    Raises StorageError where the folder holds no finished dataset, where a file is not as it was written, and where the
-    address cannot be written or holds another dataset; InterruptedRunError where `stop` is set.
+    Raises StorageError where the folder holds no finished dataset, where a file is not as it was written, where the
+    address cannot be written or holds another dataset; BusyError where another process writes it; InterruptedRunError
+    where `stop` is set.
     """
     content = read_content(folder)
 
@@ -38,9 +39,10 @@ def publish(folder: Path, store: Store, progress: Progress, stop: threading.Even
     def finished_otherwise(manifest: dict[str, Any]) -> str:
         return "" if manifest == content.manifest else "other frames or files"
 
-    new = take(store, content.identity, None, difference, finished_otherwise)
-    if new:
-        pack(content, content, store, progress, stop, beside=lambda: _run_text(folder))
+    with store.locked():
+        new = take(store, content.identity, None, difference, finished_otherwise)
+        if new:
+            pack(content, content, store, progress, stop, beside=lambda: _run_text(folder))
     return Publication(new, len(content.sequences), sum(content.manifest["frames"].values()))
 
 

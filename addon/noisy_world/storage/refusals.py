@@ -2,10 +2,10 @@
 """Turns a store's exceptions into one line with the address and the remedy."""
 
 import contextlib
-import errno
 import sys
 from collections.abc import Iterator
 
+from ..core.datasets.storage import FULL
 from ..core.errors import MissingDependencyError, StorageError
 from ..core.extras import install_command, pip_command
 
@@ -74,7 +74,7 @@ def _meaning(error: BaseException) -> tuple[str, str]:
         return f"the store does not answer ({text})", f"see to the network and the endpoint; {AGAIN}"
     if isinstance(error, NotImplementedError):
         return "its kind of store takes no files", "choose another address with --out"
-    if isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT):
+    if isinstance(error, OSError) and error.errno in FULL:
         return "no space is left there", f"make room; {AGAIN}"
     return text or type(error).__name__, f"mend that; {AGAIN}"
 

@@ -15,10 +15,11 @@ from pathlib import Path
 from typing import IO, TypeAlias
 
 from ..core.datasets.dataset_state import WORK_FOLDER
-from ..core.datasets.storage import unfinished_name
+from ..core.datasets.storage import FolderLock, unfinished_name
 from ..core.regular_files import open_regular
-from .refusals import refusals_as_errors
+from .refusals import refusals_as_errors, store_errors
 
+LOCK = f"{WORK_FOLDER}/lock"
 READ_BYTES = 8 * 2**20  # fetched at once where a whole file is read; chosen: some frames
 
 Entries: TypeAlias = dict[str, tuple[int, float | None]]
@@ -137,12 +138,24 @@ class Store(ABC):
     @contextlib.contextmanager
     def writing(self, name: str) -> Iterator["Upload"]:
         """Open a file for writing in parts; it is there once the block ends without an error."""
-        with contextlib.ExitStack() as closing:
-            with refusals_as_errors(self.of(name), "written"):
-                file = closing.enter_context(self._opened(name))
+        opened = self._opened(name)
+        with refusals_as_errors(self.of(name), "written"):
+            file = opened.__enter__()
+        try:
             yield Upload(file, self.of(name))
-            with refusals_as_errors(self.of(name), "written"):
-                closing.close()
+        except BaseException as error:
+            with contextlib.suppress(*store_errors()):  # a full disk takes the end no more than what was refused before
+                opened.__exit__(type(error), error, error.__traceback__)
+            raise
+        with refusals_as_errors(self.of(name), "written"):
+            opened.__exit__(None, None, None)
+
+    def locked(self) -> contextlib.AbstractContextManager[None]:
+        """Keep others from writing here, if that can be: an object store has no locks, and no folders that go.
+
+        Raises BusyError where another does.
+        """
+        return contextlib.nullcontext()
 
 
 class Upload:
@@ -194,6 +207,8 @@ class FolderStore(Store):
         found: Entries = {}
         for base, _, names in os.walk(self.folder / folder):
             for path in map(Path(base).joinpath, names):
+                if path == self.folder / LOCK:
+                    continue  # of a process, and no part of what is stored
                 with contextlib.suppress(FileNotFoundError):  # a run that goes on has just removed it
                     entry = path.stat()
                     found[path.relative_to(self.folder).as_posix()] = entry.st_size, entry.st_mtime
@@ -203,7 +218,8 @@ class FolderStore(Store):
         return (self.folder / name).stat().st_size
 
     def _holds_anything(self) -> bool:
-        return any(names for _, _, names in os.walk(self.folder))
+        lock = self.folder / LOCK
+        return any(Path(base) / name != lock for base, _, names in os.walk(self.folder) for name in names)
 
     def _remove(self, name: str) -> None:
         path = self.folder / name
@@ -211,6 +227,20 @@ class FolderStore(Store):
         for parent in path.relative_to(self.folder).parents:
             with contextlib.suppress(OSError):  # one that is not empty stays
                 (self.folder / parent).rmdir() if parent.name else None
+
+    @contextlib.contextmanager
+    def locked(self) -> Iterator[None]:
+        """Keep others from writing here. Raises BusyError where another does, StorageError where nobody can write."""
+        lock = FolderLock(self.folder / LOCK)
+        try:
+            yield
+        finally:
+            with contextlib.suppress(OSError):
+                (self.folder / LOCK).unlink()
+            lock.release()
+            for empty in (self.folder / WORK_FOLDER, self.folder):
+                with contextlib.suppress(OSError):  # it holds something
+                    empty.rmdir()
 
     @contextlib.contextmanager
     def _opened(self, name: str) -> Iterator[IO[bytes]]:

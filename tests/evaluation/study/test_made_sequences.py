@@ -3,6 +3,7 @@
 
 import argparse
 import hashlib
+import json
 import shutil
 import sys
 import threading
@@ -10,6 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from slam_systems import write_recording
 from study_tools import FRAMES, small_world
 from written import run
 
@@ -140,6 +142,31 @@ def test_clean_counterparts(world, tmp_path):
         assert not np.array_equal(mixed.clean[4].rgb, frames[4][0])
     with origin.sequence(Case("box", "shaky", 3), progress()) as moved:
         assert moved.clean is None  # its images are clean
+
+
+REGISTERED = {"depth": {"width": 20, "height": 16, "horizontal_fov_deg": 80, "registered": True}}
+
+
+@pytest.mark.parametrize("kind", ["recording", "registered"])
+@pytest.mark.parametrize("keep_clean", [True, False])
+def test_clean_counterparts_of_what_is_not_kept_or_has_another_camera(tmp_path, kind, keep_clean):
+    """They are what a clean sequence's files hold."""
+    if kind == "recording":
+        recording = write_recording(tmp_path / "recorded", frames=3)
+        scene = {"name": "box", "sequence": str(recording)}
+        preset = tmp_path / "preset.json"
+        keys = {"settings": SETTINGS[:2] + SETTINGS[4:5], "output": {"image": "png"}}
+        preset.write_text(json.dumps({"seed": 3, "scenes": [scene], **keys}))
+    else:
+        preset = small_world(tmp_path, frames=3, settings=SETTINGS[:2] + SETTINGS[4:5], rig=REGISTERED)
+    origin = origin_of(preset, tmp_path / "results", keep_clean=keep_clean)
+    with origin.sequence(Case("box", "clean", 3), progress()) as clean:
+        frames = [(frame.rgb, frame.depth_m) for frame in clean.opened]
+    for setting in ("noise", "holes"):
+        with origin.sequence(Case("box", setting, 3), progress()) as noisy:
+            for (rgb, depth_m), counterpart in zip(frames, noisy.clean, strict=True):
+                assert np.array_equal(counterpart.rgb, rgb)
+                assert np.array_equal(counterpart.depth_m, depth_m)
 
 
 def test_kept_sequences_stay_as_datasets(world, tmp_path):

@@ -5,7 +5,7 @@ import threading
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 from ...core.datasets.identity_mismatch import clean_identity
@@ -19,7 +19,7 @@ from ...core.planning.plan import Plan, Render, lay_out_plan, read_settings
 from ...core.planning.scene import Scene
 from ...core.planning.sequence import lay_out
 from ...core.presets.preset import Preset, canonical, check_document
-from ...core.progress import Progress
+from ...core.progress import Progress, SilentProgress
 from ...perturbations import registry
 from ...pipeline.clean_files import CleanFiles, frames_bytes
 from ...pipeline.frame_maker import FrameMaker, KeptScene, render_options
@@ -149,9 +149,12 @@ class MadeOrigin:
         opened = open_path(folder)[sequence.folder]
         place = folder / sequence.folder
         changed = bool(sequence.setting.rgb or sequence.setting.depth or sequence.paired)
-        clean = CleanSequence(opened, sequence, kept, plan.format) if changed and kept is not None else None
         mesh = self._scenes[case.scene].source.mesh
-        yield CaseSequence(place, find_sequence(place).trajectory, opened, clean, mesh)
+        # What is there already, a dataset that is kept for instance, may have no clean frames beside it: they are made.
+        with FrameMaker(plan, progress=SilentProgress(), stop=self._stop, scene=self._scene, clean=kept) as maker:
+            read = partial(maker.clean_frame, render)
+            clean = CleanSequence(opened, sequence, read, plan.format) if changed else None
+            yield CaseSequence(place, find_sequence(place).trajectory, opened, clean, mesh)
         if (render.moving or render.exposure) and kept is not None:
             self._clean.pop(kept.folder.name, None)
             self._results.remove(kept.folder)

@@ -1,0 +1,78 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Publishing into a folder on a disk that is full, and into one that another process writes."""
+
+import contextlib
+import errno
+import os
+
+import pytest
+from packed import pack_to, write_preset
+from written import run
+
+from noisy_world.core.errors import BusyError, StorageError
+from noisy_world.storage.open_store import open_store
+
+pytest.importorskip("pyarrow", reason="pyarrow comes with the extra cloud")
+resource = pytest.importorskip("resource", reason="Windows has no such limit")
+
+
+@pytest.fixture(scope="module")
+def dataset(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("full")
+    run(write_preset(folder, frames=4, scenes=("hall",)), folder / "out")
+    return folder / "out"
+
+
+def files_in(folder):
+    return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+@pytest.mark.parametrize("limit_bytes", [100, 9_000, 20_000])
+def test_a_full_disk_is_a_line_and_it_goes_on_once_there_is_room(dataset, tmp_path, limit_bytes):
+    """A write beyond the limit fails, and the end of the file that is flushed then fails again, as on a full disk."""
+    pack_to(dataset, tmp_path / "whole/out")
+    assert max(map(len, files_in(tmp_path / "whole/out").values())) > limit_bytes
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (limit_bytes, before[1]))
+    try:
+        with pytest.raises(StorageError, match="no space is left there; make room"):
+            pack_to(dataset, tmp_path / "out")
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    pack_to(dataset, tmp_path / "out")
+    assert files_in(tmp_path / "out") == files_in(tmp_path / "whole/out")
+
+
+class FullDisk:
+    """A file that takes nothing, and whose end cannot be written either: buffers are flushed again."""
+
+    def write(self, data):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    def close(self):
+        self.write(b"")
+
+
+def test_a_file_whose_end_cannot_be_written_either_is_one_error(tmp_path, monkeypatch):
+    store = open_store(tmp_path)
+    monkeypatch.setattr(store, "_opened", lambda name: contextlib.closing(FullDisk()))
+    with pytest.raises(StorageError, match=f"{tmp_path}/a.tar: cannot be written: no space is left there"):
+        store.write("a.tar", b"x")
+    with pytest.raises(KeyError), store.writing("a.tar"):
+        raise KeyError  # what ended the writing is what is told
+
+
+def test_one_process_writes_into_a_folder(dataset, tmp_path):
+    with open_store(tmp_path / "out").locked(), pytest.raises(BusyError, match="another run is writing here"):
+        pack_to(dataset, tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+    assert pack_to(dataset, tmp_path / "out").new
+    assert not pack_to(dataset, tmp_path / "out").new
+    assert not (tmp_path / "out/.noisy_world").exists()
+
+
+def test_a_folder_of_somebody_elses_stays_as_it_is(dataset, tmp_path):
+    (tmp_path / "thesis.tex").write_text("")
+    with pytest.raises(StorageError, match="is not empty and holds no dataset"):
+        pack_to(dataset, tmp_path)
+    assert list(files_in(tmp_path)) == ["thesis.tex"]
