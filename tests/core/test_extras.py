@@ -96,3 +96,32 @@ def test_what_is_missing_is_one_line_with_the_command():
     line = str(caught.value)
     assert line.startswith("casting rays: no_such_module: missing in this Python 3.")
     assert line.endswith(f"; run: {extras.install_command('embree')}, or do without")
+
+
+@pytest.mark.parametrize("version", [(3, 11), (3, 14)])
+@pytest.mark.parametrize(
+    ("system", "machine"),
+    [("linux", "x86_64"), ("linux", "aarch64"), ("darwin", "x86_64"), ("darwin", "arm64"), ("win32", "AMD64")],
+)
+def test_what_no_package_brings_to_a_machine_is_said_instead_of_a_command(monkeypatch, system, machine, version):
+    """As the markers of pyproject.toml have it, which leave the same packages out."""
+    markers = pytest.importorskip("packaging.markers")
+    requirements = pytest.importorskip("packaging.requirements")
+    here = {"sys_platform": system, "platform_machine": machine, "python_version": ".".join(map(str, version))}
+    full = markers.default_environment() | here
+    monkeypatch.setattr(sys, "platform", system)
+    monkeypatch.setattr("platform.machine", lambda: machine)
+    monkeypatch.setattr(sys, "version_info", (*version, 0, "final", 0))
+    for word in extras.EXTRAS["evaluate"]:
+        found = requirements.Requirement(word)
+        left_out = found.marker is not None and not found.marker.evaluate(full)
+        assert bool(extras.unavailable(found.name)) == left_out, (found.name, here)
+    monkeypatch.setattr(extras, "missing_packages", list)
+    for module in ("gtsam", "embreex", "numba"):
+        if where := extras.unavailable(module):
+            with pytest.raises(MissingDependencyError) as caught:
+                extras.need([module], "evaluate", for_what="closing loops", otherwise="leave them open")
+            line = str(caught.value)
+            assert f"{module} has no package for {where}" in line
+            assert "install" not in line
+            assert line.endswith("leave them open")

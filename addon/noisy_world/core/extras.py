@@ -3,6 +3,7 @@
 
 import importlib.util
 import json
+import platform
 import shlex
 import sys
 from collections.abc import Iterable
@@ -45,12 +46,30 @@ BLENDER_PYTHON = (3, 13)  # which Blender's package has wheels for
 def need(modules: Iterable[str], extra: str, *, for_what: str = "", otherwise: str = "") -> None:
     """Raise MissingDependencyError, with the command that installs the extra, where a module cannot be imported.
 
+    Of a module that no package brings to this machine, it says that.
+
     for_what: what needs them, in front of the line. otherwise: what else can be done, at its end.
     """
     if missing := missing_packages(modules):
+        for name in missing:
+            if where := unavailable(name):
+                sentence = f"{name} has no package for {where}" + (f"; {otherwise}" if otherwise else "")
+                raise MissingDependencyError(f"{for_what}: {sentence}" if for_what else sentence)
         remedy = f"run: {install_command(extra)}" + (f", or {otherwise}" if otherwise else "")
         sentence = missing_sentence(missing, "", remedy)
         raise MissingDependencyError(f"{for_what}: {sentence}" if for_what else sentence)
+
+
+def unavailable(module: str) -> str:
+    """Return for which kind of machine, as this one is, no package brings a module; "" where one does, or may."""
+    machine = platform.machine()
+    if module == "gtsam" and sys.platform == "win32":
+        return "Windows"
+    if module == "embreex" and sys.platform == "linux" and machine != "x86_64":
+        return f"Linux on {machine}"
+    if module == "numba" and sys.platform == "darwin" and machine == "x86_64" and sys.version_info >= (3, 14):
+        return "macOS on Intel under Python 3.14"
+    return ""
 
 
 def blender_missing(for_what: str = "", *, otherwise: str = "", remedy: str = "") -> str:

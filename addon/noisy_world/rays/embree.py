@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.errors import MissingDependencyError
-from ..core.extras import install_command
+from ..core.extras import install_command, unavailable
 from ..core.messages import Message, PresetKey, either
 
 
@@ -69,6 +69,10 @@ def _embreex() -> tuple[Any, Any]:
         python = f"Python {sys.version_info.major}.{sys.version_info.minor}"
         missing = isinstance(error, ModuleNotFoundError)
         problem = f"is missing in this {python}" if missing else f"cannot be imported: {error}"
+        instead = Message("use ", PresetKey("render.engine", "cycles"))
+        if missing and (where := unavailable("embreex")):
+            message = Message(PresetKey("render.engine"), f" is embree, but embreex has no package for {where}")
+            raise MissingDependencyError(message, remedy=instead) from error
         message = Message(PresetKey("render.engine"), f" is embree, but embreex {problem}")
-        remedy = either(f"run: {install_command('embree')}", Message("use ", PresetKey("render.engine", "cycles")))
+        remedy = either(f"run: {install_command('embree')}", instead)
         raise MissingDependencyError(message, remedy=remedy) from error

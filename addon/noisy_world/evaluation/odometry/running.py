@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...core.extras import install_command
+from ...core.extras import install_command, unavailable
 from ...core.progress import Progress
 from .agreement import Agreement
 from .alignment import Aligner, By
@@ -59,7 +59,9 @@ def run(
             return history.result(stopped=not ended)
         if not can_optimise():
             if progress:
-                progress.note(f"{NO_LOOPS}; run: {install_command('evaluate')}")
+                where = unavailable("gtsam")
+                remedy = f"no package brings it to {where}" if where else f"run: {install_command('evaluate')}"
+                progress.note(f"{NO_LOOPS}; {remedy}")
             return history.result()
         c2w = history.chained()
         loops = find_loops(places, c2w, _usual(history), stopped=stopped)

@@ -39,8 +39,6 @@ def check_system(system: System) -> dict[str, str]:
 @cache
 def system_versions(system: System) -> dict[str, str]:
     """Return what a system says of its versions, asked once. Raises MissingDependencyError."""
-    if sys.platform == "win32":
-        raise _missing(system, "systems are run on Linux and macOS, also in Windows' own Linux")
     if system.environment and not environment_python(system.environment).exists():
         raise _missing(system, f"there is no environment {environment_folder(system.environment)}")
     if system.gpu and not any(device.exists() for device in GPU_DEVICES):

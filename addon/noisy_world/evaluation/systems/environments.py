@@ -32,13 +32,16 @@ def environment_folder(name: str) -> Path:
 
 def environment_python(name: str) -> Path:
     """Return the Python of an environment, whether it is there or not."""
-    return environment_folder(name) / "bin" / "python"
+    inside = ("Scripts", "python.exe") if sys.platform == "win32" else ("bin", "python")
+    return environment_folder(name).joinpath(*inside)
 
 
 def _data_folder() -> Path:
     """Return the folder of this user's data, as the system has it."""
     if sys.platform == "darwin":
         return Path.home() / "Library" / "Application Support" / "noisy-world"
+    if sys.platform == "win32":
+        return Path(os.environ.get("LOCALAPPDATA") or Path.home() / "AppData" / "Local") / "noisy-world"
     given = os.environ.get("XDG_DATA_HOME", "")
     # The XDG specification has relative paths ignored.
     root = Path(given) if Path(given).is_absolute() else Path.home() / ".local" / "share"

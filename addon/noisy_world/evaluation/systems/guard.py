@@ -11,8 +11,9 @@ standard input ends: so a system never outlives the process that asked for it, h
 starts the command because a child's peak memory begins with that of its parent.
 
 On Linux it adopts the command's processes whose parents have ended, whatever session or group they are in, and ends
-them too; where it may make a cgroup (version 2), they are ended by that as well, at once. Elsewhere it ends the
-command's process group alone.
+them too; where it may make a cgroup (version 2), they are ended by that as well, at once. On macOS it ends the
+command's process group alone. On Windows, where Python has no module `resource`, it and the command are a job, which
+ends as a whole when the guard does; a request to end is an end at once there.
 
 At the end it prints JSON: status (the exit status, negative for a signal), ended ("itself", "limit", "asked",
 "missing", or "over": it went over one of the limits), seconds, processor_s, peak_memory_bytes, problem.
@@ -23,16 +24,21 @@ import ctypes
 import errno
 import json
 import os
-import resource
 import select
 import signal
 import stat
 import subprocess
 import sys
+import threading
 import time
 from collections import deque
 from collections.abc import Iterator
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, Protocol
+
+try:
+    import resource
+except ImportError:  # on Windows
+    resource = None
 
 POLL_S = 0.05
 PIECE = 65536
@@ -102,7 +108,7 @@ class ResourceLimits:
         # A disk that is nearly full from the start is not the system's doing.
         self._least_free = min(LEAST_FREE_BYTES, self._free_bytes() // 2)
 
-    def problem(self, processes: "CommandProcesses", *, now: bool = False) -> str:
+    def problem(self, processes: "Taking", *, now: bool = False) -> str:
         """Return which limit is passed; "" for none. now: look at all files, though it was just done."""
         if self._free_bytes() < self._least_free:
             return f"left less than {self._least_free / 1e6:.0f} MB of the disk free"
@@ -116,6 +122,10 @@ class ResourceLimits:
 
     def _free_bytes(self) -> int:
         try:
+            if not hasattr(os, "statvfs"):  # on Windows
+                import shutil
+
+                return shutil.disk_usage(self._folders[0]).free
             found = os.statvfs(self._folders[0])
         except OSError:  # the system has removed its folder
             return LEAST_FREE_BYTES
@@ -125,7 +135,8 @@ class ResourceLimits:
         most_bytes, most_files = self._limits["written_bytes"], self._limits["files"]
         written, count = 0, 0
         for found, depth in files_below(self._folders):
-            written, count = written + found.st_blocks * 512, count + 1
+            on_disk = found.st_blocks * 512 if hasattr(found, "st_blocks") else found.st_size
+            written, count = written + on_disk, count + 1
             if written > most_bytes:
                 return f"wrote more than the {most_bytes / 1e9:g} GB of limits.written_gb"
             if count > most_files:
@@ -134,14 +145,22 @@ class ResourceLimits:
                 return f"made more than {DEEPEST} folders in each other"
         return ""
 
-    def _of_processes(self, processes: "CommandProcesses") -> str:
+    def _of_processes(self, processes: "Taking") -> str:
         most, most_bytes = self._limits["processes"], self._limits["memory_bytes"]
-        found = processes.below()
-        if len(found) > most:
+        count, taken_bytes = processes.taken()
+        if count > most:
             return f"started more processes than the {most} of limits.processes"
-        if most_bytes is not None and sum(found.values()) > most_bytes:
+        if most_bytes is not None and taken_bytes > most_bytes:
             return f"took more memory than the {most_bytes / 1e9:g} GB of limits.memory_gb"
         return ""
+
+
+class Taking(Protocol):
+    """Processes that take something."""
+
+    def taken(self) -> tuple[int, int]:
+        """Return how many processes a command has, and how many bytes of memory they take."""
+        ...
 
 
 def files_below(folders: list[str]) -> Iterator[tuple[os.stat_result, int]]:
@@ -177,6 +196,7 @@ class CommandProcesses:
 
     def enter(self) -> None:
         """Begin a command: what its process does first."""
+        assert resource is not None
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
         if sys.platform.startswith("linux"):
             with contextlib.suppress(OSError):
@@ -184,6 +204,11 @@ class CommandProcesses:
         if self._cgroup:
             with contextlib.suppress(OSError):
                 _write(f"{self._cgroup}/cgroup.procs", "0")
+
+    def taken(self) -> tuple[int, int]:
+        """Return how many processes there are, and their resident bytes."""
+        found = self.below()
+        return len(found), sum(found.values())
 
     def below(self) -> dict[int, int]:
         """Return the processes below this one, by their numbers, with their resident bytes. {} where /proc is not."""
@@ -227,6 +252,97 @@ class CommandProcesses:
         if self._cgroup:
             with contextlib.suppress(OSError):
                 os.rmdir(self._cgroup)  # noqa: PTH106
+
+
+class BasicLimits(ctypes.Structure):
+    """JOBOBJECT_BASIC_LIMIT_INFORMATION of Windows' winnt.h."""
+
+    _fields_ = (
+        *((name, ctypes.c_int64) for name in ("process_time", "job_time")),
+        ("flags", ctypes.c_uint32),
+        *((name, ctypes.c_size_t) for name in ("least_working_set", "most_working_set")),
+        ("active_processes", ctypes.c_uint32),
+        ("affinity", ctypes.c_size_t),
+        *((name, ctypes.c_uint32) for name in ("priority_class", "scheduling_class")),
+    )
+
+
+class ExtendedLimits(ctypes.Structure):
+    """JOBOBJECT_EXTENDED_LIMIT_INFORMATION."""
+
+    _fields_ = (
+        ("basic", BasicLimits),
+        ("input_output", ctypes.c_uint64 * 6),
+        *((name, ctypes.c_size_t) for name in ("process_memory", "job_memory", "peak_of_one", "peak_of_job")),
+    )
+
+
+class Accounting(ctypes.Structure):
+    """JOBOBJECT_BASIC_ACCOUNTING_INFORMATION; times in units of 100 ns."""
+
+    _fields_ = (
+        *((name, ctypes.c_int64) for name in ("user", "kernel", "period_user", "period_kernel")),
+        *((name, ctypes.c_uint32) for name in ("page_faults", "processes", "active", "terminated")),
+    )
+
+
+_ACCOUNTING, _EXTENDED_LIMITS, _KILL_ON_JOB_CLOSE = 1, 9, 0x2000  # winnt.h
+
+
+class Job:
+    """This process and all that it starts, as a job of Windows, which ends as a whole when this process does.
+
+    Where there are no jobs it knows nothing of them.
+    """
+
+    def __init__(self) -> None:
+        """Make the job, and enter it: what is started from now on is in it from its first moment."""
+        self._handle: int | None = None
+        library = getattr(ctypes, "WinDLL", None)
+        if library is None:
+            return
+        self._kernel = library("kernel32")
+        handle, number, structure = ctypes.c_void_p, ctypes.c_uint32, ctypes.c_void_p
+        for name, result, arguments in (
+            ("CreateJobObjectW", handle, [ctypes.c_void_p, ctypes.c_wchar_p]),
+            ("GetCurrentProcess", handle, []),
+            ("AssignProcessToJobObject", ctypes.c_int, [handle, handle]),
+            ("SetInformationJobObject", ctypes.c_int, [handle, ctypes.c_int, structure, number]),
+            ("QueryInformationJobObject", ctypes.c_int, [handle, ctypes.c_int, structure, number, ctypes.c_void_p]),
+        ):
+            function = getattr(self._kernel, name)
+            function.restype, function.argtypes = result, arguments
+        made = self._kernel.CreateJobObjectW(None, None)
+        limits = ExtendedLimits()
+        limits.basic.flags = _KILL_ON_JOB_CLOSE
+        if (
+            made
+            and self._kernel.SetInformationJobObject(
+                made, _EXTENDED_LIMITS, ctypes.byref(limits), ctypes.sizeof(limits)
+            )
+            and self._kernel.AssignProcessToJobObject(made, self._kernel.GetCurrentProcess())
+        ):
+            self._handle = made
+
+    def taken(self) -> tuple[int, int]:
+        """Return how many processes there are beside this one, and the most bytes of memory that all took at once."""
+        if self._handle is None:
+            return 0, 0
+        accounting, limits = self._asked()
+        return max(0, accounting.active - 1), limits.peak_of_job
+
+    def spent(self) -> tuple[float | None, int | None]:
+        """Return the processor's seconds and the most bytes of memory that the job took; None where none tells."""
+        if self._handle is None:
+            return None, None
+        accounting, limits = self._asked()
+        return (accounting.user + accounting.kernel) * 1e-7, limits.peak_of_job
+
+    def _asked(self) -> tuple[Accounting, ExtendedLimits]:
+        found = Accounting(), ExtendedLimits()
+        for number, each in zip((_ACCOUNTING, _EXTENDED_LIMITS), found, strict=True):
+            self._kernel.QueryInformationJobObject(self._handle, number, ctypes.byref(each), ctypes.sizeof(each), None)
+        return found
 
 
 def own_cgroup() -> str:
@@ -278,6 +394,8 @@ def _write(path: str, text: str) -> None:
 
 def main(order: dict[str, Any]) -> dict[str, Any]:
     """Carry out an order and return what is to be said."""
+    if resource is None:
+        return main_by_threads(order)
     started = time.monotonic()
     logs = {name: Log(order[name], order["log_bytes"]) for name in ("log", "errors") if order[name]}
     limits = ResourceLimits(order["limits"], order["counted"])
@@ -286,6 +404,7 @@ def main(order: dict[str, Any]) -> dict[str, Any]:
 
     def enter() -> None:
         processes.enter()
+        assert resource is not None
         resource.setrlimit(resource.RLIMIT_FSIZE, (largest, largest))
 
     try:
@@ -369,7 +488,7 @@ def ask(leader: int, grace_s: float) -> None:
         time.sleep(POLL_S)
 
 
-def reap(leader: int) -> tuple[int, list[resource.struct_rusage]]:
+def reap(leader: int) -> tuple[int, list[Any]]:
     """Wait for a process; return its exit status, negative for a signal, and what it and all adopted ones took."""
     _, status, of_leader = os.wait4(leader, 0)
     spent = [of_leader]
@@ -388,6 +507,88 @@ def drain(output: int, log: Log) -> None:
         if not data:
             break
         log.write(data)
+
+
+def main_by_threads(order: dict[str, Any]) -> dict[str, Any]:
+    """Carry out an order where pipes cannot be waited for, and processes have no groups and limits: on Windows.
+
+    A request to end is an end at once. What the command has started and left ends with this process, by its job.
+    """
+    started = time.monotonic()
+    logs = {name: Log(order[name], order["log_bytes"]) for name in ("log", "errors") if order[name]}
+    limits = ResourceLimits(order["limits"], order["counted"])
+    job = Job()
+    try:
+        process = subprocess.Popen(  # noqa: S603 - what the user's definition says
+            order["command"],
+            cwd=order["folder"],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE if order["errors"] else subprocess.STDOUT,
+        )
+    except OSError as error:
+        for log in logs.values():
+            log.close()
+        return {"ended": "missing", "problem": f"{error.filename or order['command'][0]}: {error.strerror}"}
+    asked = threading.Event()
+    threading.Thread(target=wait_for_the_end_of_input, args=(asked,), daemon=True).start()
+    pipes = [pipe for pipe in (process.stdout, process.stderr) if pipe is not None]
+    copying = [
+        threading.Thread(target=copy, args=(pipe.fileno(), log), daemon=True)
+        for pipe, log in zip(pipes, logs.values(), strict=True)
+    ]
+    for thread in copying:
+        thread.start()
+    ended, problem = attend_by_threads(process, asked, started + order["limit_s"], limits, job)
+    if ended != "itself":
+        process.kill()
+    status = process.wait()
+    for thread in copying:
+        thread.join(ENDING_S)  # a process that is left may hold the pipe
+    for log in logs.values():
+        log.close()
+    if ended == "itself" and (problem := limits.problem(job, now=True)):
+        ended = "over"
+    processor_s, peak_bytes = job.spent()
+    return {
+        "status": status,
+        "ended": ended,
+        "seconds": time.monotonic() - started,
+        "processor_s": processor_s,
+        "peak_memory_bytes": peak_bytes,
+        "problem": problem,
+    }
+
+
+def attend_by_threads(
+    process: subprocess.Popen, asked: threading.Event, until: float, limits: ResourceLimits, job: Job
+) -> tuple[str, str]:
+    """Wait until a process ends by itself or has to; return which, and which limit it went over."""
+    while True:
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            process.wait(POLL_S)
+            return "itself", ""
+        if asked.is_set():
+            return "asked", ""
+        if time.monotonic() > until:
+            return "limit", ""
+        if problem := limits.problem(job):
+            return "over", problem
+
+
+def wait_for_the_end_of_input(ended: threading.Event) -> None:
+    """Set an event when standard input ends; by its number, as Python's own object is locked while it is read."""
+    with contextlib.suppress(OSError):
+        while os.read(0, PIECE):
+            pass
+    ended.set()
+
+
+def copy(output: int, log: Log) -> None:
+    """Write to a log what a pipe holds, to its end."""
+    with contextlib.suppress(OSError, ValueError):
+        while data := os.read(output, PIECE):
+            log.write(data)
 
 
 if __name__ == "__main__":

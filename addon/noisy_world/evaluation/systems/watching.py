@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any, Literal, TypeAlias
 
 from .definition import Limits
+from .guard import MARK, end_marked
 
 GUARD = Path(__file__).with_name("guard.py")
 LOG_BYTES = 256 * 1024  # of the beginning, and of the end
@@ -59,8 +60,6 @@ def watched(
     errors: one for what it says on standard error, if not the log. limit_s: on the wall. grace_s: from being asked to
     end until it is ended. stop: ends it when set.
     """
-    from .guard import MARK, end_marked  # it cannot be imported on Windows, where no system is run
-
     order = {
         "command": list(command),
         "folder": os.fspath(folders[0]),
@@ -78,7 +77,9 @@ def watched(
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         env={**variables, MARK: mark},
-        start_new_session=True,  # Ctrl-C is for us: the guard ends when its input does
+        # Ctrl-C is for us: the guard ends when its input does.
+        start_new_session=True,
+        creationflags=getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0),  # the same on Windows
     )
     assert process.stdin is not None
     assert process.stdout is not None
@@ -90,7 +91,8 @@ def watched(
         with contextlib.suppress(subprocess.TimeoutExpired):
             process.wait(grace_s + OVERDUE_S)
         if process.poll() == 0:
-            os.set_blocking(process.stdout.fileno(), False)  # a process that could not be ended may hold it
+            if sys.platform != "win32":
+                os.set_blocking(process.stdout.fileno(), False)  # a process that could not be ended may hold it
             ended = _parsed(process.stdout.read(LONGEST_TOLD))
         process.stdout.close()
         if ended is None:
