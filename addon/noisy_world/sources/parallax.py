@@ -8,10 +8,10 @@ otherwise, that is said. What does not tell is passed over in silence: a camera 
 poses that fit in no way.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import product
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,6 +33,8 @@ MOST_FRAMES = 90  # between two frames of a pair
 TRIES = 3  # of the second frame of a pair
 WIDEST_PX = 800  # of an image in which features are followed
 FEATURES, LEAST_FEATURES = 250, 40
+BACK_PX = 0.5  # how far from where it was a feature may be that is followed there and back
+KEPT = 0.3  # share of the features that have to be found again
 AIM = 0.05  # of the image's width: how far features should go from one frame to the other
 GOOD = 0.015, 0.2  # likewise: how far they may
 FLAT = 0.05  # relative difference of depth in 5 x 5 pixels, more of which is an edge
@@ -133,7 +135,7 @@ def _pairs(stored: StoredSequence, camera: Intrinsics) -> Iterator[Followed]:
     known = np.flatnonzero(stored.trajectory.known)
     if len(known) < 2:
         return
-    follow = _follower(stored, camera)
+    follower = _Follower(stored, camera)
     anchors = np.unique(np.linspace(0, len(known) - 1, PAIRS + 1).round().astype(int))[:-1].tolist()
     apart = max(1, min(4, len(known) // 4))
     for place in anchors:
@@ -144,7 +146,7 @@ def _pairs(stored: StoredSequence, camera: Intrinsics) -> Iterator[Followed]:
             if other in tried or other == place:
                 break
             tried.add(other)
-            found = follow(int(known[place]), int(known[other]))
+            found = follower.follow(int(known[place]), int(known[other]))
             if found is None:  # too far, or nothing to follow
                 apart = max(1, apart // 3)
                 continue
@@ -158,70 +160,79 @@ def _pairs(stored: StoredSequence, camera: Intrinsics) -> Iterator[Followed]:
             yield best
 
 
-def _follower(stored: StoredSequence, camera: Intrinsics) -> Callable[[int, int], Followed | None]:
-    import cv2
+class _Follower:
+    """Follows features between frames of a recording, in images of a moderate size; each is read once."""
 
-    optics, factor = stored.optics, 1
-    while camera.width_px / factor > WIDEST_PX:
-        factor *= 2
-    between = None if optics.depth is None else Registration(camera, optics.depth, optics.distortion)
-    images: dict[int, NDArray[np.uint8]] = {}
-    starts: dict[int, tuple[NDArray[np.float32], Float64]] = {}
+    def __init__(self, stored: StoredSequence, camera: Intrinsics) -> None:
+        optics = stored.optics
+        self._stored = stored
+        self._whole, self._camera = camera, camera.shrunk(WIDEST_PX)
+        self._lens = optics.distortion
+        self._between = None if optics.depth is None else Registration(self._camera, optics.depth, optics.distortion)
+        self._images: dict[int, NDArray[np.uint8]] = {}
+        self._starts: dict[int, tuple[NDArray[np.float32], Float64]] = {}
 
-    def grey(frame: int) -> NDArray[np.uint8]:
-        if frame not in images:
-            image = cv2.cvtColor(as_bytes(stored.frame(frame).rgb), cv2.COLOR_RGB2GRAY)
-            if factor > 1:
-                size_px = (camera.width_px // factor, camera.height_px // factor)
-                image = cv2.resize(image, size_px, interpolation=cv2.INTER_AREA)
-            images[frame] = np.asarray(image, np.uint8)
-        return images[frame]
-
-    def begin(frame: int) -> tuple[NDArray[np.float32], Float64]:
-        """Return features (N, 2) of a small image, and the depth (N,) there; none at edges of depth."""
-        if frame not in starts:
-            depth_m = stored.frame(frame).depth_m
-            depth_m = depth_m if between is None else between.depth_in_colour(depth_m)
-            image = grey(frame)
-            small_m = depth_m[factor // 2 :: factor, factor // 2 :: factor][: image.shape[0], : image.shape[1]]
-            small_m = np.ascontiguousarray(small_m)
-            square = np.ones((5, 5), np.uint8)
-            lowest, highest = cv2.erode(small_m, square), cv2.dilate(small_m, square)
-            mask = ((lowest > 0) & (highest < (1 + FLAT) * lowest)).astype(np.uint8)
-            found = cv2.goodFeaturesToTrack(image, FEATURES, 0.01, max(image.shape[1] / 60, 3), mask=mask)
-            points = np.zeros((0, 2), np.float32) if found is None else np.asarray(found, np.float32).reshape(-1, 2)
-            at = points.round().astype(int)
-            starts[frame] = points, small_m[at[:, 1], at[:, 0]].astype(np.float64)
-        return starts[frame]
-
-    def plane(points: NDArray[np.float32]) -> Float64:
-        """Return where features are on the plane at 1, (N, 2); NaN where the lens sees nothing."""
-        at = (points.astype(np.float64) + 0.5) * factor - 0.5
-        x, y = (at[:, 0] - camera.cx_px) / camera.fx_px, (at[:, 1] - camera.cy_px) / camera.fy_px
-        return np.stack([x, y] if optics.distortion is None else straightened(optics.distortion, x, y), axis=-1)
-
-    def moved_to(one: int, other: int, points: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-        """Return where features (N, 2) of one image are in another, and which were found."""
-        there, good, _ = cv2.calcOpticalFlowPyrLK(
-            grey(one), grey(other), points, points.copy(), winSize=(15, 15), maxLevel=4
-        )
-        return np.asarray(there, np.float32), np.asarray(good).ravel() > 0
-
-    def follow(one: int, other: int) -> Followed | None:
-        points, depth_m = begin(one)
+    def follow(self, one: int, other: int) -> Followed | None:
+        """Return the features of a frame in another; None where these are few."""
+        points, depth_m = self._begin(one)
         if len(points) < LEAST_FEATURES:
             return None
-        there, good = moved_to(one, other, points)
-        back, again = moved_to(other, one, there)
-        kept = good & again & (np.linalg.norm(back - points, axis=1) < 0.5)
-        if kept.sum() < max(LEAST_FEATURES, 0.3 * len(points)):
+        there, good = self._moved(one, other, points)
+        back, again = self._moved(other, one, there)
+        kept = good & again & (np.linalg.norm(back - points, axis=1) < BACK_PX)
+        if kept.sum() < max(LEAST_FEATURES, KEPT * len(points)):
             return None
-        moved = float(np.median(np.linalg.norm(there - points, axis=1)[kept])) / grey(one).shape[1]
-        rays, to = plane(points[kept]), plane(there[kept])
+        moved = float(np.median(np.linalg.norm(there - points, axis=1)[kept])) / self._camera.width_px
+        rays, to = self._plane(points[kept]), self._plane(there[kept])
         seen = np.isfinite(rays).all(axis=1) & np.isfinite(to).all(axis=1)
         return Followed((one, other), rays[seen], depth_m[kept][seen], to[seen], max(moved, 1e-6))
 
-    return follow
+    def _grey(self, frame: int) -> NDArray[np.uint8]:
+        import cv2
+
+        if frame not in self._images:
+            image = np.asarray(cv2.cvtColor(as_bytes(self._stored.frame(frame).rgb), cv2.COLOR_RGB2GRAY), np.uint8)
+            self._images[frame] = np.asarray(self._resized(image, cv2.INTER_AREA), np.uint8)
+        return self._images[frame]
+
+    def _resized(self, image: NDArray[Any], by: int) -> NDArray[Any]:
+        import cv2
+
+        size_px = self._camera.width_px, self._camera.height_px
+        return image if self._camera == self._whole else np.asarray(cv2.resize(image, size_px, interpolation=by))
+
+    def _begin(self, frame: int) -> tuple[NDArray[np.float32], Float64]:
+        """Return features (N, 2) of a frame and the depth (N,) there; none at edges of depth."""
+        import cv2
+
+        if frame not in self._starts:
+            depth_m, between = self._stored.frame(frame).depth_m, self._between
+            depth_m = self._resized(depth_m, cv2.INTER_NEAREST) if between is None else between.depth_in_colour(depth_m)
+            square = np.ones((5, 5), np.uint8)
+            lowest, highest = cv2.erode(depth_m, square), cv2.dilate(depth_m, square)
+            mask = ((lowest > 0) & (highest < (1 + FLAT) * lowest)).astype(np.uint8)
+            apart_px = max(self._camera.width_px / 60, 3)
+            found = cv2.goodFeaturesToTrack(self._grey(frame), FEATURES, 0.01, apart_px, mask=mask)
+            points = np.zeros((0, 2), np.float32) if found is None else np.asarray(found, np.float32).reshape(-1, 2)
+            at = points.round().astype(int)
+            self._starts[frame] = points, depth_m[at[:, 1], at[:, 0]].astype(np.float64)
+        return self._starts[frame]
+
+    def _moved(
+        self, one: int, other: int, points: NDArray[np.float32]
+    ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+        """Return where features (N, 2) of one image are in another, and which were found (Lucas and Kanade, 1981)."""
+        import cv2
+
+        images = self._grey(one), self._grey(other)
+        there, good, _ = cv2.calcOpticalFlowPyrLK(*images, points, points.copy(), winSize=(15, 15), maxLevel=4)
+        return np.asarray(there, np.float32), np.asarray(good).ravel() > 0
+
+    def _plane(self, points: NDArray[np.float32]) -> Float64:
+        """Return where features are on the plane at 1, (N, 2); NaN where the lens sees nothing."""
+        at, camera = points.astype(np.float64), self._camera
+        x, y = (at[:, 0] - camera.cx_px) / camera.fx_px, (at[:, 1] - camera.cy_px) / camera.fy_px
+        return np.stack([x, y] if self._lens is None else straightened(self._lens, x, y), axis=-1)
 
 
 # --- fitting ---
