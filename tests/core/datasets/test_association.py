@@ -8,9 +8,12 @@ import pytest
 from cases import cases
 
 from noisy_world.core.datasets.association import associate, associate_frames, StampedFiles
+from noisy_world.core.datasets.layouts import LAYOUTS, find_sequence
+from noisy_world.core.datasets.layouts.layout import OutputFormat
 from noisy_world.core.errors import InputError
 from noisy_world.core.trajectories.stamps import Stamps
-from noisy_world.core.trajectories.trajectory import Trajectory
+from noisy_world.core.trajectories.trajectory import Trajectory, evenly_stamped
+from noisy_world.testing.layouts import write_sequence
 
 
 def as_published(first, second, within):
@@ -150,3 +153,24 @@ def test_no_common_time_says_what_each_list_covers(tmp_path):
         )
     assert "no colour, depth and pose lie within 0.02 s of one another" in str(error.value)
     assert "poses 50.000000 to 51.500000 s" in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("layout_name", "truth"),
+    [
+        ("tum", "groundtruth.txt"),
+        ("euroc", "mav0/state_groundtruth_estimate0/data.csv"),
+        ("vslamlab", "groundtruth.csv"),
+    ],
+)
+def test_a_recording_whose_truth_has_a_stamp_twice(tmp_path, layout_name, truth):
+    layout = LAYOUTS[layout_name]
+    written = OutputFormat(layout, layout.images[0], layout.colours[0], ("rgb", "depth"), layout.depth_scale_per_m)
+    write_sequence(written, evenly_stamped(np.tile(np.eye(4), (5, 1, 1))), tmp_path / "scene")
+    once = find_sequence(tmp_path / "scene")
+    lines = (tmp_path / "scene" / truth).read_text().splitlines(keepends=True)
+    (tmp_path / "scene" / truth).write_text("".join([*lines[:-2], lines[-2], lines[-2], lines[-1]]))
+    twice = find_sequence(tmp_path / "scene")
+    assert twice.stamps.pose.ns == once.stamps.pose.ns
+    np.testing.assert_array_equal(twice.trajectory.c2w, once.trajectory.c2w)
+    assert any("has the time stamp of the pose before" in note for note in twice.notes)

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The ASL layout of the EuRoC MAV datasets, which visual-inertial systems read."""
 
+from dataclasses import replace
 from pathlib import Path, PurePosixPath
 from typing import ClassVar
 
@@ -196,7 +197,8 @@ class EurocLayout(Layout):
         file = truth_file(folder / self.truth / "data.csv", poses)
         path = exact = None
         if file is not None:
-            path = sensor_trajectory(read_poses_csv(file), Sensor(colour_sensor.body_from_sensor))
+            body = read_poses_csv(file)
+            path = replace(sensor_trajectory(body, Sensor(colour_sensor.body_from_sensor)), notes=body.notes)
             exact = exact_stamps(file, path)
         found = associate_frames(folder, rgb, depth, path, exact, policy=poses)
         check_files(folder / COLOUR / "data.csv", found.rgb_files)
