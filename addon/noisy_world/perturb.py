@@ -13,6 +13,7 @@ Equal seeds, names and frames give equal pixels, in any order and on any machine
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, get_args, overload
 
@@ -170,7 +171,7 @@ def apply(
         stamp_s=checked_number("stamp_s", stamp_s),
         intrinsics=intrinsics,
         read_rgb=None if rgb is None else lambda: as_float(rgb),
-        read_depth_m=None if depth_m is None else lambda: _seen_depth_m(depth_m, void),
+        read_depth_m=None if depth_m is None else cache(partial(_seen_depth_m, depth_m, void)),
         read_earlier=None if of_depth else alone(pixels),
     )
     made = _perturbed(step, pixels, where)

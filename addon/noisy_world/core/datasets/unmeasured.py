@@ -53,25 +53,26 @@ def completed_m(depth_m: NDArray[np.float32]) -> NDArray[np.float32]:
 
 def _filled(depth_m: NDArray[np.float32], known: NDArray[np.bool_]) -> NDArray[np.float32]:
     """Return depth (H, W) with the farthest neighbour in its row and column where it is not known; 0 without any."""
-    filled = depth_m.copy()
-    v, u = np.nonzero(~known)
-    by_row = _farther_neighbour(depth_m, known, v, u)
-    filled[v, u] = np.maximum(by_row, _farther_neighbour(depth_m.T, known.T, u, v))
-    return filled
+    by_row, by_column = depth_m.copy(), np.zeros(depth_m.T.shape, np.float32)
+    by_row[~known] = _farther_neighbours(depth_m, known)
+    by_column[~known.T] = _farther_neighbours(depth_m.T, known.T)
+    return np.maximum(by_row, by_column.T, out=by_row)
 
 
-def _farther_neighbour(
-    depth_m: NDArray[np.float32], known: NDArray[np.bool_], v: NDArray[np.intp], u: NDArray[np.intp]
-) -> NDArray[np.float32]:
-    """Return (N,): the farther of what was measured next before and after pixels in their rows; 0 without any."""
+def _farther_neighbours(depth_m: NDArray[np.float32], known: NDArray[np.bool_]) -> NDArray[np.float32]:
+    """Return (N,): for each pixel that is not known, row by row, the farther of the known ones before and after it.
+
+    All of a run have the same neighbours; beside the image there is 0.
+    """
     height, width = depth_m.shape
-    at = np.flatnonzero(known)
-    # A bound before and after all, so that each pixel has one known on either side: in another row, it is none.
-    at = np.concatenate([[-1], at, [height * width]])
-    after = np.cumsum(known, dtype=np.int32)[v * width + u] + 1
-    flat_m = np.append(depth_m.ravel(), np.float32(0))
-    found = [np.where(at[place] // width == v, flat_m[at[place]], np.float32(0)) for place in (after - 1, after)]
-    return np.maximum(*found)
+    beside = np.zeros((height, width + 2), np.float32)
+    beside[:, 1:-1] = depth_m
+    unknown = np.zeros((height, width + 2), np.bool_)
+    np.logical_not(known, out=unknown[:, 1:-1])
+    flat, is_unknown = beside.ravel(), unknown.ravel()
+    changes = np.flatnonzero(is_unknown[1:] != is_unknown[:-1])
+    before, after = changes[::2], changes[1::2] + 1
+    return np.repeat(np.maximum(flat[before], flat[after]), after - before - 1)
 
 
 @dataclass(frozen=True)
