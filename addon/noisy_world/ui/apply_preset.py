@@ -165,7 +165,9 @@ def _refuse_unshown(preset: Preset, part: Part | None = None) -> None:
             and handheld.seed is not None
             and "is another seed than the preset's",
             "scenes.0.trajectory.handheld.revisit": handheld is not None and handheld.revisit and "is true",
-            "scenes.0.trajectory.handheld.wander_m": handheld is not None and handheld.wander_m > 0.0 and "strays",
+            "scenes.0.trajectory.handheld.wander_m": handheld is not None
+            and handheld.wander_m > 0.0
+            and "is more than 0",
         }
     if part in (None, "OUTPUT"):
         asked |= {
