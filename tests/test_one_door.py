@@ -21,6 +21,7 @@ ELSEWHERE = {
     "core/regular_files.py": "the door",
     "core/extras.py": "asks for the metadata of the installed package",
     "core/scratch.py": "folders that are locked",
+    "cli/ending.py": "opens standard streams that are closed on nothing",
     "blender/render.py": "a scratch file that Blender has just written",
     "core/datasets/video_files.py": "asks the door before OpenCV opens it by its name",
     "executors/node.py": "carried to nodes without this package; it asks whether a file is a regular one",

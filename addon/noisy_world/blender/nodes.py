@@ -148,7 +148,7 @@ def _made_local(item: bpy.types.ID) -> bpy.types.ID:
     """Make a linked group or image the open file's own, with what it uses, of which the file holds each once."""
     own = item.make_local()
     if isinstance(own, bpy.types.Image) and own.filepath_raw:
-        own.filepath_raw = f"//{Path(own.filepath_raw).name}"
+        own.filepath_raw = utf8_name(f"//{Path(own.filepath_raw).name}")
     for used in _used_by(own) if isinstance(own, bpy.types.NodeTree) else ():
         if used.library is None:
             continue

@@ -76,6 +76,7 @@ def _evaluated(scene: bpy.types.Scene) -> bpy.types.Depsgraph:
     return graph
 
 
+@np.errstate(divide="ignore", invalid="ignore")
 def camera_parameters(scene: bpy.types.Scene, camera: bpy.types.Object) -> CameraParameters:
     """Return how a camera sees in a scene's image, by Blender's own rule.
 
@@ -85,20 +86,21 @@ def camera_parameters(scene: bpy.types.Scene, camera: bpy.types.Object) -> Camer
     data, render = camera_of(camera), scene.render
     width_px = render.resolution_x * render.resolution_percentage // 100
     height_px = render.resolution_y * render.resolution_percentage // 100
-    aspect = render.pixel_aspect_y / render.pixel_aspect_x  # how much higher than wide a pixel is
+    # In numpy's numbers, as damaged files have zeros that no field takes; how much higher than wide a pixel is.
+    aspect = float(np.float64(render.pixel_aspect_y) / render.pixel_aspect_x)
     wide = data.sensor_fit == "HORIZONTAL" or (data.sensor_fit == "AUTO" and width_px >= aspect * height_px)
     sensor_mm = data.sensor_height if data.sensor_fit == "VERTICAL" else data.sensor_width
     side_px = width_px if wide else aspect * height_px
-    fx_px = data.lens * side_px / sensor_mm
+    fx_px = float(np.float64(data.lens * side_px) / sensor_mm)
     return CameraParameters(
         camera=camera.name,
         kind=data.type,
         width_px=width_px,
         height_px=height_px,
         fx_px=fx_px,
-        fy_px=fx_px / aspect,
+        fy_px=float(np.float64(fx_px) / aspect),
         cx_px=(width_px - 1) / 2 - data.shift_x * side_px,
-        cy_px=(height_px - 1) / 2 + data.shift_y * side_px / aspect,
+        cy_px=(height_px - 1) / 2 + float(np.float64(data.shift_y * side_px) / aspect),
         near_m=data.clip_start,
         far_m=data.clip_end,
     )

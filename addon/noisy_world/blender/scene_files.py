@@ -1,12 +1,20 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The files that a scene of one's own is made of: libraries, images, caches, and what of them is missing."""
+"""The files that a scene of one's own is made of: libraries, images, caches, and what of them cannot be read."""
 
+import itertools
+import os
 import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 import bpy
+
+from ..core.errors import InputError
+from ..core.regular_files import check_regular
+from ..core.scenes.beside import is_file
+from ..core.scenes.picture_size import check_size_px, header_size_px
+from .picture_headers import picture_size_px
 
 # What no pixel depends on: the tools of a person at work, text, and sound.
 IGNORED = (
@@ -25,12 +33,14 @@ IGNORED = (
 class SceneFiles:
     """What a scene is made of.
 
-    blocks: its data-blocks. files: those that are there, sorted. missing: what is not, in words.
+    blocks: its data-blocks. files: those that are there, sorted. missing: what is not, in words. unfit: what Blender
+    would never end reading, or not have the memory for, in words.
     """
 
     blocks: tuple[bpy.types.ID, ...]
     files: tuple[Path, ...]
     missing: tuple[str, ...]
+    unfit: tuple[str, ...] = ()
 
 
 def files_of(scene: bpy.types.Scene) -> SceneFiles:
@@ -39,15 +49,19 @@ def files_of(scene: bpy.types.Scene) -> SceneFiles:
     paths = bpy.data.file_path_map()
     files: set[Path] = set()
     missing: list[str] = []
+    unfit: list[str] = []
     for block in blocks:
         found = sorted(_files_of_block(block, paths.get(block, ())))
         files.update(found)
-        missing += [f"{_named(block)} ({path})" for path in found if not path.exists() and not _is_folder(block, path)]
-        if block.is_missing and block.library is not None and _absolute(block, block.library.filepath).exists():
+        missing += [f"{_named(block)} ({path})" for path in found if not (_exists(path) or _is_folder(block, path))]
+        unfit += [f"{_named(block)} ({path}: {why})" for path in found if (why := _unfit(block, path))]
+        if isinstance(block, bpy.types.Image) and (why := _unfit_pixels(block)):
+            unfit.append(f"{_named(block)} ({why})")
+        if block.is_missing and block.library is not None and _exists(_absolute(block, block.library.filepath)):
             missing.append(f"{_named(block)}, which {_library_name(block)} does not have")
     files.update(_disk_caches(blocks))
-    there = {file for path in files for file in ([path] if path.is_file() else _inside(path))}
-    return SceneFiles(blocks, tuple(sorted(there)), tuple(dict.fromkeys(missing)))
+    there = {file for path in files for file in ([path] if is_file(path) else _of_caches(path))}
+    return SceneFiles(blocks, tuple(sorted(there)), tuple(dict.fromkeys(missing)), tuple(dict.fromkeys(unfit)))
 
 
 def blocks_of(scene: bpy.types.Scene) -> tuple[bpy.types.ID, ...]:
@@ -111,7 +125,7 @@ def _image_files(image: bpy.types.Image) -> Iterator[Path]:
 def _numbered_beside(path: Path) -> list[Path]:
     """Return all files of a numbered sequence, by one of them; that one alone where it is not there."""
     found = re.fullmatch(r"(.*?)(\d+)(\D*)", path.name, re.DOTALL)
-    if found is None or not path.parent.is_dir():
+    if found is None or not _is_dir(path.parent):
         return [path]
     form = re.compile(re.escape(found[1]) + r"\d+" + re.escape(found[3]))
     return sorted(item for item in path.parent.iterdir() if form.fullmatch(item.name)) or [path]
@@ -148,8 +162,61 @@ def _is_folder(block: bpy.types.ID, path: Path) -> bool:
     return isinstance(block, bpy.types.Object) and not path.suffix
 
 
-def _inside(folder: Path) -> list[Path]:
-    return [item for item in folder.rglob("*") if item.is_file()] if folder.is_dir() else []
+def _of_caches(folder: Path) -> list[Path]:
+    """Return the files of baked simulations in a folder, which may be one that holds all else too, as /tmp does."""
+    if not _is_dir(folder):
+        return []
+    baked = (folder.glob(pattern) for pattern in _CACHES)
+    fluids = ((folder / name).rglob("*") for name in _OF_FLUIDS)
+    return [item for item in itertools.chain(*baked, *fluids) if item.is_file()]
+
+
+# Point caches; bakes of geometry nodes, in a folder of their own or below that of their modifier.
+_CACHES = ("*.bphys", "*.bobj.gz", "meta/*", "blobs/*", "*/meta/*", "*/blobs/*", "*/*/meta/*", "*/*/blobs/*")
+_OF_FLUIDS = ("config", "data", "guiding", "mesh", "noise", "particles", "script")
+
+
+def _exists(path: Path) -> bool:
+    return os.path.exists(path)  # noqa: PTH110 - Path.exists raises for a name that no file can have
+
+
+def _is_dir(path: Path) -> bool:
+    return os.path.isdir(path)  # noqa: PTH112 - as for _exists
+
+
+def _unfit(block: bpy.types.ID, path: Path) -> str:
+    """Return why Blender is not to read a file that is there; "" where it may."""
+    if not _exists(path) or (isinstance(block, bpy.types.Object) and _is_dir(path)):
+        return ""
+    try:
+        check_regular(path)
+        if isinstance(block, bpy.types.Image) and block.source != "MOVIE":
+            check_size_px("", picture_size_px(path) or (0, 0))
+    except OSError as error:
+        return error.strerror or str(error)
+    except InputError as error:
+        return error.problem
+    return ""
+
+
+def _unfit_pixels(image: bpy.types.Image) -> str:
+    """Return why Blender is not to have the pixels of an image that is in no file of its own; "" where it may."""
+    try:
+        for packed in image.packed_files:
+            if packed.packed_file is not None:
+                check_size_px("", _packed_size_px(bytes(packed.packed_file.data)))
+        if image.source == "GENERATED":
+            check_size_px("", (image.generated_width, image.generated_height))
+    except InputError as error:
+        return error.problem
+    return ""
+
+
+def _packed_size_px(data: bytes) -> tuple[int, int]:
+    try:
+        return header_size_px(data) or (0, 0)
+    except ValueError:
+        return 0, 0  # damaged, and shown as Blender shows it
 
 
 def _named(block: bpy.types.ID) -> str:

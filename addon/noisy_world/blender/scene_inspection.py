@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Inspection of a .blend in a process of its own: what one of its scenes holds, as JSON on standard output.
 
-Its request comes as JSON on standard input: file, scene, camera, frames (first, last, step), path, lens_given.
+Its request comes as JSON on standard input: file, limit_s (of a processor), scene, camera, frames (first, last, step),
+path, lens_given, composited.
 """
 
 import json
@@ -12,6 +13,7 @@ import bpy
 import numpy as np
 
 from ..core.errors import InputError
+from ..core.machine import allow_processor, limit_process
 from ..core.messages import Action, Message, Remedy, either
 from ..core.presets.frame_range import FrameRange
 from ..core.scenes.own_scene import OwnScene, Problem, SampledCamera
@@ -21,7 +23,7 @@ from .render import muted_output
 from .scene_camera import bound_cameras, camera_alone, sampled_camera
 from .scene_files import files_of
 from .scene_objects import numbered_objects
-from .scene_problems import ENGINES, camera_problems, problems_of
+from .scene_problems import ENGINES, camera_problems, problems_of, rate_hz
 from .typed import cycles as cycles_of
 
 MARK = "@scene "
@@ -32,6 +34,7 @@ SPACING_TOLD_M = 1e-5  # of float32 where the camera is; a note says what is coa
 def main() -> None:
     """Answer the request on standard input."""
     asked = json.loads(sys.stdin.read())
+    limit_process(asked["limit_s"])
     with muted_output():
         answer = _answer(asked)
     sys.stdout.write(f"{MARK}{json.dumps(answer)}\n")
@@ -49,7 +52,13 @@ def _answer(asked: dict[str, Any]) -> dict[str, Any]:
     show_scene(scene)
     chosen = None if asked["frames"] is None else FrameRange(*asked["frames"])
     found = inspect_scene(
-        scene, asked["camera"], chosen, path=asked["path"], lens_given=asked["lens_given"], alone=True
+        scene,
+        asked["camera"],
+        chosen,
+        path=asked["path"],
+        lens_given=asked["lens_given"],
+        composited=asked["composited"],
+        alone=True,
     )
     return {"found": found.content()}
 
@@ -95,16 +104,18 @@ def inspect_scene(
     *,
     path: bool = True,
     lens_given: bool = False,
+    composited: bool = False,
     alone: bool = False,
 ) -> OwnScene:
     """Return what the window's scene says of itself.
 
     camera_name: None for the scene's own. chosen: the frames; None for the scene's. path: whether the camera's path is
     asked for, and not only how it sees at the first frame. lens_given: whether the preset gives the intrinsics.
+    composited: whether its own compositor is kept.
     alone: whether the file is open for this alone, so that what the camera does not depend on may be taken out.
     """
     files = files_of(scene)
-    problems = list(problems_of(scene, files))
+    problems = list(problems_of(scene, files, composited=composited))
     render = scene.render
     frames = chosen or FrameRange(scene.frame_start, max(scene.frame_start, scene.frame_end), scene.frame_step)
     camera = None if camera_name is None else scene.objects.get(camera_name)
@@ -114,14 +125,17 @@ def inspect_scene(
     elif camera is not None or scene.camera is not None:
         if alone:
             camera_alone(scene)
-        sampled = sampled_camera(scene, camera, frames.frames if path else frames.frames[:1])
+        looked_at = frames.frames if path else frames.frames[:1]
+        if alone:
+            allow_processor(len(looked_at))
+        sampled = sampled_camera(scene, camera, looked_at)
         problems += camera_problems(sampled, lens_given=lens_given)
     return OwnScene(
         scene=scene.name,
         engine=ENGINES.get(render.engine),
         engine_name=render.engine,
         samples=samples_of(scene),
-        fps=render.fps / render.fps_base,
+        fps=rate_hz(scene),
         first=frames.first,
         last=frames.last,
         step=frames.step,

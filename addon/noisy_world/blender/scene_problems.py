@@ -1,21 +1,36 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Why a scene of one's own cannot become a dataset: what another process would render differently, or not at all."""
 
+import math
 from collections.abc import Iterable, Iterator
 
 import bpy
+import numpy as np
 
 from ..core.messages import Action, either
+from ..core.presets.frame_range import LAST_POSSIBLE
 from ..core.presets.preset import EngineName
 from ..core.scenes.own_scene import Problem, SampledCamera
 from .scene_files import SceneFiles
 
 MOST_NAMED = 5  # of things that a message lists
+MOST_NESTED = 200  # chosen: node groups in node groups; Blender and Cycles follow them by recursion
 ENGINES: dict[str, EngineName] = {"CYCLES": "cycles", "BLENDER_EEVEE": "eevee", "BLENDER_WORKBENCH": "workbench"}
 
 
-def problems_of(scene: bpy.types.Scene, files: SceneFiles) -> Iterator[Problem]:
-    """Yield what is wrong with a scene, whatever its camera."""
+def problems_of(scene: bpy.types.Scene, files: SceneFiles, *, composited: bool = False) -> Iterator[Problem]:
+    """Yield what is wrong with a scene, whatever its camera. composited: whether its own compositor is kept."""
+    if files.unfit:
+        yield Problem("blend", f"refers to what is not read: {_listed(files.unfit)}", "mend these paths or files")
+    if not (math.isfinite(rate := rate_hz(scene)) and rate > 0):
+        yield Problem("blend", f"has a frame rate of {rate:g} a second", "set it in its output properties")
+    if scene.frame_step < 1 or max(map(abs, (scene.frame_start, scene.frame_end))) > LAST_POSSIBLE:
+        problem = f"has frames {scene.frame_start} to {scene.frame_end} by {scene.frame_step}, which none can show"
+        yield Problem("blend", problem, "set its frame range")
+    if composited and (problem := _uncomposed(scene)):
+        yield Problem("compositor", f"is keep, but the scene {scene.name} {problem}", "leave the key out, or mend it")
+    if deepest := _deepest_nesting(files.blocks):
+        yield Problem("blend", f"nests node groups more than {MOST_NESTED} deep, in {deepest}", "flatten them")
     if files.missing:
         yield Problem("blend", f"misses {_listed(files.missing)}", "put them there, or pack them into the .blend")
     if scripted := sorted(set(_scripted_drivers(files.blocks))):
@@ -34,6 +49,15 @@ def problems_of(scene: bpy.types.Scene, files: SceneFiles) -> Iterator[Problem]:
 def camera_problems(sampled: SampledCamera, *, lens_given: bool) -> Iterator[Problem]:
     """Yield what is wrong with a camera that was sampled. lens_given: whether the preset gives the intrinsics."""
     first = sampled.parameters[0]
+    for parameters in () if lens_given else sampled.parameters:
+        size_px, lens = (parameters.width_px, parameters.height_px), (parameters.fx_px, parameters.fy_px)
+        if min(size_px) < 1:
+            yield Problem("blend", f"renders images of {size_px[0]} x {size_px[1]} pixels", "raise its resolution")
+            return
+        if not (np.isfinite(parameters.seen).all() and min(lens) > 0):
+            problem = f"{parameters.camera} has a lens that no pinhole has (fx {lens[0]:g}, fy {lens[1]:g} px)"
+            yield Problem("camera", problem, either(Action.GIVE_CAMERA, Action.OTHER_CAMERA))
+            return
     for parameters in sampled.parameters:
         if parameters.kind != "PERSP":
             kinds = {"ORTHO": "orthographic", "PANO": "panoramic"}
@@ -124,10 +148,51 @@ def _baked(modifier: bpy.types.NodesModifier) -> bool:
 
 
 def _has_simulation(tree: bpy.types.NodeTree) -> bool:
-    for node in tree.nodes:
-        if node.bl_idname == "GeometryNodeSimulationInput":
+    found = {tree: None}
+    for each in (waiting := [tree]):
+        if any(node.bl_idname == "GeometryNodeSimulationInput" for node in each.nodes):
             return True
-        inner = getattr(node, "node_tree", None)
-        if inner is not None and _has_simulation(inner):
-            return True
+        new = [inner for inner in _groups_in(each) if inner not in found]
+        found |= dict.fromkeys(new)
+        waiting += new
     return False
+
+
+def _groups_in(tree: bpy.types.NodeTree) -> list[bpy.types.NodeTree]:
+    inner = (getattr(node, "node_tree", None) for node in tree.nodes)
+    return list(dict.fromkeys(each for each in inner if each is not None))
+
+
+def _deepest_nesting(blocks: Iterable[bpy.types.ID]) -> str:
+    """Return a node group that nests others more deeply than is followed; "" where none does."""
+    depths: dict[bpy.types.NodeTree, int] = {}
+    for block in blocks:
+        if not isinstance(block, bpy.types.NodeTree):
+            continue
+        waiting = [block]
+        while waiting:
+            tree = waiting[-1]
+            inner = _groups_in(tree)
+            if new := [each for each in inner if each not in depths and each not in waiting]:
+                waiting.append(new[0])
+                continue
+            depths[tree] = 1 + max((depths.get(each, 0) for each in inner), default=0)
+            waiting.pop()
+    return next((tree.name for tree, depth in depths.items() if depth > MOST_NESTED), "")
+
+
+def rate_hz(scene: bpy.types.Scene) -> float:
+    """Return the frames a second of a scene; infinite where a damaged file divides them by 0."""
+    render = scene.render
+    return render.fps / render.fps_base if render.fps_base else math.inf
+
+
+def _uncomposed(scene: bpy.types.Scene) -> str:
+    """Return what a scene's compositor lacks to give an image; "" for nothing."""
+    tree = scene.compositing_node_group
+    if tree is None:
+        return "has no compositor"
+    ends = [node for node in tree.nodes if isinstance(node, bpy.types.NodeGroupOutput)]
+    if not any(socket.is_linked for node in ends for socket in node.inputs):
+        return f"has a compositor, {tree.name}, that gives no image: nothing leads to its Group Output"
+    return ""

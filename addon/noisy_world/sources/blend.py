@@ -114,6 +114,7 @@ def blend_scene(entry: SceneEntry[BlendKeys], path: Path, parts: tuple[str, ...]
         frames=spec.frame_range,
         needs_path=spec.trajectory is None,
         lens_given=given is not None,
+        composited=spec.compositor == "keep",
     )
     rendering, sampled = _rendering(preset, place, found, given)
     path_file, known, axes = None, None, None

@@ -2,17 +2,18 @@
 """Inspects a .blend in another process, so that this one keeps the file that it has open."""
 
 import json
-import subprocess
 import sys
 from pathlib import Path
 from typing import Any
 
-from ..core.errors import MissingDependencyError
+from ..core.errors import InputError, MissingDependencyError
 from ..core.extras import blender_missing
 from ..core.presets.frame_range import FrameRange
+from ..core.regular_files import check_regular
 from ..core.scenes.own_scene import OwnScene
 from ..core.schema import ConfigPath
 from ..core.utf8_names import utf8_name
+from .blender_process import processor_limit_s, run_blender
 
 MARK = "@scene "
 PACKAGE = Path(__file__).resolve().parents[1]
@@ -38,14 +39,22 @@ def inspect_blend(
     frames: FrameRange | None,
     needs_path: bool,
     lens_given: bool,
+    composited: bool = False,
 ) -> OwnScene:
     """Return what a scene of a .blend says of itself; a look is remembered until a file of the scene changes.
 
-    needs_path: whether its camera's path is asked for. lens_given: whether the preset gives the intrinsics. Raises
-    InputError naming the preset's key where it cannot be a source.
+    needs_path: whether its camera's path is asked for. lens_given: whether the preset gives the intrinsics. composited:
+    whether the .blend's own compositor is kept. Raises InputError naming the preset's key where it cannot be a source.
     """
     chosen = None if frames is None else (frames.first, frames.last, frames.step)
-    request = {"scene": scene, "camera": camera, "frames": chosen, "path": needs_path, "lens_given": lens_given}
+    request = {
+        "scene": scene,
+        "camera": camera,
+        "frames": chosen,
+        "path": needs_path,
+        "lens_given": lens_given,
+        "composited": composited,
+    }
     answer = _inspected(path.absolute(), json.dumps(request))
     if "unreadable" in answer:
         raise place.at("blend").error(f"{path.name} is no file that Blender reads: {answer['unreadable']}")
@@ -53,6 +62,8 @@ def inspect_blend(
         names = ", ".join(answer["scenes"])
         raise place.at("scene").error(f"{path.name} has no scene {scene!r}", f"its scenes: {names}")
     found = OwnScene.of(answer["found"])
+    for file in found.files:
+        utf8_name(file)
     for item in found.problems:
         raise place.at(item.key).error(f"{path.name}: {item.problem}", item.remedy)
     return found
@@ -61,10 +72,13 @@ def inspect_blend(
 def _inspected(path: Path, request: str) -> dict[str, Any]:
     if (kept := _INSPECTIONS.get((path, request))) is not None and kept[0] == _changed(path, kept[1]):
         return kept[1]
-    asked = {**json.loads(request), "file": utf8_name(path)}
-    ran = subprocess.run(  # noqa: S603 - this program
-        inspection_command(), input=json.dumps(asked), capture_output=True, text=True, encoding="utf-8", check=False
-    )
+    try:
+        check_regular(path)
+    except OSError as error:
+        raise InputError(path, f"cannot be read: {error.strerror or error}") from error
+    limit_s = processor_limit_s([path])
+    asked = {**json.loads(request), "file": utf8_name(path), "limit_s": limit_s}
+    ran = run_blender(inspection_command(), path, who="Blender", limit_s=limit_s, order=json.dumps(asked))
     answers = [line for line in ran.stdout.splitlines() if line.startswith(MARK)]
     if "No module named 'bpy'" in ran.stderr:
         raise MissingDependencyError(blender_missing("a .blend", otherwise="start this in a Blender program"))

@@ -7,7 +7,6 @@ this Blender where there is one, else this Python with the bpy package.
 
 import contextlib
 import json
-import signal
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -40,10 +39,9 @@ from ..core.scenes.textures import read_picture
 from ..core.scenes.turning import Up, turned
 from ..core.scratch import ScratchFolder
 from ..core.utf8_names import utf8_name
+from .blender_process import processor_limit_s, run_blender
 
 REFUSED, NOT_FINITE, REFUSAL = 4, 5, "refused.txt"  # as blender.importing.program ends, and where it says why
-# Chosen: twenty times what a file of a million triangles takes.
-LIMIT_S, _LIMIT_FOR_EACH_MB_S = 120, 5
 _ROOM_FOR_EACH_BYTE = 8  # chosen: arrays in scratch memory take more than the file
 
 
@@ -136,11 +134,10 @@ def _import(path: Path, folder: Path, **more: object) -> ImportedScene:
         "compression": "" if header is None else header.compression,
         "webp": header is not None and header.webp,
         "blend": None,
-        "limit_s": LIMIT_S
-        + _LIMIT_FOR_EACH_MB_S * sum(each.stat().st_size for each in (path, *files_beside(path))) // 10**6,
+        "limit_s": processor_limit_s((path, *files_beside(path))),
         **more,
     }
-    return _run(path, found.name, order, folder)
+    return _run(path, order, folder)
 
 
 def _turned(path: Path, mesh: Mesh, scene: ImportedScene, up: Up) -> Mesh:
@@ -150,12 +147,9 @@ def _turned(path: Path, mesh: Mesh, scene: ImportedScene, up: Up) -> Mesh:
     return turned(mesh, scene.up, up)
 
 
-def _run(path: Path, name: str, order: dict[str, object], folder: Path) -> ImportedScene:
+def _run(path: Path, order: dict[str, object], folder: Path) -> ImportedScene:
     """Have another process import the file; return what it wrote. Raises InputError where it did not."""
     asked = _asked(order)
-    if hasattr(signal, "SIGXCPU") and asked.returncode == -signal.SIGXCPU:
-        problem = f"Blender's importer of {name} takes more than {order['limit_s']} s of a processor for it"
-        raise InputError(path, problem, remedy="its copies may be too many: export it as one mesh")
     said = folder / REFUSAL
     if asked.returncode == NOT_FINITE and said.is_file():
         raise odd_number(path, read_text(said))
@@ -164,21 +158,14 @@ def _run(path: Path, name: str, order: dict[str, object], folder: Path) -> Impor
     scene = read_imported(folder)
     if asked.returncode == 0 and scene is not None:
         return scene
-    if asked.returncode < 0:
-        ended = f"was ended by {signal.Signals(-asked.returncode).name}"
-        raise InputError(path, f"Blender's importer of {name} {ended}", remedy="the file is damaged: export it again")
     raise RuntimeError(f"importing {path} ended with status {asked.returncode}\n{asked.stdout}\n{asked.stderr}")
 
 
 def _asked(order: dict[str, object]) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(  # noqa: S603 - this program
-        _command(json.dumps(order), int(str(order["limit_s"]))),
-        stdin=subprocess.DEVNULL,
-        capture_output=True,
-        text=True,
-        errors="replace",
-        check=False,
-    )
+    """Have another process carry out an order. Raises InputError where it goes over a limit, or a signal ends it."""
+    limit_s = int(str(order["limit_s"]))
+    command, path = _command(json.dumps(order), limit_s), Path(str(order["path"]))
+    return run_blender(command, path, who=f"Blender's importer of {order['format']}", limit_s=limit_s)
 
 
 def _one_sentence(text: str) -> str:
@@ -194,8 +181,9 @@ def _command(order: str, limit_s: int) -> list[str]:
     package = Path(__file__).resolve().parents[1]
     program = (
         f"import sys; sys.path.append({str(package.parent)!r})\n"
-        f"from {package.name}.blender.importing.program import limit_processor, main\n"
-        f"limit_processor({limit_s})\n"
+        f"from {package.name}.core.machine import limit_process\n"
+        f"limit_process({limit_s})\n"
+        f"from {package.name}.blender.importing.program import main\n"
         f"sys.exit(main({order!r}))"
     )
     binary = sys.modules["bpy"].app.binary_path if sys.modules.get("bpy") is not None else ""

@@ -2,8 +2,6 @@
 """The image files of imported materials, unchanged, so that they are read like any texture."""
 
 import contextlib
-import importlib
-import sys
 from pathlib import Path
 
 import bpy
@@ -14,6 +12,7 @@ from ...core.scenes.beside import is_file, is_inside
 from ...core.scenes.imported import ImportedImage
 from ...core.scenes.picture_size import check_size_px, header_size_px
 from ...core.utf8_names import utf8_name
+from ..picture_headers import size_by_library
 
 
 class UnusablePictureError(Exception):
@@ -55,7 +54,7 @@ def check_image(mesh_folder: Path, image: bpy.types.Image, scratch: Path) -> byt
             return data  # which its reader refuses
         if size_px is None:
             scratch.write_bytes(data)
-            size_px = _size_by_library(scratch)
+            size_px = size_by_library(scratch)
         check_size_px("", size_px or (0, 0))
     except InputError as error:
         said = f"its texture {image_name(image)[:200]!r} {error.problem}; {error.remedy}"
@@ -73,26 +72,6 @@ def _data(image: bpy.types.Image, path: Path | None) -> bytes:
         raise UnusablePictureError(
             f"its texture {image_name(image)[:200]!r} cannot be read: {error.strerror}"
         ) from error
-
-
-def _size_by_library(file: Path) -> tuple[int, int] | None:
-    """Return the size of a picture of any kind that Blender reads, by the header; None for what is none."""
-    add_library_folders()
-    oiio = importlib.import_module("OpenImageIO")
-    opened = oiio.ImageInput.open(utf8_name(file))
-    if opened is None:
-        oiio.geterror()  # otherwise it is printed when the process ends
-        return None
-    spec = opened.spec()
-    opened.close()
-    return spec.width, spec.height
-
-
-def add_library_folders() -> None:
-    """Let Python find the libraries that come with Blender: the bpy package leaves their folder out."""
-    root = Path(bpy.utils.system_resource("PYTHON"))  # pyright: ignore[reportAttributeAccessIssue]  the stubs lack it
-    folders = [str(folder) for folder in sorted(root.glob("[lL]ib/**/site-packages"))]
-    sys.path += [folder for folder in folders if folder not in sys.path]
 
 
 class ImageFiles:

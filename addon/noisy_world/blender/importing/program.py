@@ -67,17 +67,6 @@ def _beside(mesh_folder: Path, inspected: UsdInspection) -> tuple[str, ...]:
     return tuple(sorted(found))
 
 
-def limit_processor(limit_s: int) -> None:
-    """End this process after so many seconds of a processor, where the system can.
-
-    A few lines of USD may mean millions of copies, and its library makes them all.
-    """
-    with contextlib.suppress(ImportError):
-        import resource  # noqa: PLC0415 - not on Windows
-
-        resource.setrlimit(resource.RLIMIT_CPU, (limit_s, resource.getrlimit(resource.RLIMIT_CPU)[1]))
-
-
 def _refused(folder: Path, why: str, status: int = REFUSED) -> int:
     # Not on standard output, where Blender leaves lines unended.
     (folder / REFUSAL).write_text(why, encoding="utf-8", errors="backslashreplace")

@@ -9,7 +9,7 @@ from pathlib import Path
 from ...core.scenes.beside import check_no_pipe, is_inside, leads_out
 from ...core.scenes.turning import Up
 from ...core.utf8_names import utf8_name
-from .images import add_library_folders
+from ..picture_headers import add_library_folders
 
 
 @dataclass(frozen=True)
