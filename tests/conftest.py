@@ -12,11 +12,30 @@ pytest.register_assert_rewrite("worlds")
 
 WITHOUT_BLENDER = ("core", "perturbations", "pipeline", "rays", "recipes", "sources")
 
-# Files with the longest tests: they begin first, so that no process still has one when the others have ended.
+# Files that take longest, of 10 s and more: they begin first, so that no process still has one when the others have
+# ended. The first of Blender's build other node groups each, which the rest then read.
 FIRST = (
     "ui/window/test_add_on.py",
     "executors/test_ray.py",
     "storage/test_killed_runs.py",
+    "blender/test_compositor.py",
+    "blender/test_lit_chain.py",
+    "blender/test_groups.py",
+    "headless/test_assets.py",
+    "headless/test_package.py",
+    "headless/test_wheel.py",
+    "headless/test_real_blender.py",
+    "ui/test_ui_shots.py",
+    "ui/test_ui_bake_exposure.py",
+    "ui/test_ui_artist.py",
+    "headless/test_demo.py",
+    "headless/test_every_key.py",
+    "headless/test_generate.py",
+    "headless/test_street.py",
+    "evaluation/test_installed_evaluation.py",
+    "blender/test_nodes_spatter.py",
+    "blender/test_nodes_falling.py",
+    "perturbations/test_installed.py",
 )
 
 
