@@ -95,7 +95,13 @@ def test_a_shot_is_what_generate_makes_where_the_scene_and_the_panel_say_the_sam
     assert made != content(tmp_path / "out_shot_1")
 
 
-def test_what_failed_is_a_line_and_the_others_are_kept_and_it_can_be_replaced(stage, tmp_path):
+def test_what_failed_is_a_line_and_the_others_are_kept_and_it_can_be_replaced(stage, tmp_path, monkeypatch):
+    # The generator itself makes the second; the others need not be more than there.
+    whole = f"sys.argv[0] = {str(runs.generator_script())!r}\nrunpy.run_path(sys.argv[0], run_name='__main__')\n"
+    lines = "".join(f"    {line}\n" for line in whole.splitlines())
+    stand_in(
+        monkeypatch, tmp_path, f"import runpy\nif out.endswith('two'):\n{lines}else:\n    open(out, 'w').close()\n"
+    )
     for name, seed in (("one", 1), ("two", 2), ("three", 3)):
         add(stage, name=name, seed=seed, frame_end=1, output_folder=str(tmp_path / name))
     settings().shots[0].enabled = settings().shots[2].enabled = False
@@ -110,7 +116,9 @@ def test_what_failed_is_a_line_and_the_others_are_kept_and_it_can_be_replaced(st
     assert series.phase == "failed"
     assert shots.ended_line(runs.shots_of(stage), series) == "2 of 3 shots are made"
     assert shots.replaceable(stage) == ["two"]
-    assert (tmp_path / "three/perturbed/stage/results/frame000000.png").is_file()
+    assert (tmp_path / "two/perturbed/stage/results/frame000000.png").is_file()
+    assert (tmp_path / "one").is_file()
+    assert (tmp_path / "three").is_file()
     assert bpy.ops.noisy_world.replace_shots() == {"FINISHED"}
     assert [end.task.name for end in shots.series_of(stage).ended] == ["two"]
     assert not bpy.ops.noisy_world.replace_shots.poll()
