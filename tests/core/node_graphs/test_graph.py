@@ -173,3 +173,15 @@ def test_only_what_an_output_depends_on_is_reached_in_order():
     _ = b - 7.0  # made, and used by nothing
     graph.output("Value", needed, "float")
     assert [graph.nodes[number].properties["operation"] for number in graph.reachable()] == ["ADD", "MULTIPLY"]
+
+
+def test_the_stamp_is_of_numbers_as_blender_holds_them():
+    """In single precision, whose numbers near a third are 3e-8 apart: another numpy makes no other group."""
+
+    def stamp(value):
+        graph = Graph("Name", "What it does")
+        graph.output("Image", graph.input(GroupInput("Image", "color", (value,) * 4, "What comes in")) * value)
+        return graph.stamp
+
+    assert stamp(1 / 3) == stamp(1 / 3 + 1e-12)
+    assert stamp(1 / 3) != stamp(1 / 3 + 4e-8)

@@ -332,7 +332,7 @@ class Graph:
 
     @property
     def stamp(self) -> str:
-        """A hash of the whole description; cached until something is added."""
+        """A hash of the whole description, its numbers as Blender holds them; cached until something is added."""
         size = len(self.inputs), len(self.outputs), len(self.nodes)
         if self._stamped is None or self._stamped[0] != size:
             self._stamped = size, self._hash()
@@ -348,7 +348,7 @@ class Graph:
             "outputs": [[item.name, item.kind, _content(item.socket), item.description] for item in self.outputs],
             "nodes": [_content(node) for node in self.nodes],
         }
-        return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+        return hashlib.sha256(json.dumps(_as_held(content), sort_keys=True).encode()).hexdigest()
 
     def reachable(self) -> list[int]:
         """Return the numbers of the nodes that an output depends on, each after those it depends on."""
@@ -386,6 +386,15 @@ def _as(kind: Kind, value: Value) -> Any:
     if kind == "color":
         return (*_triple(value)[:3], 1.0)
     return _triple(value) if kind == "vector" else value
+
+
+def _as_held(content: Any) -> Any:
+    """Return the content with numbers in single precision: a fit has other last digits with another numpy."""
+    if isinstance(content, float):
+        return float(np.float32(content))
+    if isinstance(content, (list, tuple)):
+        return [_as_held(item) for item in content]
+    return {name: _as_held(item) for name, item in content.items()} if isinstance(content, dict) else content
 
 
 def _content(item: Any) -> Any:
