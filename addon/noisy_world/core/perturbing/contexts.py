@@ -8,6 +8,7 @@ from typing import Literal, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from ..datasets.images import read_only
 from ..geometry import Intrinsics
 from ..streams import integers_of_frames, stream
 from ..trajectories.frame_request import Shutter
@@ -93,7 +94,7 @@ class FrameContext:
         """
         if self.read_rgb is None:
             raise TypeError("the context holds no colour: it is given to perturbations of depth that say needs_rgb")
-        return _read_only(self.read_rgb())
+        return read_only(self.read_rgb())
 
     @property
     def depth_m(self) -> NDArray[np.float32]:
@@ -103,7 +104,7 @@ class FrameContext:
         """
         if self.read_depth_m is None:
             raise TypeError("the context holds no depth: it is given to perturbations of colour that say needs_depth")
-        return _read_only(self.read_depth_m())
+        return read_only(self.read_depth_m())
 
     def earlier(self, span_s: float) -> tuple[EarlierFrame, ...]:
         """Return the clean frames that the sequence showed up to some seconds before this one, the oldest first.
@@ -125,9 +126,3 @@ class FrameContext:
     def for_sequence(self) -> "FrameContext":
         """Return this context without what belongs to one frame: to keep what is drawn once for a sequence."""
         return FrameContext(0, self.identifiers, self.temporal, chosen_by=self.chosen_by, lit=self.lit)
-
-
-def _read_only(image: NDArray[np.float32]) -> NDArray[np.float32]:
-    view = image.view()
-    view.setflags(write=False)
-    return view

@@ -9,7 +9,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from ..datasets.images import as_bytes
+from ..datasets.images import as_bytes, read_only
 from ..scenes.srgb import quick_light
 
 LONGEST_PX = 32  # of a small image's longer side: a meter has some hundred fields; chosen
@@ -20,13 +20,16 @@ class EarlierFrame:
     """A frame as a meter sees it.
 
     stamp_s: its time stamp, seconds. light: (h, w, 3) float32, linear, at most 32 pixels a side; each pixel the mean of
-    what it stands for. It is not to be written to. asked: what automatics would have, seeing it, by what decides that;
+    what it stands for; read-only. asked: what automatics would have, seeing it, by what decides that;
     frames of one light share it, as each is looked at from many later ones.
     """
 
     stamp_s: float
     light: NDArray[np.float32]
     asked: dict[Hashable, NDArray[np.float64]] = field(default_factory=dict[Hashable, NDArray[np.float64]], repr=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "light", read_only(self.light))
 
 
 ReadEarlier: TypeAlias = Callable[[float], tuple[EarlierFrame, ...]]

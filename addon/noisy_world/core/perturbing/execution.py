@@ -10,11 +10,12 @@ from typing import Any, Generic, Self, TypeAlias, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ..datasets.images import as_bytes, as_float, rgb_bytes
+from ..datasets.images import as_bytes, as_float, read_only, rgb_bytes
 from ..errors import NoisyWorldError
 from ..geometry import Intrinsics
 from ..trajectories.trajectory import Trajectory
 from .contexts import Identifiers
+from .given import left_alone
 from .kinds import ColourPerturbation, DepthPerturbation, FrameContext, MotionPerturbation, PairingPerturbation
 from .steps import SENSOR_STREAM, Step
 
@@ -86,7 +87,8 @@ def move(steps: MotionSteps, trajectory: Trajectory, identifiers: Identifiers) -
             trajectory = take_poses(trajectory, _chosen(step, len(trajectory), identifiers))
             continue
         context = step.sequence_context(identifiers)
-        moved = step.perturbation.apply(trajectory, step.parameters(step.severity), context)
+        with left_alone(step.perturbation):
+            moved = step.perturbation.apply(trajectory, step.parameters(step.severity), context)
         if len(moved) != len(trajectory) or not np.array_equal(moved.stamps_s, trajectory.stamps_s):
             raise NoisyWorldError(
                 f"{step.perturbation.name}: made {len(moved)} poses of {len(trajectory)}, or other time stamps; apply "
@@ -216,7 +218,8 @@ class ColourWork(_ImageWork[ColourPerturbation]):
         if self.takes_bytes:
             ((step, context, severity),) = self.active
             assert step.perturbation.apply_bytes is not None, "it takes bytes"
-            return step.perturbation.apply_bytes(as_bytes(rgb), step.parameters(severity), context)
+            with left_alone(step.perturbation):
+                return step.perturbation.apply_bytes(read_only(as_bytes(rgb)), step.parameters(severity), context)
         return on_encoded(self.active, as_float(rgb))
 
 
@@ -237,7 +240,8 @@ def deciding(active: Active[ColourPerturbation]) -> Active[ColourPerturbation]:
 
 def _decisions(step: Step[ColourPerturbation], severity: float | None, context: FrameContext) -> Mapping[str, float]:
     assert step.perturbation.decides is not None
-    made = step.perturbation.decides(step.parameters(severity), context)
+    with left_alone(step.perturbation):
+        made = step.perturbation.decides(step.parameters(severity), context)
     if wrong := [name for name, value in made.items() if not math.isfinite(value)]:
         raise NoisyWorldError(f"{step.perturbation.name}: decides has to return finite numbers, but {wrong[0]} is not")
     return {**context.decided, **{name: float(value) for name, value in made.items()}}
@@ -251,7 +255,8 @@ def on_encoded(active: Active[ColourPerturbation], image: NDArray[np.float32]) -
     for number, (step, context, severity) in enumerate(active):
         if number:
             bright = step.perturbation.on_light and active[number - 1][0].perturbation.on_light
-            np.clip(image, 0.0, None if bright else 1.0, out=image)
+            # What a step returns may be what it was given, which is not to be written into.
+            image = np.clip(image, 0.0, None if bright else 1.0, out=image if image.flags.writeable else None)
         image = perturb_colour(step, image, severity, context)
     return rgb_bytes(image)  # which clips what the last step made
 
@@ -277,7 +282,8 @@ def perturb_colour(
         raise TypeError(f"{step.perturbation.name} needs the frame's depth; give depth_m")
     if step.perturbation.decides is not None and context.read_decided is None:
         ((_, context, _),) = deciding(((step, context, severity),))
-    made = step.perturbation.apply(rgb, step.parameters(severity), context)
+    with left_alone(step.perturbation):
+        made = step.perturbation.apply(read_only(rgb), step.parameters(severity), context)
     return _checked_image(step, made, rgb)
 
 
@@ -304,7 +310,9 @@ class DepthWork(_ImageWork[DepthPerturbation]):
             if step.perturbation.needs_rgb and context.read_rgb is None:
                 raise TypeError(f"{step.perturbation.name} needs the frame's colour; give rgb")
             before = depth_m if image is None else image
-            image = _checked_image(step, step.perturbation.apply(before, step.parameters(severity), context), before)
+            with left_alone(step.perturbation):
+                made = step.perturbation.apply(read_only(before), step.parameters(severity), context)
+            image = _checked_image(step, made, before)
         return image
 
 

@@ -8,10 +8,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..datasets.images import read_only
 from ..errors import NoisyWorldError
 from ..trajectories.frame_request import AT_ONCE, RequestedRays
 from .execution import Notes, format_value
 from .exposing import Channels, SceneAround, TakenImages
+from .given import left_alone
 from .kinds import ExposurePerturbation
 from .steps import Step
 
@@ -61,13 +63,14 @@ def expose(
         if channels is None or "rgb" in channels:
             asked.add(seconds)
         if not before:
-            return moments(seconds, channels)
+            return _Given(moments(seconds, channels))
         later = SceneAround(
             lambda more_s, also: moments(seconds + more_s, also), lambda times_s: moments.travel_px(seconds + times_s)
         )
-        return _Exposed(*expose(before, later, taken))
+        return _Given(_Exposed(*expose(before, later, taken)))
 
-    made = last.perturbation.apply(SceneAround(take, moments.travel_px), last.parameters(last.severity))
+    with left_alone(last.perturbation):
+        made = last.perturbation.apply(SceneAround(take, moments.travel_px), last.parameters(last.severity))
     if taken is not None:
         taken[last.perturbation.name] = len(asked)
     if not isinstance(made, tuple) or len(made) != 2 or any(not _is_float_image(item) for item in made):
@@ -84,6 +87,25 @@ class _Exposed:
 
     rgb: NDArray[np.float32] | None
     depth_m: NDArray[np.float32] | None
+
+
+@dataclass(frozen=True)
+class _Given:
+    """Images that are taken, read-only: other moments may show them too."""
+
+    taken: TakenImages
+
+    @property
+    def rgb(self) -> NDArray[Any] | None:
+        """Colour; None where it was not asked for."""
+        rgb = self.taken.rgb
+        return None if rgb is None else read_only(rgb)
+
+    @property
+    def depth_m(self) -> NDArray[np.float32] | None:
+        """Planar depth; None where it was not asked for."""
+        depth_m = self.taken.depth_m
+        return None if depth_m is None else read_only(depth_m)
 
 
 def _is_float_image(found: Any) -> bool:
