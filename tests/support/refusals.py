@@ -18,3 +18,17 @@ def refusal(read, path, *, named=None, error=InputError):
     front = f"{path if named is None else named}: "
     assert said.startswith(front)
     return said.removeprefix(front)
+
+
+def refused(call, *arguments, names, error=InputError, **options):
+    """The one line with which `call(*arguments, **options)` is refused.
+
+    names: what it has to hold of the file, the key and the remedy; one text, or several.
+    """
+    with pytest.raises(error) as caught:
+        call(*arguments, **options)
+    said = str(caught.value).strip()  # Blender ends the line of an operator
+    assert said.isprintable(), said
+    for name in [names] if isinstance(names, str) else names:
+        assert name in said, f"{name!r} is not in: {said}"
+    return said
