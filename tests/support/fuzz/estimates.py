@@ -232,6 +232,8 @@ def read(folder):
     found = normalised(out, Writes(task["file"], format=task["format"]), STAMPS_S, colour=colour)
     if found.outcome is not Outcome.FINISHED:
         raise Refused(f"{out}: {found.detail}")
+    if len(found.estimate) and not set(found.estimate.stamps_s.tolist()) & set(STAMPS_S):
+        raise Refused(f"{out}: {found.detail}")  # whose score says that no pose has the stamp of a frame
     return found.estimate
 
 

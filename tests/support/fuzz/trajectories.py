@@ -136,6 +136,9 @@ def differs(folder, meaning, peer):
 
 def _difference(ours, stamps_s, c2w):
     """Compare with stamps (N,), None where the format has none, and poses (N, 4, 4), the rotations as they stand."""
+    if stamps_s is not None and len(stamps_s) == len(c2w):  # of poses with one stamp ours keeps the first
+        first = np.flatnonzero(np.diff(stamps_s, prepend=-np.inf) != 0.0)
+        stamps_s, c2w = np.asarray(stamps_s)[first], c2w[first]
     if len(ours) != len(c2w):
         return f"{len(ours)} poses, but {len(c2w)}"
     if stamps_s is not None and not np.allclose(ours.stamps_s, stamps_s, rtol=1e-15, atol=1e-9):
