@@ -96,11 +96,19 @@ def test_of_a_folder_of_caches_only_caches_are_hashed(tmp_path):
     modifier = bpy.data.objects["Ball"].modifiers.new("Fluid", "FLUID")
     modifier.fluid_type = "DOMAIN"
     modifier.domain_settings.cache_directory = str(tmp_path)
-    (tmp_path / "data").mkdir()
-    (tmp_path / "data/fluid_data_0001.vdb").write_text("baked")
-    (tmp_path / "letter.txt").write_text("of somebody")
-    found = {Path(file).name for file in inspect_scene(scene, None, None).files}
-    assert found == {"fluid_data_0001.vdb"}
+    bpy.data.objects["Wall"].modifiers.new("Ocean", "OCEAN").filepath = str(tmp_path)
+    baked = {
+        "data/fluid_data_0001.vdb",
+        "disp_0001.exr",
+        "foam_0001.exr",
+        "Nodes/42/meta/1.json",
+        "Nodes/42/blobs/1.blob",
+    }
+    for name in (*baked, "letter.txt", "letters/1.txt"):
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text("of somebody")
+    found = {Path(file).relative_to(tmp_path).as_posix() for file in inspect_scene(scene, None, None).files}
+    assert found == baked
 
 
 # --- values ---

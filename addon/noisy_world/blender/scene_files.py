@@ -171,8 +171,18 @@ def _of_caches(folder: Path) -> list[Path]:
     return [item for item in itertools.chain(*baked, *fluids) if item.is_file()]
 
 
-# Point caches; bakes of geometry nodes, in a folder of their own or below that of their modifier.
-_CACHES = ("*.bphys", "*.bobj.gz", "meta/*", "blobs/*", "*/meta/*", "*/blobs/*", "*/*/meta/*", "*/*/blobs/*")
+# Point caches; bakes of an ocean; bakes of geometry nodes, in a folder of their own or below that of their modifier.
+_CACHES = (
+    *(f"{name}_*.exr" for name in ("disp", "foam", "normal", "spray", "spray_inverse")),
+    "*.bphys",
+    "*.bobj.gz",
+    "meta/*",
+    "blobs/*",
+    "*/meta/*",
+    "*/blobs/*",
+    "*/*/meta/*",
+    "*/*/blobs/*",
+)
 _OF_FLUIDS = ("config", "data", "guiding", "mesh", "noise", "particles", "script")
 
 
