@@ -113,6 +113,15 @@ def test_a_command_refuses_it_before_anything_is_made(name, tmp_path, monkeypatc
     assert not list(tmp_path.iterdir())
 
 
+def test_a_document_is_looked_at_before_it_is_json_or_yaml(tmp_path):
+    document = read_preset(write_world(tmp_path, frames=2)).document
+    document["scenes"][0]["mesh"] = f"{ODD}.ply"
+    with pytest.raises(InputError) as raised:
+        check_document(document, tmp_path / "panel.yaml")
+    assert "scenes.0.mesh" in str(raised.value)
+    assert SAID in str(raised.value)
+
+
 def test_opencv_is_asked_for_no_video_of_such_a_name(tmp_path):
     write_video(tmp_path / "walk.avi", [np.zeros((48, 64, 3), np.uint8)], 10.0)
     found = odd(tmp_path / "walk.avi")

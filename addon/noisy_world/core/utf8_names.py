@@ -6,7 +6,7 @@ OpenCV ends the process by a signal, and which neither JSON nor YAML can hold.
 """
 
 import os
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 from .errors import InputError
 
@@ -30,3 +30,19 @@ def utf8_name(path: Name) -> str:
     if not is_utf8(path):
         raise InputError(os.fspath(path), NOT_UTF8, remedy=RENAME)
     return os.fspath(path)
+
+
+def check_utf8_values(value: Any, file: Name, where: str = "") -> None:
+    """Look at the texts of a document before it is written as JSON or YAML, or read as if it had been.
+
+    file, where: of the document, and of a value in it. Raises InputError, which names the key.
+    """
+    match value:
+        case str() if not is_utf8(value):
+            raise InputError(os.fspath(file), f"{value} {NOT_UTF8}", where=where, remedy=RENAME)
+        case dict():
+            for name, item in value.items():
+                check_utf8_values(item, file, f"{where}.{name}" if where else str(name))
+        case list() | tuple():
+            for number, item in enumerate(value):
+                check_utf8_values(item, file, f"{where}.{number}" if where else str(number))

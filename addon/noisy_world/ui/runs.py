@@ -23,6 +23,7 @@ from ..core.planning.scene import SceneEntry
 from ..core.presets.preset import Preset, PresetSpec, read_preset
 from ..core.presets.scene_keys import SceneKeys
 from ..core.scenes.embedded import is_embedded
+from ..core.utf8_names import check_utf8_values
 from ..sources import read_scenes
 from ..sources.blend_inspection import background_command
 from . import scene_copy, this_scene
@@ -196,9 +197,10 @@ def _placed(preset: Preset) -> tuple[PresetSpec, list[SceneKeys]]:
 
 
 def temporary_preset(document: dict[str, Any], folder: Path, name: str = "noisy_world") -> Path:
-    """Write a preset's document into a folder; return the file."""
+    """Write a preset's document into a folder; return the file. Raises InputError for a name that is not UTF-8."""
     path = folder / f"{name}.yaml"
     # JSON is YAML, and keeps numbers exactly.
+    check_utf8_values(document, PANEL)
     path.write_text(json.dumps(document, indent=1, ensure_ascii=False), encoding="utf-8")
     return path
 

@@ -15,6 +15,7 @@ from ..home import path_in
 from ..messages import CommandLineOnly, Message, PresetKey
 from ..regular_files import open_regular
 from ..schema import Choice, ConfigPath, key, parse
+from ..utf8_names import check_utf8_values
 from ..yaml_reading import LARGEST_BYTES, read_yaml
 from .depth_camera import DepthCameraKeys, check_depth_camera
 from .device_camera import with_device
@@ -284,6 +285,7 @@ def check_document(document: dict[str, Any], path: Path) -> Preset:
 
     Raises InputError naming the key.
     """
+    check_utf8_values(document, path)
     document, places = included(document, path, _load)
     document = with_device(document, ConfigPath(path))
     spec = parse(PresetSpec, document, ConfigPath(path))
