@@ -10,6 +10,7 @@ from pathlib import Path
 
 from .errors import MissingDependencyError
 from .extras import pip_command
+from .regular_files import read_text
 from .requirements import NEEDED
 
 OLDEST = 5
@@ -46,7 +47,7 @@ def _version() -> str:
     if module is None:
         spec = importlib.util.find_spec("cv2")
         file = Path(spec.origin).with_name("version.py") if spec is not None and spec.origin else None
-        text = file.read_text(encoding="utf-8") if file is not None and file.is_file() else ""
+        text = read_text(file) if file is not None and file.is_file() else ""
         if found := re.search(r'opencv_version = "([\d.]+)"', text):
             return found[1]
         module = importlib.import_module("cv2")  # a system's package has no such file
