@@ -95,3 +95,18 @@ def test_groups_see_the_scene_s_camera_without_a_hand(size, aspect, data, tmp_pa
         assert off < 2e-4, name
         if name != "chromatic_aberration" or "shift_x" in data:  # which looks at the axis alone
             assert np.abs(alone - told).max() > 20 * off, name
+
+
+def test_a_frame_without_depth_passes_groups_by_depth_unchanged(tmp_path):
+    image, names = picture(24, 32), [name for name in NAMES if COLOUR[name].needs_depth]
+    names += [name for name, item in COLOUR.items() if item.needs_depth and name not in names]
+    assert {"snow_depth", "fog_depth", "defocus_depth"} <= set(names)
+    nodes = {name: (name, GIVEN.get(name, {"Severity": 5.0})) for name in names}
+    somewhere = np.zeros(image.shape[:2], np.float32)
+    somewhere[0, 0] = 3.0  # a frame whose depth is void but for a pixel has depth
+    without = by_groups(nodes, image, tmp_path, depth_m=np.zeros_like(somewhere))
+    for depth_m in (somewhere, None):  # None: nothing is linked, and the socket's number counts
+        made = by_groups(nodes, image, tmp_path, depth_m=depth_m)
+        for name in names:
+            assert np.array_equal(without[name], image), name
+            assert np.abs(made[name] - image).max() > 0 or name == "defocus_depth", name

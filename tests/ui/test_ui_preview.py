@@ -172,9 +172,10 @@ def test_a_users_own_compositing_stays_in_effect_before_the_chain(scene, tmp_pat
     own.links.new(source.outputs[0], exposure.inputs["Image"])
     own.links.new(exposure.outputs[0], end.inputs[0])
     scene.compositing_node_group = own
-    refresh_chain(scene, steps_of({"contrast": {"severity": 0}}), IDENTIFIERS)
-    assert own_compositing(scene) == own
-    assert np.allclose(evaluate_scene(scene, tmp_path)[5, 5], (0.2, 0.4, 0.1), atol=2e-3)
+    for after_own, seen in ((True, (0.2, 0.4, 0.1)), (False, (0.1, 0.2, 0.05)), (True, (0.2, 0.4, 0.1))):
+        refresh_chain(scene, steps_of({"contrast": {"severity": 0}}), IDENTIFIERS, after_own=after_own)
+        assert own_compositing(scene) == own
+        assert np.allclose(evaluate_scene(scene, tmp_path)[5, 5], seen, atol=2e-3)
     hide_chain(scene)
     assert scene.compositing_node_group == own
 

@@ -121,6 +121,7 @@ def test_through_a_lens_the_preview_is_what_is_written_and_its_preset_comes_back
 def test_a_saved_file_is_itself_the_source_and_its_preset_comes_back(hall, tmp_path):
     item = settings()
     item.lens_source, item.render_source, item.compositing, item.every = "GIVEN", "GIVEN", "keep", 2
+    hall.compositing_node_group = darkened()
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "hall.blend"))
     item = settings()
     said = document.to_document(item)
@@ -139,6 +140,39 @@ def test_a_saved_file_is_itself_the_source_and_its_preset_comes_back(hall, tmp_p
     said = document.to_document(item)
     assert "camera" not in said
     assert said["render"] == {"backend": "compositor"}
+
+
+def darkened():
+    """Compositing of an artist's: a quarter of the light."""
+    own = bpy.data.node_groups.new("Own", "CompositorNodeTree")
+    own.interface.new_socket("Image", in_out="OUTPUT", socket_type="NodeSocketColor")
+    layers, exposure, end = (
+        own.nodes.new(name) for name in ("CompositorNodeRLayers", "CompositorNodeExposure", "NodeGroupOutput")
+    )
+    exposure.inputs["Exposure"].default_value = -2.0
+    own.links.new(layers.outputs["Image"], exposure.inputs["Image"])
+    own.links.new(exposure.outputs[0], end.inputs[0])
+    return own
+
+
+def test_one_rule_says_whether_compositing_is_in_the_view_in_preview_frame_and_in_the_dataset(hall, tmp_path):
+    own = darkened()
+    item = settings()
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "hall.blend"))
+    item = settings()
+    bright = stills.rendered(hall, 1).rgb.mean()
+    item.preview = True
+    rows = [("auto", True, True), ("auto", False, False), ("off", True, False), ("keep", False, True)]
+    for chosen, composites, kept in [("auto", None, False), *rows]:
+        if composites is not None:
+            preview.hide(hall)
+            hall.compositing_node_group, hall.render.use_compositing = own, composites
+        item.compositing = chosen
+        preview.apply(hall)
+        assert ("Own compositing" in hall.compositing_node_group.nodes) == kept, (chosen, composites)
+        assert (document.to_document(item)["scenes"][0].get("compositor") == "keep") == kept, (chosen, composites)
+        assert (stills.own_still(hall, 1).keep_compositor) == kept, (chosen, composites)
+    assert stills.rendered(hall, 1).rgb.mean() < 0.7 * bright
 
 
 def test_another_files_scene_is_refused_in_a_line(hall, tmp_path):

@@ -48,5 +48,5 @@ def test_a_view_of_workbench_offers_no_button_that_cannot_be_pressed(hall, monke
         hall.render.engine = engine
         for step in (by_depth, over_images):
             view_depth.draw_beside(layout, at, step)
-    assert said == ["This view has no depth for it: see Preview Frame", "This view has no depth for it"]
+    assert ["Preview Frame" in text for text in said] == [True, False]
     assert buttons == ["noisy_world.show_by_eevee"]

@@ -98,14 +98,15 @@ def show_chain(
     reference_width_px: int | None = None,
     split: float = 0.0,
     lit: bool = False,
+    after_own: bool = True,
 ) -> bpy.types.NodeTree:
     """Make a scene's compositor show a chain, after its render or after an image; `hide_chain` undoes this.
 
-    After the render, the scene's own compositing stays in effect, before the chain; after an image it does not.
     encoded: the input is sRGB-encoded and the output too. reference_width_px: by default the scene's full width. split:
-    the share of the picture, from the left, that shows the chain's input. lit: the chain is of a lit scene.
+    the share of the picture, from the left, that shows the chain's input. lit: the chain is of a lit scene. after_own:
+    whether the scene's own compositing stays in effect between its render and the chain; after an image it does not.
     """
-    own = None if image is not None else own_compositing(scene)
+    own = own_compositing(scene) if image is None and after_own else None
     tree = new_tree(f"Preview of {scene.name}")
     tree[SHOWN] = True
     new_socket(tree, "Image", "NodeSocketColor", output=True)
@@ -245,12 +246,13 @@ def refresh_chain(
     camera_state_at: CameraStateAt | None = None,
     decided_at: DecidedAt | None = None,
     lit: bool = False,
+    after_own: bool = True,
 ) -> bpy.types.NodeTree:
     """Make a scene's compositor show steps of colour after its render, with the fewest changes; return the chain.
 
     index_of: the frame of the sequence that a scene frame shows; by default they have equal numbers. intrinsics: of
     the camera. stance_at: how it stands and moves at a frame of the sequence, if known. decided_at: what automatics
-    decided for it, if known. lit: the scene is lit.
+    decided for it, if known. lit: the scene is lit. after_own: whether its own compositing stays in effect before.
     """
     chain = shown_chain(scene)
     name = adopt(chain) if chain is not None else _free_name(f"Perturbations of {scene.name}")
@@ -269,8 +271,9 @@ def refresh_chain(
         lit=lit,
     )
     tree = scene.compositing_node_group
-    if tree is None or shown_chain(scene) != chain or needed_depth != _takes_depth(chain):
-        show_chain(scene, chain, reference_width_px=reference_width_px, split=split, lit=lit)
+    is_as_asked = tree is not None and (OWN in tree.nodes) == (after_own and own_compositing(scene) is not None)
+    if tree is None or not is_as_asked or shown_chain(scene) != chain or needed_depth != _takes_depth(chain):
+        show_chain(scene, chain, reference_width_px=reference_width_px, split=split, lit=lit, after_own=after_own)
         return chain
     set_value(tree.nodes[GROUP].inputs["Clip"], not lit)
     _set(tree.nodes[GROUP].inputs["Reference Width"], reference_width_px or scene.render.resolution_x)

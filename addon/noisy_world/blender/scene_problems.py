@@ -27,7 +27,7 @@ def problems_of(scene: bpy.types.Scene, files: SceneFiles, *, composited: bool =
     if scene.frame_step < 1 or max(map(abs, (scene.frame_start, scene.frame_end))) > LAST_POSSIBLE:
         problem = f"has frames {scene.frame_start} to {scene.frame_end} by {scene.frame_step}, which none can show"
         yield Problem("blend", problem, "set its frame range")
-    if composited and (problem := _uncomposed(scene)):
+    if composited and (problem := uncomposed(scene.compositing_node_group)):
         yield Problem("compositor", f"is keep, but the scene {scene.name} {problem}", "leave the key out, or mend it")
     if deepest := _deepest_nesting(files.blocks):
         yield Problem("blend", f"nests node groups more than {MOST_NESTED} deep, in {deepest}", "flatten them")
@@ -187,9 +187,8 @@ def rate_hz(scene: bpy.types.Scene) -> float:
     return render.fps / render.fps_base if render.fps_base else math.inf
 
 
-def _uncomposed(scene: bpy.types.Scene) -> str:
+def uncomposed(tree: bpy.types.NodeTree | None) -> str:
     """Return what a scene's compositor lacks to give an image; "" for nothing."""
-    tree = scene.compositing_node_group
     if tree is None:
         return "has no compositor"
     ends = [node for node in tree.nodes if isinstance(node, bpy.types.NodeGroupOutput)]

@@ -184,11 +184,13 @@ def tell(name: str) -> Callable[[Any, bpy.types.Context], None]:
     return update
 
 
-def choice(update: str, label: str, meaning: str, *items: tuple[str, str, str]) -> Any:
-    """Return an enumeration of identifiers, labels and meanings. update: what the listeners are told of a change."""
-    return bpy.props.EnumProperty(
-        options=set(), name=label, description=meaning, items=list(items), update=tell(update)
-    )
+def choice(update: str, label: str, meaning: str, *items: tuple[str, str, str], default: str = "") -> Any:
+    """Return an enumeration of identifiers, labels and meanings.
+
+    update: what the listeners are told of a change. default: "" for the first one.
+    """
+    chosen: dict[str, Any] = {"items": list(items), "default": default or items[0][0]}
+    return bpy.props.EnumProperty(options=set(), name=label, description=meaning, update=tell(update), **chosen)
 
 
 @contextmanager

@@ -11,7 +11,7 @@ import gpu
 import numpy as np
 from bpy.app.handlers import persistent
 
-from ..blender.chain_scene import hide_chain, refresh_chain, set_split, shown_chain
+from ..blender.chain_scene import hide_chain, own_compositing, refresh_chain, set_split, shown_chain
 from ..blender.chain_values import is_edited
 from ..core.errors import NoisyWorldError
 from ..core.planning.sequence import Sequence
@@ -21,6 +21,7 @@ from .handlers import Handlers
 from .long_text import write
 from .operators import DONE, UNDOABLE, OnScene
 from .properties import panel_of
+from .scene_copy import keeps_compositing
 from .shown_motion import camera_states, is_unknown
 from .standard_view import UseStandardView, falsified_by, is_working_space_wrong, shown_after
 from .stills import path_frames
@@ -165,8 +166,14 @@ def show(scene: bpy.types.Scene) -> None:
         camera_state_at=camera_states(scene, sequence),
         decided_at=metered.decided_at(scene, sequence),
         lit=this_scene.is_shown(panel),
+        after_own=not leaves_compositing_out(scene),
     )
     (_at_rest.add if is_unknown(scene, sequence) else _at_rest.discard)(scene.session_uid)
+
+
+def leaves_compositing_out(scene: bpy.types.Scene) -> bool:
+    """Tell whether a dataset of the scene itself is without its compositing, so that previews are without it, too."""
+    return this_scene.is_shown(panel_of(scene)) and not keeps_compositing(scene)
 
 
 def index_of(scene: bpy.types.Scene, sequence: Sequence) -> Callable[[int], int] | None:
@@ -283,6 +290,9 @@ def _draw_state(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
             row.prop_enum(space.shading, "type", "MATERIAL", text="Material")
         row.prop_enum(space.shading, "type", "RENDERED")
     view_depth.draw(layout, context)
+    if leaves_compositing_out(scene) and own_compositing(scene) is not None:
+        text = "The scene's own compositing is left out, as in the dataset: see Compositing, under Scene"
+        write(layout, context, text, "INFO")
     if is_chain_edited(scene):
         write(layout, context, "Edited in the compositor: Generate takes the values of this list instead", "ERROR")
         layout.operator(ResetChain.bl_idname, icon="LOOP_BACK")

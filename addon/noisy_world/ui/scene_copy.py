@@ -13,8 +13,9 @@ from typing import Any
 import bpy
 from bpy.app.handlers import persistent
 
-from ..blender.chain_scene import SHOWN, hide_chain, shown_chain
+from ..blender.chain_scene import SHOWN, hide_chain, own_compositing, shown_chain
 from ..blender.chain_values import LEFT_AT
+from ..blender.scene_problems import uncomposed
 from ..core.datasets.storage import storage_errors
 from ..core.errors import StorageError
 from ..core.utf8_names import utf8_name
@@ -79,9 +80,17 @@ def known_files(scene: bpy.types.Scene) -> list[Path]:
     return [*open_file, *([known.path] if known is not None else [])]
 
 
+def keeps_compositing(scene: bpy.types.Scene) -> bool:
+    """Tell whether frames of the scene itself are as its own compositing makes them: in the dataset and in previews."""
+    chosen = panel_of(scene).compositing
+    if chosen == "auto":  # as F12 shows it
+        return scene.render.use_compositing and not uncomposed(own_compositing(scene))
+    return chosen == "keep"
+
+
 def is_behind(scene: bpy.types.Scene) -> bool:
     """Tell whether the saved file is another than the open one, or would be rendered otherwise."""
-    kept_chain = panel_of(scene).compositing == "keep" and shown_chain(scene) is not None
+    kept_chain = keeps_compositing(scene) and shown_chain(scene) is not None
     return not bpy.data.filepath or bpy.data.is_dirty or kept_chain
 
 
@@ -206,7 +215,7 @@ def _counts(scene: bpy.types.Scene, update: bpy.types.DepsgraphUpdate) -> bool:
         return changed and not _is_our_camera(item)
     if isinstance(item, bpy.types.CompositorNodeTree):
         ours = SHOWN in item or LEFT_AT in item
-        return panel_of(scene).compositing == "keep" and not ours
+        return keeps_compositing(scene) and not ours
     if isinstance(item, bpy.types.Image):
         return item.type not in ("RENDER_RESULT", "COMPOSITING") and item.name not in OUR_PICTURES
     if isinstance(item, bpy.types.Action):

@@ -101,9 +101,11 @@ def source_members() -> dict[str, Any]:
             update=tell("room_seed"),
         ),
         "compositing": choice(
-            "compositing", "Compositing", "What becomes of the scene's own compositing in the dataset",
+            "compositing", "Compositing", "What becomes of the scene's own compositing, in the dataset and in previews",
             ("off", "Off", "Frames are as rendered, before the compositing"),
             ("keep", "Keep", "Frames are as the compositing makes them"),
+            ("auto", "As Rendered", "Keep where a render of the scene is composited, else Off"),
+            default="auto",
         ),
         "depth_alpha": described(
             BlendKeys, "depth_alpha", label="Depth Alpha", update="depth_alpha",

@@ -23,6 +23,7 @@ from .described import EMBREE
 from .document import PANEL, engine_of, intrinsics_of, motion_of, preset_of, recorded
 from .paths import clean_poses, clean_stamps_s, deviated_poses
 from .properties import panel_of
+from .scene_copy import keeps_compositing
 from .source_fields import ITEMS
 
 
@@ -105,7 +106,7 @@ def own_still(scene: bpy.types.Scene, index: int) -> OwnStill:
         engine=_engine(panel) if given else None,
         samples=panel.samples if given else None,
         seed=render_seed(panel.seed),
-        keep_compositor=panel.compositing == "keep",
+        keep_compositor=keeps_compositing(scene),
         depth_alpha=panel.depth_alpha,
         lens=_lens(panel),
     )

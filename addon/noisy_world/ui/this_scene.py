@@ -17,7 +17,7 @@ from ..core.schema import ConfigPath
 from ..core.trajectories.trajectory import Trajectory
 from .own_objects import keys_state
 from .properties import panel_of
-from .scene_copy import blend_file
+from .scene_copy import blend_file, keeps_compositing
 
 CAMERA_FIELD = "Trajectory > Scene Camera"
 
@@ -117,7 +117,7 @@ def entry(panel: Any, place: Any) -> dict[str, Any]:
         said["frames"] = f"{chosen.first}:{chosen.last}" + (f":{chosen.step}" if chosen.step > 1 else "")
     elif scene.camera is not None:
         said["camera"] = scene.camera.name
-    if panel.compositing == "keep":
+    if keeps_compositing(scene):
         said["compositor"] = "keep"
     if abs(panel.depth_alpha - 0.5) > 1e-6:
         said["depth_alpha"] = float(str(np.float32(panel.depth_alpha)))

@@ -80,7 +80,7 @@ def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     """Draw what the view in use does not show as it is written, and the button."""
     if not lacks_depth(context) or not (names := reading_depth(context.scene)):
         return
-    text = f"This view has no depth, so it does not show {enumerated(names)} as in the dataset"
+    text = f"This view has no depth, so {enumerated(names)} pass{'es' if len(names) == 1 else ''} the picture unchanged"
     if _stays_workbench(context.scene):
         write(layout, context, f"{text}; Preview Frame does", "ERROR")
         return
@@ -94,7 +94,7 @@ def draw_beside(layout: bpy.types.UILayout, context: bpy.types.Context, step: An
     if not shown or not lacks_depth(context):
         return
     if _stays_workbench(context.scene):
-        write(layout, context, "This view has no depth for it: see Preview Frame", "ERROR")
+        write(layout, context, "This view has no depth, so it is not shown: see Preview Frame", "ERROR")
         return
-    write(layout, context, "This view has no depth for it", "ERROR")
+    write(layout, context, "This view has no depth, so it is not shown", "ERROR")
     layout.operator(ShowByEevee.bl_idname, icon="SHADING_RENDERED")

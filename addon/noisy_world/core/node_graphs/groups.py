@@ -179,8 +179,19 @@ def build_group(
         result = perturbation.build(canvas, scaled, served)
     given_back = _given_back(light, perturbation)(result, share)
     with graph.section(BACK):
+        if depth_m is not None and not bare:
+            given_back = graph.choose(_is_there(depth_m), given_back, image)
         graph.output("Image", graph.choose(enabled, given_back, image), description="The perturbed frame")
     return graph
+
+
+def _is_there(depth_m: Socket) -> Socket:
+    """Return 1 where a frame has depth at all, else 0: Blender gives 0 everywhere where an engine's view has none.
+
+    Of a render, what has no surface is far away, so a whole frame of zeros is none.
+    """
+    found = depth_m.graph.node("CompositorNodeLevels", {"Image": depth_m, "Channel": "Red"}, label="Is there depth?")
+    return found.out("Maximum", "float") > 0.0
 
 
 def group_name(perturbation: ColourPerturbation) -> str:
