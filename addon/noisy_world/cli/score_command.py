@@ -192,19 +192,21 @@ def format_score(score: "Score", frames_from: str) -> str:
 
 
 _DECIDED = {
-    "all": "positions say how it is turned",
-    "direction": "positions do not say how it is turned about itself: rotations and maps are laid by full poses",
-    "nothing": "positions do not say how it is turned: rotations and maps are laid by full poses",
+    "all": "positions lay rotations and maps",
+    "direction": "full poses lay rotations and maps",
+    "nothing": "rotations lay rotations and maps",
 }
 
 
 def conditioning_line(known: "Conditioning") -> str:
     """Return how well the true path says how an estimate is turned, as a line."""
+    from ..evaluation.metrics.alignment import WELL_CONDITIONED
+
     sizes = ", ".join(f"{extent_m:.3g}" for extent_m in known.extents_m.tolist())
-    return (
-        f"the true path extends {sizes} m (sd along its axes); the second is {known.ratio:.3g} ATEs: "
-        + (_DECIDED[known.decided])
-    )
+    said = f"the true path extends {sizes} m (sd along its axes), the second {known.ratio:.3g} ATEs"
+    if known.ratio < WELL_CONDITIONED:
+        said += f"; below {WELL_CONDITIONED:g} positions hardly say how it is turned about itself"
+    return f"{said}: {_DECIDED[known.decided]}"
 
 
 def picture(score: "Score", ending: str) -> bytes:

@@ -84,7 +84,7 @@ def turned_by_poses(data, score):
 
 
 @pytest.mark.parametrize("monocular", [False, True])
-@pytest.mark.parametrize("error_m", [1e-3, 0.02])
+@pytest.mark.parametrize("error_m", [1e-3, 0.01])
 def test_rotations_on_a_path_that_conditions_the_alignment(monocular, error_m):
     # There evo's rotation errors after its alignment of the positions are ours, the paths of walks of some metres.
     for seed in range(6):
@@ -96,7 +96,7 @@ def test_rotations_on_a_path_that_conditions_the_alignment(monocular, error_m):
         pair = trajectory_pairs.Pair(truth, Estimate(truth.stamps_s, estimate), "")
         data = of_evo(pair, with_scale=monocular)
         score = score_trajectory(pair.estimate, pair.truth, monocular=monocular)
-        assert score.conditioning.ratio > 10.0
+        assert score.conditioning.ratio > 60.0
         assert same_as_evo(score, "ate", "m", metrics.PoseRelation.translation_part, data) == 5
         assert same_as_evo(score, "ate_rotation", "deg", metrics.PoseRelation.rotation_angle_deg, data) == 4
 

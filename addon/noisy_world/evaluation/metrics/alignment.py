@@ -8,15 +8,18 @@ from typing import Literal, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core.geometry import pose
+from ...core.geometry import pose, quat_wxyz_from_rotation
 
 Float64: TypeAlias = NDArray[np.float64]
 
 
 WELL_CONDITIONED = 10.0
-"""Second extent of a path over the ATE from which on positions decide how an estimate is turned. Chosen: below it a
-turn by 6 degrees moves the positions by less than they err."""
-
+"""Second extent of a path over the ATE below which a path is marked: a turn by 6 degrees about itself moves the
+positions by less than they err."""
+DECIDED = 60.0
+"""The same, from which on positions alone decide how an estimate is turned: a turn by a degree moves them by more than
+they err. Below, full poses do, whose rotations err by less than that."""
+OPEN = 3.0  # chosen: errors of a path are no noise without memory, and may hide a turn larger than they are
 
 CONDITIONING = "conditioning"
 """The metric that says how well a path does."""
@@ -104,12 +107,17 @@ class Conditioning:
         """The second extent over the RMSE: a turn by its inverse, in radians, moves positions as far as they err."""
         return float(self.extents_m[1]) / self.error_m
 
+    def open_rad(self, axis: Float64) -> float:
+        """(3,) of length 1 -> how far positions leave a turn about it open: OPEN times what moves them as they err."""
+        across_m = float(np.linalg.norm(self.extents_m[:, None] * (self.axes - np.outer(self.axes @ axis, axis))))
+        return np.pi if OPEN * self.error_m >= np.pi * across_m else OPEN * self.error_m / across_m
+
     @property
     def decided(self) -> Literal["all", "direction", "nothing"]:
         """What of the rotation the positions decide: all of it, the direction of a line alone, or nothing."""
-        if self.ratio >= WELL_CONDITIONED:
+        if self.ratio >= DECIDED:
             return "all"
-        return "direction" if self.extents_m[0] >= WELL_CONDITIONED * self.error_m else "nothing"
+        return "direction" if self.extents_m[0] >= DECIDED * self.error_m else "nothing"
 
 
 def conditioning_of(truth: Float64, error_m: float) -> Conditioning:
@@ -125,14 +133,19 @@ def full_pose_alignment(estimate: Float64, truth: Float64, by: Similarity, known
 
     by: the alignment of the positions, which is returned where they decide the rotation (`Conditioning.decided`). Of a
     path that is nearly a line, they say its direction, and the rotations the turn about it that makes the mean squared
-    chordal distance of the rotations least; of one that hardly moves, the rotations say all, by the same measure.
+    chordal distance of the rotations least; of one that hardly moves, the rotations say all, by the same measure. A
+    turn moves positions by OPEN times what they err at most: rotations that contradict the path do not turn it.
     """
     if known.decided == "all":
         return by
     # The mean of R_true R_estimate^T: the least squares over turns T maximise the trace of T^T times it.
     mean = np.einsum("nij,nkj->ik", truth[:, :3, :3], by.rotation @ estimate[:, :3, :3]) / len(truth)
-    turn = _turn_about(known.axes[0], mean) if known.decided == "direction" else _turn(mean)
-    rotation = turn @ by.rotation
+    if known.decided == "direction":
+        axis, angle_rad = known.axes[0], _best_angle_rad(known.axes[0], mean)
+    else:
+        axis, angle_rad = _axis_angle(_turn(mean))
+    most_rad = known.open_rad(axis)
+    rotation = _turn_about(axis, float(np.clip(angle_rad, -most_rad, most_rad))) @ by.rotation
     means = estimate[:, :3, 3].mean(axis=0), truth[:, :3, 3].mean(axis=0)
     return Similarity(rotation, means[1] - by.scale * (rotation @ means[0]), by.scale)
 
@@ -143,14 +156,31 @@ def _turn(mean: Float64) -> Float64:
     return (left * [1.0, 1.0, np.sign(np.linalg.det(left) * np.linalg.det(right))]) @ right
 
 
-def _turn_about(axis: Float64, mean: Float64) -> Float64:
-    """(3,), (3, 3) -> the same among rotations about an axis of length 1, by Rodrigues' formula."""
+def _best_angle_rad(axis: Float64, mean: Float64) -> float:
+    """(3,), (3, 3) -> the angle of the rotation about an axis of length 1 for which that trace is largest."""
+    sine = float(np.sum(_cross(axis) * mean))  # of the trace of T^T times the mean: the part that goes with the sine
+    return float(np.arctan2(sine, np.trace(mean) - axis @ mean @ axis))
+
+
+def _axis_angle(turn: Float64) -> tuple[Float64, float]:
+    """(3, 3) -> (3,) of length 1, and radians from 0 to pi."""
+    quat_wxyz = quat_wxyz_from_rotation(turn)
+    length = float(np.linalg.norm(quat_wxyz[1:]))
+    if length == 0.0:
+        return np.array([1.0, 0.0, 0.0]), 0.0
+    sign = 1.0 if quat_wxyz[0] >= 0.0 else -1.0
+    return sign * quat_wxyz[1:] / length, 2.0 * float(np.arctan2(length, sign * quat_wxyz[0]))
+
+
+def _turn_about(axis: Float64, angle_rad: float) -> Float64:
+    """(3,) of length 1 -> (3, 3), by Rodrigues' formula."""
+    cross = _cross(axis)
+    return np.eye(3) + np.sin(angle_rad) * cross + (1.0 - np.cos(angle_rad)) * cross @ cross
+
+
+def _cross(axis: Float64) -> Float64:
     x, y, z = axis
-    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    sine = float(np.sum(cross * mean))  # of the trace of T^T times the mean: the part that goes with the sine
-    cosine = float(np.trace(mean) - axis @ mean @ axis)
-    angle = np.arctan2(sine, cosine)
-    return np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * cross @ cross
+    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
 
 
 def aligned_poses(c2w: Float64, by: Similarity) -> Float64:

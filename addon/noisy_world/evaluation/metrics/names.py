@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ...core.errors import NoisyWorldError
 from ...core.installed import Door, Registry
-from .alignment import CONDITIONING, WELL_CONDITIONED
+from .alignment import CONDITIONING, DECIDED, WELL_CONDITIONED
 from .compared import Compared, Delta
 from .errors import consecutive_pairs, relative_errors, spread_of
 from .metric import Compute, Metric, TrajectoryMetric
@@ -68,7 +68,7 @@ def _of_ate() -> list[TrajectoryMetric]:
         label, said = _STATISTICS[key]
         angle = "the angles between estimated and true rotations, after alignment"
         line = (
-            f" Where conditioning is below {WELL_CONDITIONED:g}, positions do not decide the turn, and full poses do."
+            f" Where conditioning is below {DECIDED:g}, positions alone do not decide the turn, and full poses do."
             if key == "rmse"
             else ""
         )
