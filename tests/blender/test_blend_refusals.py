@@ -3,6 +3,7 @@
 
 import os
 import struct
+import subprocess
 import sys
 import zlib
 from pathlib import Path
@@ -193,6 +194,23 @@ def test_a_look_that_a_signal_ends_names_the_file(ending, told, tmp_path, monkey
         )
     assert str(path) in str(raised.value)
     assert told in str(raised.value)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="it has no signals")
+@pytest.mark.parametrize(("ending", "lines"), [("os.kill(os.getpid(), 11)", 1), ("pass", 0), ("sys.exit(3)", 0)])
+def test_a_render_that_a_signal_ends_names_the_file(ending, lines):
+    code = f"""
+import os, sys
+from pathlib import Path
+sys.path.insert(0, sys.argv[1])
+from noisy_world.sources.blender_process import last_words
+with last_words(Path("hall.blend"), "rendered it"):
+    {ending}
+"""
+    command = [sys.executable, "-c", code, str(blend_inspection.PACKAGE.parent)]
+    said = subprocess.run(command, capture_output=True, text=True, check=False).stderr
+    assert said.count("\n") == lines
+    assert ("hall.blend: " in said) == bool(lines)
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="only Linux tells what a process has spent")

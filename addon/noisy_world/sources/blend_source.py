@@ -37,6 +37,7 @@ from ..core.trajectories.sensor_paths import SensorPaths
 from ..core.trajectories.trajectory import Axes, Trajectory
 from .beginning import Beginning, beginning_of, check_beginning
 from .bending import lens_of
+from .blender_process import last_words
 from .path_files import sha256_of_path
 
 if TYPE_CHECKING:
@@ -208,10 +209,11 @@ class BlendSource(SimpleSource):
             yield PreparedBlend(partial(self._opened, camera), self.beginning, closing)
 
     def _opened(
-        self, camera: Intrinsics, paths: SensorPaths, options: RenderOptions, _: contextlib.ExitStack
+        self, camera: Intrinsics, paths: SensorPaths, options: RenderOptions, closing: contextlib.ExitStack
     ) -> "OwnSceneSession":
         from ..blender.own_scene import OwnSceneSession
 
+        closing.enter_context(last_words(self.path, "rendered it"))
         return OwnSceneSession(self.file, paths, camera, options, lens=self.lens(camera))
 
     def beginning(self, paths: SensorPaths, frames: tuple[int, ...]) -> Beginning | None:

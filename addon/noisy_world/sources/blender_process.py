@@ -10,7 +10,8 @@ import os
 import signal
 import subprocess
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from ..core.errors import InputError
@@ -20,6 +21,7 @@ from ..core.regular_files import read_text
 LIMIT_S, LIMIT_FOR_EACH_MB_S = 120, 5
 IDLE_S = 30.0  # chosen: a process that does nothing for so long waits for a pipe, or a disk that is gone
 _LOOK_S = 2.0
+DAMAGED = "the file is damaged, or takes more memory than there is: export or save it again"
 
 
 def processor_limit_s(files: Iterable[Path]) -> int:
@@ -59,6 +61,24 @@ def run_blender(
     return subprocess.CompletedProcess(command, started.returncode, out, err)
 
 
+@contextmanager
+def last_words(file: Path, doing: str) -> Iterator[None]:
+    """Have a line stand on standard error where this process is ended by a signal while Blender does something here.
+
+    file: that it does it with. A shell waits for a word that says that all went on, or for the end of this process.
+    """
+    if os.name != "posix":
+        yield
+        return
+    line = InputError(file, f"Blender was ended while it {doing}", remedy=DAMAGED)
+    shell = ["/bin/sh", "-c", 'read -r word || printf "%s\\n" "$1" >&2', "sh", str(line)]
+    watcher = subprocess.Popen(shell, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL)  # noqa: S603 - text alone
+    try:
+        yield
+    finally:
+        watcher.communicate(b"goes on\n")
+
+
 def _said(started: "subprocess.Popen[str]", order: str) -> tuple[str, str]:
     """Return what a process says until it ends. Raises TimeoutError where it does nothing any more."""
     spent, since = _spent(started.pid), time.monotonic()
@@ -91,5 +111,4 @@ def _ended(file: Path, who: str, number: int, limit_s: int) -> InputError:
     problem = f"{who} was ended by {name}"
     if os.name == "posix" and number == signal.SIGKILL:
         return InputError(file, f"{problem}, perhaps for want of memory", remedy="run it where there is more memory")
-    remedy = "the file is damaged, or takes more memory than there is: export or save it again"
-    return InputError(file, problem, remedy=remedy)
+    return InputError(file, problem, remedy=DAMAGED)
