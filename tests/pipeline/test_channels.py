@@ -8,6 +8,7 @@ import threading
 import cv2
 import numpy as np
 import pytest
+from refusals import refused
 import yaml
 
 pytest.importorskip("embreex", reason="embreex is not installed: pip install '.[embree]'")
@@ -16,7 +17,7 @@ from cases import cases
 from worlds import path_poses, with_objects, write_world
 
 from noisy_world.core.datasets.layouts import LAYOUTS
-from noisy_world.core.errors import InputError, NoisyWorldError, StorageError
+from noisy_world.core.errors import NoisyWorldError, StorageError
 from noisy_world.core.presets.preset import read_preset
 from noisy_world.core.progress import PlainProgress
 from noisy_world.pipeline.run import Run
@@ -121,11 +122,7 @@ def test_a_lost_normal_is_made_again_and_overwriting_leaves_none(tmp_path):
 )
 def test_what_cannot_be_given_is_refused_in_a_line(keys, words, tmp_path):
     preset = write_world(tmp_path, **{"render": RAYS, **keys})
-    with pytest.raises(InputError) as error:
-        make_plan(read_preset(preset))
-    assert "\n" not in str(error.value)
-    for word in (str(preset), *words):
-        assert word in str(error.value)
+    refused(lambda: make_plan(read_preset(preset)), names=[str(preset), *words])
 
 
 def test_a_recording_has_no_normals(tmp_path):
@@ -138,16 +135,14 @@ def test_a_recording_has_no_normals(tmp_path):
     }
     recorded = tmp_path / "recorded.yaml"
     recorded.write_text(yaml.safe_dump(document))
-    with pytest.raises(InputError, match=r"output\.modalities: normal: again has none"):
-        make_plan(read_preset(recorded))
+    refused(make_plan, read_preset(recorded), names="output.modalities: normal: again ")
     assert np.array_equal(open_path(tmp_path / "out")["clean/box"][1].rgb.shape, (48, 64, 3))
 
 
 def test_instances_have_a_file_of_ids_and_names(tmp_path):
     keys = {"render": RAYS, "output": {"layout": "tum", "modalities": ["rgb", "instance"]}}
     preset, out = write_world(tmp_path / "world", frames=2, **keys), tmp_path / "out"
-    with pytest.raises(InputError, match=r"scenes\.0\.mesh: has no instance: its faces have no property object_id"):
-        make_plan(read_preset(preset))
+    refused(make_plan, read_preset(preset), names=["scenes.0.mesh: ", "object_id"])
     with_objects(tmp_path / "world", [300, 7, 7, 65535, -1, 12])
     names = tmp_path / "world/info_semantic.json"
     run(preset, out).make_dataset()
@@ -160,15 +155,12 @@ def test_instances_have_a_file_of_ids_and_names(tmp_path):
         assert len(np.unique(ids)) > 2
 
     names.write_text(json.dumps({"objects": [{"id": 7, "class_name": "wall"}, {"id": 9, "class_name": "door"}]}))
-    with pytest.raises(StorageError, match="the file of its objects' names is not"):
-        run(preset, out).make_dataset()
+    refused(lambda: run(preset, out).make_dataset(), names=["scenes.0: ", "--overwrite"], error=StorageError)
     run(preset, out, overwrite=True).make_dataset()
     assert json.loads((out / "clean/box/instance.json").read_text())["objects"][0] == {"id": 7, "name": "wall"}
     names.write_text('{"objects": [3]}')
-    with pytest.raises(InputError, match=r"info_semantic\.json: has no list of objects"):
-        run(preset, tmp_path / "other").make_dataset()
+    refused(lambda: run(preset, tmp_path / "other").make_dataset(), names=["info_semantic.json: ", "objects"])
     large = tmp_path / "large"
     preset = write_world(large, frames=2, **keys)
     with_objects(large, [1, 2, 3, 4, 5, 65536])
-    with pytest.raises(NoisyWorldError, match="object_id 65536 does not fit into the 16 bits"):
-        run(preset, tmp_path / "third").make_dataset()
+    refused(lambda: run(preset, tmp_path / "third").make_dataset(), names="object_id 65536", error=NoisyWorldError)

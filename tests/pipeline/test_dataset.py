@@ -5,7 +5,6 @@ import errno
 import importlib
 import json
 import os
-import re
 import subprocess
 import sys
 import threading
@@ -14,11 +13,12 @@ from types import SimpleNamespace
 
 import fake_session
 import pytest
+from refusals import refused
 from cases import cases
 from worlds import ROOT, content, write_world
 
 from noisy_world.core.datasets import storage
-from noisy_world.core.errors import InputError, InterruptedRunError, StorageError
+from noisy_world.core.errors import InterruptedRunError, StorageError
 from noisy_world.planning import make_plan
 from noisy_world.core.presets.preset import read_preset
 from noisy_world.pipeline.run import Run
@@ -181,8 +181,7 @@ def test_another_preset_is_refused_and_overwrite_replaces_only_its_own(world, wh
     other = write_world(tmp_path / "other", frames=3, size=(8, 6))
     (out / "notes.txt").write_text("mine")
     (out / "clean/box/mine.txt").write_text("mine too")
-    with pytest.raises(StorageError, match=r"whole: holds another dataset: .*--overwrite"):
-        run(other, out)
+    refused(run, other, out, names=[str(out), "--overwrite"], error=StorageError)
     assert (out / "same/box/results/frame000003.png").exists()
     run(other, out, overwrite=True)
     assert (out / "notes.txt").read_text() == "mine"
@@ -193,8 +192,8 @@ def test_another_preset_is_refused_and_overwrite_replaces_only_its_own(world, wh
 
 def test_the_refusal_names_what_differs(world, whole, tmp_path):
     plan = make_plan(read_preset(world, ["render.samples=2"]))
-    with pytest.raises(StorageError, match=r"another dataset: render\.samples was 1, is 2; "):
-        Run(plan, tmp_path / "whole", progress=Listener(), stop=threading.Event()).make_dataset()
+    again = Run(plan, tmp_path / "whole", progress=Listener(), stop=threading.Event())
+    refused(again.make_dataset, names="render.samples was 1, is 2", error=StorageError)
 
 
 @cases("package", ["cv2", "OpenEXR", "deflate", "numpy"])
@@ -204,8 +203,7 @@ def test_another_version_of_what_decides_the_bytes_is_refused(world, tmp_path, p
     module, name = sys.modules[package], {"cv2": "opencv", "OpenEXR": "openexr"}.get(package, package)
     with pytest.MonkeyPatch.context() as patched:
         patched.setattr(module, "__version__", "1.2.3")
-        with pytest.raises(StorageError, match=rf"made with {name} {re.escape(VERSIONS[package])}, this is 1\.2\.3; "):
-            run(world, out)
+        refused(run, world, out, names=[f"{name} {VERSIONS[package]}", "1.2.3"], error=StorageError)
 
 
 def test_other_peoples_folders_are_left_alone(world, tmp_path):
@@ -213,13 +211,11 @@ def test_other_peoples_folders_are_left_alone(world, tmp_path):
     out.mkdir()
     (out / "cat.jpg").write_bytes(b"meow")
     for overwrite in (False, True):
-        with pytest.raises(StorageError, match="holds no dataset of Noisy World"):
-            run(world, out, overwrite=overwrite)
+        refused(run, world, out, overwrite=overwrite, names=f"{out}: ", error=StorageError)
     assert [path.name for path in out.iterdir()] == ["cat.jpg"]
     file = tmp_path / "file"
     file.write_text("x")
-    with pytest.raises(StorageError, match="is a file"):
-        run(world, file)
+    refused(run, world, file, names=f"{file}: ", error=StorageError)
 
 
 def test_a_run_that_fails_before_its_first_frame_leaves_nothing(world, tmp_path):
@@ -227,8 +223,7 @@ def test_a_run_that_fails_before_its_first_frame_leaves_nothing(world, tmp_path)
     good = mesh.read_text()
     mesh.write_text(good.replace("4 20 21 22 23", "4 20 21 22 99"))
     out = tmp_path / "deep" / "out"
-    with pytest.raises(InputError, match="99"):
-        run(world, out)
+    refused(run, world, out, names="99")
     assert not out.exists()
     mesh.write_text(good)
     run(world, out)
@@ -253,8 +248,7 @@ def test_two_runs_at_once_are_refused(world, tmp_path):
     def render(self, frame):
         if frame.index == 0 and not seen:
             seen.append(True)
-            with pytest.raises(StorageError, match="another run is writing here"):
-                run(world, out)
+            refused(run, world, out, names=f"{out}: ", error=StorageError)
         return original(self, frame)
 
     fake_session.Session.frame = render
@@ -326,8 +320,7 @@ time.sleep(60)
 """
     process = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
     assert process.stdout.readline() == "taken\n"
-    with pytest.raises(StorageError, match="another run"):
-        storage.FolderLock(path)
+    refused(storage.FolderLock, path, names=str(path.parent.parent), error=StorageError)
     process.kill()
     process.wait(60)
     storage.FolderLock(path).release()

@@ -9,6 +9,7 @@ import json
 import cv2
 import numpy as np
 import pytest
+from refusals import refused
 import yaml
 from analytic import box_depth, look_at
 from cases import cases
@@ -24,7 +25,7 @@ from noisy_world import open as open_dataset
 from noisy_world.cli import publish_command, recipe_command, verify_command
 from noisy_world.cli.entry import Entry
 from noisy_world.core.datasets.layouts import EVERY
-from noisy_world.core.errors import InputError, StorageError
+from noisy_world.core.errors import StorageError
 from noisy_world.core.geometry import Intrinsics, pose
 from noisy_world.core.planning.depth_unit import DepthClock
 from noisy_world.core.presets.preset import read_preset
@@ -338,30 +339,25 @@ def test_another_device_is_another_dataset(tmp_path, changed):
 
 
 @cases(
-    ("depth", "keys", "message"),
+    ("depth", "keys", "names"),
     [
-        ({"width": 40}, {}, r"rig\.depth: has a camera of its own without height"),
-        ({"width": 40, "height": 26}, {}, r"rig\.depth: has a size of its own without fx"),
-        ({**CAMERA, "horizontal_fov_deg": 60}, {}, r"rig\.depth: gives fx and horizontal_fov_deg"),
-        ({"rate_hz": 10}, {"layout": "tum"}, r"rig\.depth\.rate_hz: is so slow that frames 0 and 1 show one exposure"),
-        ({**CAMERA}, {"layout": "vslamlab"}, r"depth has a camera of its own, which the .* layout cannot say"),
-        ({"delay_ms": -5}, {"layout": "euroc"}, r"rig\.depth: .*depth of frame 0"),
-        (
-            {**CAMERA},
-            {"output": {"modalities": ["rgb", "depth", "flow"]}},
-            r"has no flow: rig\.depth has a camera or a clock of its own",
-        ),
+        ({"width": 40}, {}, ["rig.depth: ", "height"]),
+        ({"width": 40, "height": 26}, {}, ["rig.depth: ", "fx"]),
+        ({**CAMERA, "horizontal_fov_deg": 60}, {}, ["rig.depth: ", "fx", "horizontal_fov_deg"]),
+        ({"rate_hz": 10}, {"layout": "tum"}, ["rig.depth.rate_hz: ", "frames 0 and 1"]),
+        ({**CAMERA}, {"layout": "vslamlab"}, ["depth", "output.layout"]),
+        ({"delay_ms": -5}, {"layout": "euroc"}, ["rig.depth: ", "depth of frame 0"]),
+        ({**CAMERA}, {"output": {"modalities": ["rgb", "depth", "flow"]}}, ["flow", "rig.depth "]),
         (
             {"delay_ms": 5},
             {"settings": [{"name": "shaky", "perturb": [{"motion_deviation": {"rotation_deg": 1}}]}]},
-            r"shaky: rig\.depth looks between the poses, but motion_deviation moves each pose by itself",
+            ["shaky: rig.depth ", "motion_deviation"],
         ),
     ],
 )
-def test_what_cannot_be_is_refused_in_one_line(tmp_path, depth, keys, message):
-    with pytest.raises(InputError, match=message) as caught:
-        make_plan(read_preset(world(tmp_path, {**PLACE, **depth}, **keys)))
-    assert "\n" not in str(caught.value)
+def test_what_cannot_be_is_refused_in_one_line(tmp_path, depth, keys, names):
+    preset = world(tmp_path, {**PLACE, **depth}, **keys)
+    refused(lambda: make_plan(read_preset(preset)), names=names)
 
 
 def test_a_longer_path_that_changes_what_is_between_frames_does_not_grow(tmp_path):
@@ -371,8 +367,7 @@ def test_a_longer_path_that_changes_what_is_between_frames_does_not_grow(tmp_pat
     longer = poses_at(np.arange(COUNT + 2) / RATE_HZ)
     longer[-1, 2, 3] += 0.2  # so that the curve through the poses is another one between the last that were there
     write_replica(tmp_path / "world/traj.txt", longer)
-    with pytest.raises(StorageError, match=r"between the poses of box, which rig\.depth looks at, lies otherwise now"):
-        run(preset, tmp_path / "out")
+    refused(run, preset, tmp_path / "out", names=["box", "rig.depth"], error=StorageError)
     assert content(tmp_path / "out") == before
 
 
@@ -380,8 +375,7 @@ def test_a_recording_has_no_place_for_a_sensor(raw, tmp_path):
     _, out = raw
     document = {"scenes": [{"name": "box", "sequence": str(out / "clean/box")}], "rig": {"depth": {**CAMERA}}}
     (tmp_path / "preset.json").write_text(json.dumps(document))
-    with pytest.raises(InputError, match="is a recording, which has no other poses for a rig"):
-        make_plan(read_preset(tmp_path / "preset.json"))
+    refused(make_plan, read_preset(tmp_path / "preset.json"), names=["scenes.0", "rig"])
 
 
 def test_fog_thickens_with_the_depth_that_colour_sees(tmp_path):

@@ -7,6 +7,7 @@ import threading
 import fake_session
 import numpy as np
 import pytest
+from refusals import refused
 import yaml
 from worlds import content, path_poses
 from written import (
@@ -28,7 +29,7 @@ from written import (
 
 from noisy_world.evaluation.systems.index import given_sequence
 from noisy_world.core.datasets.layouts import find_sequence
-from noisy_world.core.errors import InputError, InterruptedRunError
+from noisy_world.core.errors import InterruptedRunError
 from noisy_world.core.presets.preset import read_preset
 from noisy_world.planning import make_plan
 
@@ -97,8 +98,7 @@ def test_euroc_with_one_modality_has_no_trace_of_the_other(tmp_path, modality):
     assert not (folder / "mav0" / other).exists()
     assert (folder / "mav0/cam0/timestamps.txt").exists() == (modality == "rgb")
     assert (tmp_path / "out/overview.png").stat().st_size > 500
-    with pytest.raises(InputError, match=f"{other}/data.csv: is not there"):
-        find_sequence(folder)
+    refused(find_sequence, folder, names=f"{other}/data.csv: ")
 
 
 def test_a_robot_is_the_body(tmp_path):
@@ -122,8 +122,7 @@ def test_a_robot_is_the_body(tmp_path):
         folder / "mav0/depth0/sensor.yaml"
     )
     assert np.allclose(found.optics.depth.matrix, between, atol=1e-12)
-    with pytest.raises(InputError, match="depth has a camera of its own"):
-        given_sequence(tmp_path / "out/clean/box")
+    refused(given_sequence, tmp_path / "out/clean/box", names=["clean/box", "depth has a camera of its own"])
 
 
 def test_the_nominal_path_has_a_file_of_its_own(tmp_path):
@@ -149,16 +148,11 @@ def test_stamps_of_a_real_clock_name_the_files(tmp_path):
     assert find_sequence(folder).trajectory.stamps_s.tolist() == [record["time_s"] for record in records]
 
 
-@pytest.mark.parametrize(
-    ("stamps", "words"), [(["-1.0", "0.0"], "frame 0 is at -1.0 s"), (["1.0", "1.0000000001"], "frame 1 has the time")]
-)
+@pytest.mark.parametrize(("stamps", "words"), [(["-1.0", "0.0"], "frame 0"), (["1.0", "1.0000000001"], "frame 1")])
 def test_stamps_that_cannot_be_names_are_refused_before_anything_is_made(tmp_path, stamps, words):
     preset = world(tmp_path / "w", "euroc")
     override = write_tum_path(tmp_path / "w", stamps)
-    with pytest.raises(InputError, match=words) as error:
-        run(preset, tmp_path / "out", overrides=[override])
-    assert "scenes.0" in str(error.value)
-    assert "another output.layout" in str(error.value)
+    refused(run, preset, tmp_path / "out", overrides=[override], names=[words, "scenes.0", "output.layout"])
     assert not (tmp_path / "out").exists()
     run(preset, tmp_path / "out", overrides=[override, "output.layout=tum"])
 

@@ -9,13 +9,14 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from refusals import refused
 import yaml
 from analytic import box_depth, rays
 from cases import cases
 from many_settings import make_shard
 from worlds import HIGH, LOW, path_poses, write_replica, write_world
 
-from noisy_world.core.errors import InputError, StorageError
+from noisy_world.core.errors import StorageError
 from noisy_world.core.geometry import Intrinsics
 from noisy_world.core.planning.shards import Shard
 from noisy_world.core.presets.preset import read_preset
@@ -141,8 +142,8 @@ def test_exr_and_recordings(tmp_path):
     manifest = json.loads((tmp_path / "out/manifest.json").read_text())
     assert manifest["identity"]["output"]["formats"] == {"normal": "exr"}
     assert manifest["conventions"]["normal"].endswith("float32, not in steps")
-    with pytest.raises(StorageError, match=r"output\.formats was"):
-        run(write_world(tmp_path / "world", **{**keys, "output": {**output, "formats": {}}}), tmp_path / "out")
+    in_steps = write_world(tmp_path / "world", **{**keys, "output": {**output, "formats": {}}})
+    refused(run, in_steps, tmp_path / "out", names="output.formats was", error=StorageError)
 
     recorded = tmp_path / "recorded.yaml"
     document = {
@@ -157,20 +158,15 @@ def test_exr_and_recordings(tmp_path):
     assert known.mean() > 0.3
     assert np.abs(again - rendered)[known].max() < 0.01  # depth in steps of 1/5000 m
 
-    def refused(words):
-        with pytest.raises(InputError, match=rf"scenes\.0\.sequence: has no flow: {words}") as error:
-            make_plan(read_preset(recorded))
-        assert "\n" not in str(error.value)
-
     truth = sequence / "groundtruth.txt"
     truth.write_text("\n".join(truth.read_text().splitlines()[:-3]) + "\n")
     document["scenes"][0]["poses"] = "keep"
     recorded.write_text(yaml.safe_dump(document))
-    refused("the poses of some frames are not known; poses: drop")
+    refused(make_plan, read_preset(recorded), names=["scenes.0.sequence: ", "flow", "poses: drop"])
     camera = json.loads((sequence.parent / "cam_params.json").read_text())
     camera |= {"distortion": {"model": "radial-tangential", "coefficients": [0.1, 0.0, 0.0, 0.0]}}
     (sequence.parent / "cam_params.json").write_text(json.dumps(camera))
-    refused("its lens distorts; undistort: true")
+    refused(make_plan, read_preset(recorded), names=["scenes.0.sequence: ", "flow", "undistort: true"])
 
 
 def test_a_longer_path_would_change_the_last_frames_flow(tmp_path):
@@ -188,5 +184,4 @@ def test_a_longer_path_would_change_the_last_frames_flow(tmp_path):
     same = [tmp_path / f"out/{name}/box/flow/000002.exr" for name in ("clean", "fog")]
     assert same[0].stat().st_ino == same[1].stat().st_ino
     write_replica(tmp_path / "world/traj.txt", poses[:7])
-    with pytest.raises(StorageError, match="the flow of what was the last frame leads on, now that it is longer"):
-        run(preset, tmp_path / "out")
+    refused(run, preset, tmp_path / "out", names=["scenes.0", "flow"], error=StorageError)

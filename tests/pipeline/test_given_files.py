@@ -10,6 +10,7 @@ import threading
 import cv2
 import numpy as np
 import pytest
+from refusals import refused
 import yaml
 from analytic import box_depth, look_at
 from cases import cases
@@ -21,7 +22,7 @@ pytest.importorskip("embreex", reason="embreex is not installed: make .venv/.ext
 
 import noisy_world
 from noisy_world.core.datasets.dataset_state import read_dataset_state
-from noisy_world.core.errors import InputError, StorageError
+from noisy_world.core.errors import StorageError
 from noisy_world.core.geometry import Intrinsics
 from noisy_world.core.presets.preset import read_preset
 from noisy_world.core.progress import PlainProgress
@@ -82,8 +83,7 @@ def test_another_content_is_another_dataset_and_another_name_is_not(tmp_path):
     preset.write_text(preset.read_text().replace("warp.txt", "renamed.txt"))
     run(preset, tmp_path / "out")
     write_table(tmp_path / "world/tables/renamed.txt", 1.2)
-    with pytest.raises(StorageError, match=r"settings: warped \(warp\) was"):
-        run(preset, tmp_path / "out")
+    refused(run, preset, tmp_path / "out", names="settings: warped (warp) was", error=StorageError)
     run(preset, tmp_path / "other")
     assert (tmp_path / "other/warped/box/results/depth000000.png").read_bytes() != before
 
@@ -127,40 +127,32 @@ def test_a_recipe_asks_for_the_same_file(tmp_path):
     opened = noisy_world.open(moved, data=tmp_path / "world")["warped/box"][1]
     np.testing.assert_allclose(opened.depth_m, stored_m, atol=1e-6)
     write_table(tmp_path / "world/tables/warp.txt", 1.2)
-    said = r"settings: warped: redwood\.warp: .*warp\.txt is not what the recipe was made from"
-    with pytest.raises(InputError, match=said):
-        _ = noisy_world.open(recipe)["warped/box"][1].depth_m
-    with pytest.raises(InputError, match=said):
-        plan_of(read_recipe(recipe))
+    names = ["settings: warped: redwood.warp: ", "tables/warp.txt"]
+    refused(lambda: noisy_world.open(recipe)["warped/box"][1].depth_m, names=names)
+    refused(lambda: plan_of(read_recipe(recipe)), names=names)
 
 
 @cases(
     ("name", "content", "said"),
     [
-        ("gone.txt", None, r"settings\.1\.perturb\.0\.redwood\.warp: .*gone\.txt is not there; name the file"),
-        (
-            "short.txt",
-            b"h\n" * 5 + b"1 2 3\n",
-            r"warp: .*short\.txt holds 3 words, but after 5 lines a table has 147200",
-        ),
-        ("words.txt", b"h\n" * 5 + b"x " * 147200, r"warp: .*words\.txt holds something else than numbers"),
-        ("nan.txt", b"h\n" * 5 + b"nan " * 147200, r"warp: .*nan\.txt holds numbers that are not finite"),
-        ("bytes.txt", b"\xff\xfe\x00" * 9, r"warp: .*bytes\.txt is no text"),
-        ("~nobody_is_called_so/a.txt", None, r"warp: there is no user"),
+        ("gone.txt", None, "gone.txt"),
+        ("short.txt", b"h\n" * 5 + b"1 2 3\n", "147200"),
+        ("words.txt", b"h\n" * 5 + b"x " * 147200, "numbers"),
+        ("nan.txt", b"h\n" * 5 + b"nan " * 147200, "finite"),
+        ("bytes.txt", b"\xff\xfe\x00" * 9, "text"),
+        ("~nobody_is_called_so/a.txt", None, "user"),
     ],
 )
 def test_what_is_no_table_is_refused_in_a_line_with_file_and_key(tmp_path, name, content, said):
     preset = world(tmp_path / "world", {"redwood": {"warp": name}})
     if content is not None:
         (tmp_path / "world" / name).write_bytes(content)
-    with pytest.raises(InputError, match=said) as caught:
-        make_plan(read_preset(preset))
-    assert "\n" not in str(caught.value)
+    file = name.split("/", maxsplit=1)[0].removeprefix("~")
+    refused(lambda: make_plan(read_preset(preset)), names=["settings.1.perturb.0.redwood.warp: ", file, said])
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="there are no pipes here")
 def test_a_pipe_is_not_waited_for(tmp_path):
     preset = world(tmp_path / "world", {"redwood": {"warp": "pipe"}})
     os.mkfifo(tmp_path / "world/pipe")
-    with pytest.raises(InputError, match=r"warp: .*pipe cannot be read: .*a pipe"):
-        make_plan(read_preset(preset))
+    refused(lambda: make_plan(read_preset(preset)), names=["settings.1.perturb.0.redwood.warp: ", "pipe"])

@@ -5,6 +5,7 @@ import json
 
 import numpy as np
 import pytest
+from refusals import refused
 import yaml
 from cases import cases
 from inertial_paths import GRAVITY_M_S2
@@ -12,7 +13,7 @@ from worlds import path_poses
 from written import RIG, SHAKY, extrinsics, matrix_of, names_in, replica_poses, rows_of, run, states, world
 
 from noisy_world.core.datasets.layouts import find_sequence
-from noisy_world.core.errors import InputError, StorageError
+from noisy_world.core.errors import StorageError
 from noisy_world.core.presets.preset import read_preset
 from noisy_world.planning import make_plan
 
@@ -230,27 +231,23 @@ def test_without_an_imu_the_body_is_the_robot_as_before(tmp_path):
 
 
 @cases(
-    ("overrides", "message"),
+    ("override", "names"),
     [
-        (
-            [f"settings=[{json.dumps(SHAKY)}]"],
-            r"rig\.imu: shaky: motion_deviation moves each pose by itself, so its path",
-        ),
-        (["rig.imu.time_offset_s=-0.01"], r"rig\.imu\.time_offset_s: puts the IMU's first stamp on box at -0\.01 s"),
-        (["rig.imu.device=adis16449"], r"rig\.imu\.device: unknown value 'adis16449'; did you mean 'adis16448'"),
-        (["rig.imu.rate_hz=0"], r"rig\.imu\.rate_hz: "),
-        (["rig.imu.gyro_noise_density=-1"], r"rig\.imu\.gyro_noise_density: "),
-        (["rig.imu.quat_wxyz=[1, 0, 0, 0]"], r"rig\.imu: gives more than one rotation"),
+        (f"settings=[{json.dumps(SHAKY)}]", "rig.imu: shaky: motion_deviation "),
+        ("rig.imu.time_offset_s=-0.01", ["rig.imu.time_offset_s: ", "box", "-0.01 s"]),
+        ("rig.imu.device=adis16449", ["rig.imu.device: ", "'adis16449'", "'adis16448'"]),
+        ("rig.imu.rate_hz=0", "rig.imu.rate_hz: "),
+        ("rig.imu.gyro_noise_density=-1", "rig.imu.gyro_noise_density: "),
+        ("rig.imu.quat_wxyz=[1, 0, 0, 0]", ["rig.imu: ", "rotation"]),
     ],
 )
-def test_what_cannot_be_is_refused_in_a_line(tmp_path, overrides, message):
+def test_what_cannot_be_is_refused_in_a_line(tmp_path, override, names):
     preset = felt(tmp_path, "euroc")
-    with pytest.raises(InputError, match=message):
-        make_plan(read_preset(preset, overrides))
+    refused(lambda: make_plan(read_preset(preset, [override])), names=names)
 
 
 def test_another_imu_is_another_dataset(tmp_path):
     preset = felt(tmp_path / "w", "euroc")
     run(preset, tmp_path / "out")
-    with pytest.raises(StorageError, match=r"rig\.imu\.rate_hz was 200, is 100"):
-        run(preset, tmp_path / "out", overrides=["rig.imu.rate_hz=100"])
+    rate = ["rig.imu.rate_hz=100"]
+    refused(run, preset, tmp_path / "out", overrides=rate, names="rig.imu.rate_hz was 200, is 100", error=StorageError)

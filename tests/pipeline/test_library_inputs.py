@@ -5,7 +5,7 @@ import warnings
 
 from cases import cases
 import numpy as np
-import pytest
+from refusals import refused
 
 from noisy_world.core.errors import InputError
 from noisy_world.core.geometry import Intrinsics
@@ -60,10 +60,7 @@ def changed(array, value, at=(0, 0)):
 def test_images_that_are_refused(image, name, kind, words):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        with pytest.raises(kind) as error:
-            apply(image, name, severity=3)
-    assert words in str(error.value)
-    assert "\n" not in str(error.value)
+        refused(apply, image, name, severity=3, names=words, error=kind)
 
 
 @cases(
@@ -96,21 +93,16 @@ def test_images_that_are_refused(image, name, kind, words):
     ],
 )
 def test_numbers_and_other_images_that_are_refused(given, kind, words):
-    with pytest.raises(kind) as error:
-        apply(FLOATS, "fog", **given)
-    assert words in str(error.value)
-    assert "\n" not in str(error.value)
+    refused(apply, FLOATS, "fog", **given, names=words, error=kind)
 
 
 @cases("name", [3, None, ["fog"], b"fog", {"fog": 1}])
 def test_a_name_is_a_text(name):
-    with pytest.raises(TypeError, match=r"name is .*, but has to be a text"):
-        apply(BYTES, name, severity=3)
+    refused(apply, BYTES, name, severity=3, names="name is ", error=TypeError)
 
 
 def test_a_name_that_is_no_perturbation():
-    with pytest.raises(InputError, match="unknown perturbation"):
-        apply(BYTES, "x" * 100_000)
+    refused(apply, BYTES, "x" * 100_000, names="perturbation")
 
 
 def variants(array):
@@ -174,19 +166,16 @@ def test_rounding_is_clipped_and_half_floats_are_colours():
 
 
 def test_frames_refuses_when_it_is_called(tmp_path):
-    for given, words in (
+    for given, names in (
         ({"seed": -1}, "seed"),
         ({"setting": 3}, "setting is the number 3"),
         ({"scene": 3}, "scene is the number 3"),
-        ({"rate_hz": 0}, "rate_hz is the number 0, but has to be above 0"),
+        ({"rate_hz": 0}, "rate_hz is the number 0,"),
         ({"rate_hz": "20"}, "rate_hz is the text '20'"),
         ({"rate_hz": np.nan}, "rate_hz is the number nan"),
         ({"intrinsics": (1, 2)}, "intrinsics is a tuple"),
     ):
-        with pytest.raises((TypeError, ValueError), match=words):
-            frames(tmp_path, [], **given)
+        refused(frames, tmp_path, [], **given, names=names, error=(TypeError, ValueError))
     for perturb in ("fog", {"fog": None}, None):
-        with pytest.raises(TypeError, match="perturb is"):
-            frames(tmp_path, perturb)
-    with pytest.raises(InputError):
-        frames(tmp_path, [])
+        refused(frames, tmp_path, perturb, names="perturb is", error=TypeError)
+    refused(frames, tmp_path, [], names=str(tmp_path))

@@ -6,6 +6,7 @@ import json
 import cv2
 import numpy as np
 import pytest
+from refusals import refused
 from analytic import box_depth
 from probes import BOTH_PROBES, COLOUR, Probes
 from recorded_layouts import HALF_M, WRITERS, box_depth_m, image, poses
@@ -76,8 +77,7 @@ def test_what_is_written_is_what_was_recorded(name, layout, tmp_path):
 def test_a_layout_that_cannot_say_it_refuses(tmp_path):
     source, _ = recording(tmp_path, "nerfstudio")
     path = preset_of(tmp_path / "p", source, layout="vslamlab")
-    with pytest.raises(InputError, match=r"scenes\.0\.sequence: depth has a camera of its own.*register: true"):
-        make_plan(read_preset(path))
+    refused(make_plan, read_preset(path), names=["scenes.0.sequence: ", "register: true"])
     (carried,) = make_plan(read_preset(path, ["scenes.0.register=true"])).renders
     assert carried.optics.distortion is not None
     run(path, tmp_path / "out", overrides=["scenes.0.register=true", "scenes.0.undistort=true"])
@@ -85,9 +85,9 @@ def test_a_layout_that_cannot_say_it_refuses(tmp_path):
     assert found.optics.plain
     assert found.frame(0).depth_m.shape == found.frame(0).rgb.shape[:2]
     plain, _ = recording(tmp_path, "open3d")
-    for key, told in (("undistort", "says that the lens distorts"), ("register", "have one camera")):
-        with pytest.raises(InputError, match=rf"scenes\.0\.{key}: .*{told}"):
-            make_plan(read_preset(preset_of(tmp_path / "q", plain, scene={key: True})))
+    for key, told in (("undistort", "lens"), ("register", "camera")):
+        preset = read_preset(preset_of(tmp_path / "q", plain, scene={key: True}))
+        refused(make_plan, preset, names=[f"scenes.0.{key}: ", told])
 
 
 # --- registration ---
@@ -255,10 +255,10 @@ def test_frames_without_a_pose(tmp_path):
     assert find_sequence(tmp_path / "kept/clean/box", poses="keep").trajectory.known.tolist() == [
         row != lost for row in range(4)
     ]
-    with pytest.raises(InputError, match=r"scenes\.0\.sequence: 1 of 4 frames have no pose, .*poses: drop"):
-        make_plan(read_preset(path, ["scenes.0.poses=keep", "output.layout=replica"]))
-    with pytest.raises(InputError, match="goes with sequence"):
-        make_plan(read_preset(path, ['scenes=[{"mesh": "room.ply", "trajectory": "a.txt", "poses": "keep"}]']))
+    kept = read_preset(path, ["scenes.0.poses=keep", "output.layout=replica"])
+    refused(make_plan, kept, names=["scenes.0.sequence: ", "1 of 4", "poses: drop"])
+    mesh = ['scenes=[{"mesh": "room.ply", "trajectory": "a.txt", "poses": "keep"}]']
+    refused(lambda: make_plan(read_preset(path, mesh)), names=["scenes.0.poses: ", "sequence"])
 
 
 def test_how_a_camera_moves_is_unknown_at_and_after_an_unknown_pose(tmp_path, monkeypatch):
@@ -288,8 +288,7 @@ def test_a_recording_without_ground_truth(layout, tmp_path):
     assert not found.trajectory.known.any()
     assert 1 <= len(found.rgb_files) < 4
     moving = ['settings=[{"name": "moved", "perturb": [{"motion_deviation": {"rotation_deg": 1}}]}]']
-    with pytest.raises(InputError, match="an existing sequence cannot be seen from elsewhere"):
-        make_plan(read_preset(path, moving))
+    refused(make_plan, read_preset(path, moving), names=["scenes.0.sequence: ", "moved"])
 
 
 def test_a_camera_replaces_the_datasets_own(tmp_path):
@@ -304,9 +303,6 @@ def test_a_camera_replaces_the_datasets_own(tmp_path):
     ros = "camera={width: 640, height: 480, fx: 525, fy: 525, cx: 319.5, cy: 239.5}"
     (given,) = make_plan(read_preset(path, [ros])).renders
     assert (given.camera.fx_px, given.optics.plain) == (525.0, True)
-    with pytest.raises(
-        InputError, match=r"scenes\.0\.undistort: camera replaces the dataset's own, whose lens is known"
-    ):
-        make_plan(read_preset(path, [ros, "scenes.0.undistort=true"]))
+    refused(make_plan, read_preset(path, [ros, "scenes.0.undistort=true"]), names="scenes.0.undistort: camera ")
     (pinhole,) = make_plan(read_preset(path, ["scenes.0.undistort=true"])).renders
     assert (pinhole.camera, pinhole.optics.plain) == (own.camera, True)

@@ -5,12 +5,11 @@ import json
 
 import cv2
 import numpy as np
-import pytest
+from refusals import refused
 from cases import cases
 from worlds import ROOT, generate, need_blender, write_world
 
 from noisy_world.core.geometry import Intrinsics
-from noisy_world.core.errors import InputError
 from noisy_world.core.perturbing.kinds import FrameContext
 from noisy_world.core.planning.plan import read_settings
 from noisy_world.core.presets.preset import read_preset
@@ -52,52 +51,42 @@ def test_every_settings_depth_is_what_the_sensor_gives(tmp_path):
 
 
 @cases(
-    ("depth", "message"),
+    ("depth", "names"),
     [
-        ({"sensor": "realsense_d434"}, r"rig\.depth\.sensor: unknown depth sensor 'realsense_d434'.*realsense_d43"),
-        ({"sensor": "stereo"}, r"rig\.depth\.sensor: stereo is a model of sensors.*; write \{stereo: \{\}\}$"),
-        ({"sensor": {"fog": {}}}, r"rig\.depth\.sensor: fog does not act on depth"),
-        ({"sensor": 5}, r"rig\.depth\.sensor: is the number 5, but has to be one name"),
-        ({"sensor": {"stereo": {"sigma": 1}}}, r"rig\.depth\.sensor\.stereo\.sigma: unknown key"),
+        ({"sensor": "realsense_d434"}, ["rig.depth.sensor: ", "'realsense_d434'", "'realsense_d435'"]),
+        ({"sensor": "stereo"}, ["rig.depth.sensor: stereo ", "{stereo: {}}"]),
+        ({"sensor": {"fog": {}}}, "rig.depth.sensor: fog "),
+        ({"sensor": 5}, ["rig.depth.sensor: ", "5"]),
+        ({"sensor": {"stereo": {"sigma": 1}}}, "rig.depth.sensor.stereo.sigma: "),
         ({"sensor": "kinect_v1", "translation_m": [0, 0, 0.1]}, None),
-        (
-            {"sensor": "realsense_d435", "translation_m": [0, 0, 0.1]},
-            r"rig\.depth\.sensor: stereo needs the colour that it sees, but rig\.depth has another pose",
-        ),
+        ({"sensor": "realsense_d435", "translation_m": [0, 0, 0.1]}, ["rig.depth.sensor: stereo ", "pose"]),
     ],
 )
-def test_a_sensor_is_a_device_or_a_perturbation_of_depth(depth, message):
+def test_a_sensor_is_a_device_or_a_perturbation_of_depth(depth, names):
     preset = read_preset(ROOT / "presets/demo.yaml", [f"rig={json.dumps({'depth': depth})}"])
-    if message is None:
+    if names is None:
         assert {setting.depth[0].perturbation.name for setting in read_settings(preset, registry())} == {
             "structured_light"
         }
         return
-    with pytest.raises(InputError, match=message):
-        read_settings(preset, registry())
+    refused(read_settings, preset, registry(), names=names)
 
 
 TWICE = [{"stereo": {}}, {"time_of_flight": {}}]
 
 
 @cases(
-    ("rig", "perturb", "message"),
+    ("rig", "perturb", "names"),
     [
-        (None, TWICE, r"settings\.0\.perturb\.1: time_of_flight measures depth, which stereo has measured; keep one"),
-        (
-            {"depth": {"sensor": "kinect_v1"}},
-            TWICE[:1],
-            r"settings: s: stereo measures depth, which rig\.depth\.sensor has measured; keep one of them",
-        ),
-        (None, [{"time_of_flight": {"min_m": 4}}], r"time_of_flight: min_m is 4, more than max_m, 3\.86; change one"),
-        (None, [{"structured_light": {"max_m": 0.5}}], r"structured_light: min_m is 0\.8, more than max_m, 0\.5"),
-        (None, [{"lidar": {"max_m": 0.2}}], r"lidar: min_m is 0\.5, more than max_m, 0\.2"),
+        (None, TWICE, ["settings.0.perturb.1: time_of_flight ", "stereo"]),
+        ({"depth": {"sensor": "kinect_v1"}}, TWICE[:1], ["settings: s: stereo ", "rig.depth.sensor"]),
+        (None, [{"time_of_flight": {"min_m": 4}}], ["time_of_flight: min_m is 4", "max_m, 3.86"]),
+        (None, [{"structured_light": {"max_m": 0.5}}], ["structured_light: min_m is 0.8", "max_m, 0.5"]),
+        (None, [{"lidar": {"max_m": 0.2}}], ["lidar: min_m is 0.5", "max_m, 0.2"]),
     ],
 )
-def test_depth_is_measured_once_within_a_range(tmp_path, rig, perturb, message):
-    with pytest.raises(InputError, match=message):
-        read_settings(
-            read_preset(write_world(tmp_path, settings=[{"name": "s", "perturb": perturb}], rig=rig)), registry()
-        )
+def test_depth_is_measured_once_within_a_range(tmp_path, rig, perturb, names):
+    preset = write_world(tmp_path, settings=[{"name": "s", "perturb": perturb}], rig=rig)
+    refused(lambda: read_settings(read_preset(preset), registry()), names=names)
     alone = read_preset(write_world(tmp_path / "b", settings=[{"name": "s", "perturb": TWICE[:1]}]))
     assert len(read_settings(alone, registry())[0].depth) == 1
