@@ -84,7 +84,7 @@ def test_true_states_samples_and_cameras_agree(tmp_path):
     for sensor, name in (("cam0", "traj.txt"), ("depth0", "traj_depth.txt")):
         wanted = replica_poses(tmp_path / "replica/clean/box" / name)
         body_from_sensor = extrinsics(folder / sensor / "sensor.yaml")
-        np.testing.assert_allclose(poses[frames] @ body_from_sensor, wanted, atol=1e-9)
+        np.testing.assert_allclose(poses[frames] @ body_from_sensor, wanted, atol=6e-9)  # both are rounded
     # Between samples, velocity changes the position and the force changes the velocity: in the world, with gravity.
     force = (poses[:, :3, :3] @ samples[:, 4:, None])[..., 0] + GRAVITY_M_S2
     velocity, dt_s = truth[:, 8:11], 0.005
@@ -99,7 +99,7 @@ def test_it_is_read_back_as_the_colour_cameras_sequence(tmp_path):
     run(felt(tmp_path / "r", "replica"), tmp_path / "replica")
     stored = find_sequence(tmp_path / "out/clean/box")
     wanted = replica_poses(tmp_path / "replica/clean/box/traj.txt")
-    np.testing.assert_allclose(stored.trajectory.c2w, wanted, atol=1e-9)
+    np.testing.assert_allclose(stored.trajectory.c2w, wanted, atol=6e-9)
     assert len(stored.trajectory) == 12
 
 
@@ -187,7 +187,7 @@ def test_vslamlab_has_it_in_its_calibration(tmp_path):
     assert imu["g_max"] == pytest.approx(np.radians(1000))
     stored = find_sequence(folder)
     np.testing.assert_allclose(
-        stored.trajectory.c2w, find_sequence(tmp_path / "euroc/clean/box").trajectory.c2w, atol=1e-9
+        stored.trajectory.c2w, find_sequence(tmp_path / "euroc/clean/box").trajectory.c2w, atol=6e-9
     )
 
 

@@ -73,8 +73,9 @@ def test_the_deviation_leads_from_the_planned_pose_to_the_true_one(tmp_path):
         assert np.abs(applied(nominal[frame], motion["deviation"]) - true[frame]).max() < 1e-13
         drawn = motion["drawn"]["motion_deviation"]
         # As it is drawn: about the camera's axes, and along the world's.
-        assert np.abs(nominal[frame, :3, :3] @ turned(drawn["rotation_deg"]) - true[frame, :3, :3]).max() < 1e-13
-        assert np.abs(nominal[frame, :3, 3] + drawn["translation_m"] - true[frame, :3, 3]).max() < 1e-13
+        # Poses are rounded.
+        assert np.abs(nominal[frame, :3, :3] @ turned(drawn["rotation_deg"]) - true[frame, :3, :3]).max() < 4e-9
+        assert np.abs(nominal[frame, :3, 3] + drawn["translation_m"] - true[frame, :3, 3]).max() < 1e-9
     assert np.std([motion["drawn"]["motion_deviation"]["rotation_deg"] for motion in told]) == pytest.approx(
         40, rel=0.5
     )
@@ -94,7 +95,7 @@ def test_both_with_desynchronisation_and_selected_frames(tmp_path):
     for place, motion in enumerate(told):
         assert np.abs(applied(nominal[place], motion["deviation"]) - true[place]).max() < 1e-13
         drawn = motion["drawn"]["motion_deviation"]
-        assert np.abs(nominal[place, :3, 3] + drawn["translation_m"] - true[place, :3, 3]).max() < 1e-13
+        assert np.abs(nominal[place, :3, 3] + drawn["translation_m"] - true[place, :3, 3]).max() < 1e-9
     lines = [json.loads(line) for line in (folder / "frames.jsonl").read_text().splitlines()]
     assert [line["perturbed"]["pairing"]["depth_of_frame"] for line in lines] == [2, 3, 4]
     assert len(clean) == 3
@@ -174,7 +175,7 @@ def test_a_perturbation_of_another_package_has_its_deviation(tmp_path, monkeypat
         assert np.abs(applied(nominal[frame], motion["deviation"]) - true[frame]).max() < 1e-13
         drawn = motion["drawn"]["motion_deviation"]
         by_hand = nominal[frame, :3, 3] + drawn["translation_m"] + [frame, -frame, 0.1]
-        assert np.abs(by_hand - true[frame, :3, 3]).max() < 1e-13
+        assert np.abs(by_hand - true[frame, :3, 3]).max() < 1e-9
         assert set(motion["drawn"]) == {"motion_deviation"}
 
 

@@ -34,7 +34,7 @@ def destination_of(
         remedy = "choose another address with --out, or remove a shard's .json there"
         raise StorageError(f"--overwrite replaces datasets and shards in folders; {remedy}")
     for scene in plan.scenes:
-        if not (scene.source.capabilities.any_pose or scene.source.trajectory().known.all()):
+        if not (scene.source.capabilities.any_pose or scene.path.known.all()):
             message = "frames without a pose cannot be at an address, whose table of frames has one for each"
             raise scene.place.error(message, "write the dataset into a folder")
     return AddressDestination(plan, open_store(address), options.scratch, put_by_workers=put_by_workers)

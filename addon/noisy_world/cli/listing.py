@@ -166,6 +166,8 @@ def print_plan(plan: "Plan", out: Path | str) -> None:
     for scene, camera in cameras.items():
         whose = f"{scene}: " if scene else ""
         print(f"camera     {whose}{camera.width_px} x {camera.height_px}, fx {camera.fx_px:g}, fy {camera.fy_px:g}")
+    if plan.format.note:
+        print(f"note       {plan.format.note}")
     for text in plan_notes(plan):
         print(f"note       {text}")
     for scene in plan.scenes:

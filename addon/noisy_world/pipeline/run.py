@@ -148,6 +148,8 @@ class Run:
         shards = self._out.cut(work, needed_bytes, count, self._jobs)
         self._tell_notes()
         self._progress.start("rendering", self._plan.frame_count, self.report.frames_kept)
+        if self._plan.format.note:
+            self._progress.note(self._plan.format.note)
         for text in plan_notes(self._plan):
             self._note(text)
         self._remark(work)

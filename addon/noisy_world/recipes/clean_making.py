@@ -102,7 +102,7 @@ class _Making:
             for part in ("scenes", "settings", "sequences"):
                 here[part] = {**there.identity[part], **here[part]}
         for scene in self._plan.scenes:
-            path = scene.source.trajectory()
+            path = scene.path
             rows = np.concatenate([path.stamps_s[:, None], path.c2w.reshape(-1, 16)], axis=1)
             self._write(self._out / scene.name / PATH, encode_npy(rows))
         self._write(self._out / CLEAN, canonical({"kind": KIND, "format": FORMAT, "identity": here}).encode())

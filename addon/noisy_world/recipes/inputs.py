@@ -65,7 +65,7 @@ def same_path(wanted: Mapping[str, Any], scene: Scene) -> bool:
     source, path = scene.source, wanted["path"]
     if len(source.stamps_s) != path["frames"]:
         return False
-    return path_sha256(source.trajectory(), source.stamps_s, path["frames"]) == path["sha256"]
+    return path_sha256(scene.path, source.stamps_s, path["frames"]) == path["sha256"]
 
 
 def _format_value(value: object) -> str:

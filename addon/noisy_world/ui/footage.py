@@ -4,7 +4,7 @@
 import json
 from collections import OrderedDict
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +20,9 @@ from ..core.geometry import Intrinsics
 from ..core.planning.source import RenderedFrame, RenderOptions, Source
 from ..core.presets.preset import Preset
 from ..core.trajectories.frame_request import FrameRequest
+from ..core.trajectories.rounding import rounded_path
 from ..core.trajectories.sensor_paths import SensorPaths
+from ..core.trajectories.trajectory import Trajectory
 from ..sources import find_scenes
 from .source_fields import FOOTAGE
 
@@ -44,6 +46,11 @@ class Footage:
     source: Source
     camera: Intrinsics
     between: Registration | None
+
+    @cached_property
+    def path(self) -> Trajectory:
+        """Its path, rounded as the dataset's."""
+        return rounded_path(self.source.trajectory())
 
     @property
     def stamps_s(self) -> NDArray[np.float64]:
@@ -70,7 +77,7 @@ def footage_of(preset: Preset) -> Footage:
 
 def still(footage: Footage, index: int) -> RenderedFrame:
     """Return a clean frame of a recording. Raises InputError where its files are damaged."""
-    path = footage.source.trajectory().at([index], footage.stamps_s[index : index + 1])
+    path = footage.path.at([index], footage.stamps_s[index : index + 1])
     c2w = path.c2w[0]
     with footage.source.prepare(footage.camera, lambda _: None) as prepared:
         opened = prepared.open(SensorPaths(path), RenderOptions(0.1, 1.0, 1, 0), lambda _: None)

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from ..blender.scene import get_origin
 from ..core.errors import NoisyWorldError
 from ..core.perturbing.execution import chosen_poses, move, split_motion
+from ..core.trajectories.rounding import rounded_poses
 from ..core.trajectories.trajectory import Trajectory
 from . import drawn_body, drawn_tracks, footage, this_scene
 from .document import NO_BODY, identifiers_of, listed_motion, motion_of, recorded
@@ -101,7 +102,7 @@ def deviated_poses(scene: bpy.types.Scene, c2w: NDArray[np.float64]) -> NDArray[
     made_from = (c2w.tobytes(), stamps_s.tobytes(), *values, identifiers)
     if made_from not in _deviated:
         _deviated.clear()
-        _deviated[made_from] = move(moving, Trajectory(c2w, stamps_s), identifiers).c2w
+        _deviated[made_from] = rounded_poses(move(moving, Trajectory(c2w, stamps_s), identifiers).c2w)
     return _deviated[made_from]
 
 

@@ -28,7 +28,7 @@ def shown_path(scene: bpy.types.Scene, sources: Collection[int]) -> Trajectory |
     """
     panel = panel_of(scene)
     if footage.is_shown(panel):
-        return recorded(panel).source.trajectory()
+        return recorded(panel).path
     c2w = None if _waits(scene) else clean_poses(scene)
     if c2w is not None:
         moved = deviated_poses(scene, c2w)

@@ -14,6 +14,7 @@ from ..core.errors import InputError
 from ..core.geometry import Intrinsics
 from ..core.presets.frame_range import FrameRange
 from ..core.schema import ConfigPath
+from ..core.trajectories.rounding import rounded_path
 from ..core.trajectories.trajectory import Trajectory
 from .own_objects import keys_state
 from .properties import panel_of
@@ -92,7 +93,8 @@ def sampled_path(scene: bpy.types.Scene) -> Trajectory:
         raise InputError(CAMERA_FIELD, item.problem, remedy=item.remedy)
     c2w = rigid_c2w(sampled.matrices, ConfigPath(CAMERA_FIELD))
     note = scale_note(scene)
-    return Trajectory(c2w, stamps_of(scene), (f"This Scene: {note}",) if note else (), shots=sampled.shots)
+    path = Trajectory(c2w, stamps_of(scene), (f"This Scene: {note}",) if note else (), shots=sampled.shots)
+    return rounded_path(path)
 
 
 def check(scene: bpy.types.Scene) -> None:

@@ -117,7 +117,7 @@ def load_path(scene: bpy.types.Scene) -> tuple[int, tuple[str, ...]]:
     """
     if this_scene.is_shown(panel_of(scene)):
         return _load_own_path(scene)
-    nominal = find_scenes(preset_of(panel_of(scene)))[0].source.trajectory()
+    nominal = find_scenes(preset_of(panel_of(scene)))[0].path
     camera = set_camera(scene)
     camera[CLEAN_C2W] = nominal.c2w.ravel().tolist()
     camera[CLEAN_STAMPS_S] = nominal.stamps_s.tolist()
@@ -135,7 +135,7 @@ def _load_own_path(scene: bpy.types.Scene) -> tuple[int, tuple[str, ...]]:
         nominal = this_scene.sampled_path(scene)
     else:
         scene_copy.ensure(scene)
-        nominal = find_scenes(preset_of(panel))[0].source.trajectory()
+        nominal = find_scenes(preset_of(panel))[0].path
     set_origin(scene, np.zeros(3))
     camera = camera_alone(scene) or _new_camera(scene)
     put_into(scene, camera)

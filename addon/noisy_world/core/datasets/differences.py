@@ -214,7 +214,7 @@ def _path(scene: Scene, there: dict[str, Any], here: dict[str, Any], *, any_proc
     if any_processor and changed is None and there["inputs"] == here["inputs"] and before["frames"] == now["frames"]:
         return None
     if now["frames"] >= before["frames"]:
-        if before["sha256"] == path_sha256(scene.source.trajectory(), scene.source.stamps_s, before["frames"]):
+        if before["sha256"] == path_sha256(scene.path, scene.source.stamps_s, before["frames"]):
             return None
     elif changed is None or changed.startswith(
         (f"{where}.stop ", f"{where}.handheld.frames ", f"{scene.place.path}.frames ")
@@ -226,7 +226,16 @@ def _path(scene: Scene, there: dict[str, Any], here: dict[str, Any], *, any_proc
     name = here["inputs"].get("trajectory")
     if changed:
         return Message(changed, ", which makes another path", ANOTHER_NAME)
+    if _was_unrounded(scene, before):
+        how = "its poses were not rounded yet when the dataset was begun, and are now, to the nanometre"
+        return Message(PresetKey(where), f": {how}", ANOTHER_NAME)
     return Message(PresetKey(where), f": {_short(name)} has other poses or stamps", ANOTHER_NAME)
+
+
+def _was_unrounded(scene: Scene, path: dict[str, Any]) -> bool:
+    """Tell whether a dataset's path is the scene's as earlier versions had it, with all digits of its poses."""
+    source = scene.source
+    return path["sha256"] == path_sha256(source.trajectory(), source.stamps_s, path["frames"])
 
 
 def _longer(scene: Scene, counts: dict[str, int], plan: Plan) -> str | None:

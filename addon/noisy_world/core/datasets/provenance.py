@@ -148,11 +148,11 @@ def _scene(plan: Plan, scene: Scene, camera: Intrinsics, paths: bool) -> dict[st
     """Return what belongs to a scene. Its entry in the preset is for people; the path is compared by its poses."""
     path: dict[str, Any] = {"frames": scene.frame_count}
     if paths:
-        path["sha256"] = path_sha256(scene.source.trajectory(), scene.source.stamps_s, scene.frame_count)
+        path["sha256"] = path_sha256(scene.path, scene.source.stamps_s, scene.frame_count)
         own = [render for render in plan.renders if render.scene.name == scene.name]
         looked = any(render.exposure or (render.unit is not None and render.unit.clock) for render in own)
         if looked or (plan.rig is not None and plan.rig.imu is not None):
-            path[BETWEEN] = between_sha256(scene.source.trajectory())
+            path[BETWEEN] = between_sha256(scene.path)
     return {
         "entry": relevant_entry(scene.entry),
         "inputs": _inputs(scene),

@@ -14,6 +14,7 @@ from ..perturbing.contexts import Identifiers
 from ..streams import stream
 from ..trajectories.body_motion import BodyMotion
 from ..trajectories.curve import motion_of
+from ..trajectories.rounding import rounded_numbers
 from ..trajectories.stamps import NS_PER_S
 from ..trajectories.trajectory import Trajectory
 from .devices import ImuModel
@@ -131,7 +132,8 @@ def measure(path: Trajectory, imu: Imu, first_ns: int, identifiers: Identifiers)
     stamps_ns = first_ns + np.rint(on_clock_s * NS_PER_S).astype(np.int64)
     rate_rad_s, force_m_s2 = imu_motion(path, imu, passed_s).felt(imu.gravity_m_s2)
     errors = ImuErrors(imu.model, imu.rate_hz, stream(*identifiers, IMU_STREAM, "sequence"))
-    return ImuSamples(imu, path, first_ns, stamps_ns, passed_s, *errors.added(rate_rad_s, force_m_s2))
+    measured = errors.added(rounded_numbers(rate_rad_s), rounded_numbers(force_m_s2))
+    return ImuSamples(imu, path, first_ns, stamps_ns, passed_s, *map(rounded_numbers, measured))
 
 
 @dataclass(frozen=True, eq=False)

@@ -71,7 +71,7 @@ def check_pairs(scene: Scene, optics: Optics, preset: Preset, unit: DepthUnit | 
         problem, lacks = "its lens distorts", "pinhole"
     elif unit is not None:
         problem = "rig.depth has a camera or a clock of its own, which does not see what colour sees"
-    elif not capabilities.any_pose and not scene.source.trajectory().known.all():
+    elif not capabilities.any_pose and not scene.path.known.all():
         problem, lacks = "the poses of some frames are not known", "poses"
     if problem:
         without = Message(f"take {name} out of ", PresetKey("output.modalities"))

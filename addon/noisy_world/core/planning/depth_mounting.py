@@ -21,9 +21,9 @@ def mounted(scene: Scene, rig: Rig, preset: Preset) -> Scene:
 
     Raises InputError where the scene's source or the layout does not go with it.
     """
-    spec, asked = preset.spec.rig, preset.spec.camera
+    spec = preset.spec.rig
     assert spec is not None, "there is a rig"
-    colour = scene.source.camera(None if asked is None else asked.intrinsics) or preset.spec.mesh_camera.intrinsics
+    colour = scene.camera(preset)
     unit = depth_unit(spec.depth, rig, colour)
     if unit is None:
         return scene

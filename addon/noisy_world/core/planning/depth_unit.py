@@ -16,6 +16,7 @@ from ..presets.preset import DepthSensorSpec
 from ..scenes.mesh import Mesh
 from ..trajectories.frame_request import FrameRequest
 from ..trajectories.rig import Rig
+from ..trajectories.rounding import rounded_poses
 from ..trajectories.stamps import FrameStamps, Stamps
 from ..trajectories.trajectory import Axes, Trajectory
 from .source import (
@@ -89,7 +90,7 @@ def depth_unit(spec: DepthSensorSpec | None, rig: Rig | None, colour: Intrinsics
     if rig.depth is not None:
         between = invert_pose(rig.rgb.robot_from_sensor) @ rig.depth.robot_from_sensor
         if np.abs(between - np.eye(4)).max() > _SAME_POSE:
-            rows = tuple(tuple(row) for row in (between + 0.0).tolist())
+            rows = tuple(tuple(row) for row in rounded_poses(between).tolist())
     camera = DepthCamera(spec.intrinsics(colour), rows)
     if rows is None and camera.intrinsics == colour:
         return None if clock is None else DepthUnit(clock=clock)

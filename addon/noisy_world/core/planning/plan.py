@@ -235,8 +235,7 @@ def _renders(plan: Plan, scene: Scene) -> list[Render]:
     """
     _check_chosen(scene, plan)
     preset, modalities = plan.preset, plan.format.modalities
-    spec = preset.spec
-    camera = scene.source.camera(None if spec.camera is None else spec.camera.intrinsics) or spec.mesh_camera.intrinsics
+    camera = scene.camera(preset)
     optics, unit = _optics(scene, plan, camera), unit_of(scene)
     check_pairs(scene, optics, preset, unit)
     clocked = unit is not None and unit.clock is not None
@@ -361,7 +360,7 @@ def _check_scenes(scenes: Many[Scene], preset: Preset) -> None:
 
 def _check_poses(scene: Scene, preset: Preset) -> None:
     """Refuse frames without a pose in a layout that has a line for each."""
-    known, layout = scene.source.trajectory().known, preset.spec.output.format.layout
+    known, layout = scene.path.known, preset.spec.output.format.layout
     if known.any() and not known.all() and not layout.gaps:
         message = f"{np.count_nonzero(~known)} of {len(known)} frames have no pose, but {layout.label} has one for each"
         raise scene.error(message, OTHER_LAYOUT, lacks="poses")

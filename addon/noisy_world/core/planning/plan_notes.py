@@ -9,8 +9,8 @@ MS_PER_S = 1000.0
 
 
 def plan_notes(plan: Plan) -> list[str]:
-    """Return what is to be said of a plan: of its format, of its exposures, and of what a camera sees too much of."""
-    return [*filter(None, [plan.format.note]), *_long_exposures(plan), *_limits(plan)]
+    """Return what is to be said of a plan beside its format: of exposures, and of what a camera sees too much of."""
+    return [*_long_exposures(plan), *_limits(plan)]
 
 
 def _limits(plan: Plan) -> list[str]:

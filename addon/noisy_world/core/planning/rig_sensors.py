@@ -12,6 +12,7 @@ from ..perturbing.steps import Setting, Step, steps_of_kind
 from ..presets.preset import ImuSpec, Preset, SensorSpec
 from ..schema import ConfigPath
 from ..trajectories.rig import Rig, Sensor, sensor_from_extrinsics
+from ..trajectories.rounding import rounded_poses
 from ..trajectories.stamps import NS_PER_S, FrameStamps
 from ..trajectories.trajectory import Axes
 from .scene import Scene
@@ -118,6 +119,7 @@ def _sensor(spec: SensorSpec, robot_axes: Axes, place: ConfigPath) -> Sensor:
     if spec.matrix is None:
         given["translation_m"] = spec.translation_m
     try:
-        return sensor_from_extrinsics(**given, robot_axes=robot_axes)
+        found = sensor_from_extrinsics(**given, robot_axes=robot_axes)
     except ValueError as error:
         raise place.error(str(error)) from error
+    return Sensor(rounded_poses(found.robot_from_sensor))

@@ -7,14 +7,17 @@ A preset's scene has one key that is the name of a source, and otherwise the key
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
-from functools import partial
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, Literal, TypeAlias, TypeVar
 
 from ..errors import InputError
+from ..geometry import Intrinsics
 from ..installed import Distribution
 from ..messages import Part, either
 from ..presets.scene_keys import SceneKeys
 from ..schema import ConfigPath, deciding_values
+from ..trajectories.rounding import rounded_path
+from ..trajectories.trajectory import Trajectory
 from .source import Source
 
 if TYPE_CHECKING:  # presets name what packages bring, which import this
@@ -127,6 +130,17 @@ class Scene:
     place: ConfigPath
     source: Source
     entry: SceneEntry[Any] | None = None
+
+    @cached_property
+    def path(self) -> Trajectory:
+        """The source's path, rounded to what is meaningful, so that it is the same everywhere. Raises InputError."""
+        return rounded_path(self.source.trajectory())
+
+    def camera(self, preset: "Preset") -> Intrinsics:
+        """Return the intrinsics of its colour images. Raises InputError."""
+        spec = preset.spec
+        own = self.source.camera(None if spec.camera is None else spec.camera.intrinsics)
+        return own or spec.mesh_camera.intrinsics
 
     @property
     def frame_count(self) -> int:

@@ -6,6 +6,7 @@ from dataclasses import replace
 from ..perturbing.execution import chosen_poses, move, take_poses
 from ..trajectories.curve import NaturalSpline
 from ..trajectories.rig import sensor_trajectory
+from ..trajectories.rounding import rounded_path
 from ..trajectories.sensor_paths import SensorPaths
 from ..trajectories.trajectory import Trajectory
 from .plan import Plan, Render
@@ -14,9 +15,11 @@ from .plan import Plan, Render
 def source_paths(plan: Plan, render: Render, count: int | None = None) -> SensorPaths:
     """Return the sensors' paths of a render, after its steps of motion; with "nominal" where these deviate.
 
+    All are rounded, so that what is rendered along them, and drawn of it, is the same everywhere.
+
     count: how many of the scene's first poses are taken, if not all.
     """
-    planned = render.scene.source.trajectory()
+    planned = render.scene.path
     planned = planned if count is None else planned.at(slice(count), planned.stamps_s[:count])
     if not render.moving:
         return _sensor_paths(plan, planned)
@@ -32,6 +35,6 @@ def source_paths(plan: Plan, render: Render, count: int | None = None) -> Sensor
 
 def _sensor_paths(plan: Plan, trajectory: Trajectory) -> SensorPaths:
     if plan.rig is None:
-        return SensorPaths(trajectory)
+        return SensorPaths(rounded_path(trajectory))
     depth = None if plan.rig.depth is None else sensor_trajectory(trajectory, plan.rig.depth)
-    return SensorPaths(sensor_trajectory(trajectory, plan.rig.rgb), depth, trajectory)
+    return SensorPaths(sensor_trajectory(trajectory, plan.rig.rgb), depth, trajectory).each(rounded_path)

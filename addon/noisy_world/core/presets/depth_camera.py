@@ -66,7 +66,8 @@ class DepthCameraKeys:
             return colour
         width, height = self.width or colour.width_px, self.height or colour.height_px
         if self.horizontal_fov_deg is not None:
-            focal_px = width / 2 / math.tan(math.radians(self.horizontal_fov_deg) / 2)
+            # Rounded, as a tangent's last bits differ between machines.
+            focal_px = round(width / 2 / math.tan(math.radians(self.horizontal_fov_deg) / 2), 9)
             return Intrinsics(width, height, focal_px, focal_px, (width - 1) / 2, (height - 1) / 2)
         fx, fy, cx, cy = (float(getattr(self, name)) for name in FOCAL)
         return Intrinsics(width, height, fx, fy, cx, cy)

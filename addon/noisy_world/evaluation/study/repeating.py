@@ -36,7 +36,7 @@ def _motion_differs(setting: Setting, scene: Scene, one: Identifiers, other: Ide
     moving, _ = split_motion(setting.motion, exposed=bool(setting.exposure))
     if not moving:
         return False
-    path = scene.source.trajectory()
+    path = scene.path
     return not np.array_equal(move(moving, path, one).c2w, move(moving, path, other).c2w)
 
 

@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import InputError
-from ...geometry import continuous_quats, invert_pose, quat_wxyz_from_rotation
+from ...geometry import continuous_quats, invert_pose, pose, quat_wxyz_from_rotation
 from ...inertial.imu import Imu, ImuSamples, ImuStates
+from ...trajectories.rounding import rounded_numbers, rounded_poses
 from .asl import POSES_HEADER, sensor_yaml, stamp_text, yaml_number
 from .layout import IMU_FILES, SequenceFacts, lines
 
@@ -32,9 +33,10 @@ def samples_csv(samples: ImuSamples) -> str:
 
 def states_csv(states: ImuStates) -> str:
     """Return true states: t [ns] of the cameras' clock, position, quaternion with w first, velocity, both biases."""
-    quats = continuous_quats(quat_wxyz_from_rotation(states.motion.rotation))
-    moved = [states.motion.position_m, quats, states.motion.velocity_m_s]
-    values = np.concatenate([*moved, states.gyro_bias_rad_s, states.accel_bias_m_s2], axis=1)
+    at = rounded_poses(pose(states.motion.rotation, states.motion.position_m))
+    quats = continuous_quats(quat_wxyz_from_rotation(at[:, :3, :3]))
+    others = [states.motion.velocity_m_s, states.gyro_bias_rad_s, states.accel_bias_m_s2]
+    values = np.concatenate([at[:, :3, 3], quats, *map(rounded_numbers, others)], axis=1)
     return lines([STATES_HEADER, *_rows(states.stamps_ns, values)])
 
 
@@ -76,9 +78,9 @@ def imu_texts(facts: SequenceFacts) -> dict[str, str]:
     samples, rig = facts.imu, facts.rig
     if samples is None or rig is None or facts.format.layout.holds_imu:
         return {}
-    rgb_from_imu = invert_pose(rig.rgb.robot_from_sensor) @ samples.imu.robot_from_sensor
+    rgb_from_imu = rounded_poses(invert_pose(rig.rgb.robot_from_sensor) @ samples.imu.robot_from_sensor)
     rows = ["# The IMU's pose in the colour camera's frame; T_BS is its pose in the robot's, with OpenCV's axes."]
-    rows += ["T_cam_imu:", *(f"  - [{', '.join(map(yaml_number, row))}]" for row in (rgb_from_imu + 0.0).tolist())]
+    rows += ["T_cam_imu:", *(f"  - [{', '.join(map(yaml_number, row))}]" for row in rgb_from_imu.tolist())]
     texts = [
         samples_csv(samples),
         imu_yaml(samples.imu, samples.imu.robot_from_sensor, rows),
