@@ -78,6 +78,7 @@ def test_the_add_on_takes_its_groups_from_the_shelf(library, tmp_path, monkeypat
         graph = build_group(registry()[name])
         tree = nodes.ensure_group(graph)
         assert (tree.name, tree[nodes.STAMP], tree.asset_data, tree.library) == (graph.name, graph.stamp, None, None)
+        assert tuple(tree.preview.image_size) == (0, 0)
     assert not bpy.data.libraries
     # Where a user has linked a group of the shelf, it stays linked.
     bpy.ops.wm.read_factory_settings(use_empty=True)

@@ -190,7 +190,10 @@ def is_held(folder):
 
 
 # A terminal tells the whole group, a batch system the first process alone.
-@pytest.mark.parametrize(("number", "jobs"), [(signal.SIGINT, 2), (signal.SIGTERM, 1), (signal.SIGTERM, 2)])
+@pytest.mark.parametrize(
+    ("number", "jobs"),
+    [(signal.SIGINT, 2), (signal.SIGTERM, 1), pytest.param(signal.SIGTERM, 2, marks=pytest.mark.long)],
+)
 def test_interrupted_says_how_to_resume(killing_world, undisturbed, tmp_path, jobs, number):
     out = tmp_path / "out"
     process = start_generate(killing_world, "--out", out, "--jobs", jobs)

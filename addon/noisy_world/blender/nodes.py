@@ -149,6 +149,9 @@ def _made_local(item: bpy.types.ID) -> bpy.types.ID:
     own = item.make_local()
     if isinstance(own, bpy.types.Image) and own.filepath_raw:
         own.filepath_raw = utf8_name(f"//{Path(own.filepath_raw).name}")
+    if isinstance(own, bpy.types.NodeTree) and own.preview is not None:
+        nothing: Any = (0, 0)
+        own.preview.image_size = own.preview.icon_size = nothing  # the asset browser's picture doubles a file's size
     for used in _used_by(own) if isinstance(own, bpy.types.NodeTree) else ():
         if used.library is None:
             continue
