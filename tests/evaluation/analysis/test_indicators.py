@@ -4,8 +4,8 @@
 import cv2
 import numpy as np
 import pytest
+from refusals import refused
 
-from noisy_world.core.errors import InputError
 from noisy_world.evaluation.analysis import picture
 from noisy_world.evaluation.analysis.indicators import AGAINST_CLEAN, INDICATORS, indicators_of
 from noisy_world.evaluation.analysis.motion import motion_of
@@ -180,8 +180,7 @@ def test_frames_are_sampled_alike(tmp_path):
         seen = np.isfinite(some.per_frame[name])
         assert np.array_equal(some.per_frame[name][seen], whole.per_frame[name][seen])
     assert all(some.values[f"{name}_mean"] is None for name in AGAINST_CLEAN)
-    with pytest.raises(ValueError, match="every is 1 or more"):
-        indicators_of(folder, every=0)
+    refused(indicators_of, folder, every=0, names="every", error=ValueError)
 
 
 def test_clean_frames_are_found_by_pose(tmp_path):
@@ -200,8 +199,7 @@ def test_clean_frames_are_found_by_pose(tmp_path):
 def test_a_folder_of_several_sequences_is_not_one(tmp_path):
     for name in ("a", "b"):
         write_tum(tmp_path / name, [texture()], [np.ones((HEIGHT, WIDTH))], [(0.0, 0.0, 0.0)])
-    with pytest.raises(InputError, match="holds 2 sequences; name the folder of one"):
-        indicators_of(tmp_path)
+    refused(indicators_of, tmp_path, names=[str(tmp_path), "2 sequences"])
     one = indicators_of(tmp_path / "a")
     assert one.values["speed_mps_mean"] is None
     assert one.values["orb_tracked_mean"] is None

@@ -5,6 +5,7 @@ import math
 
 import numpy as np
 import pytest
+from refusals import refused
 from cases import cases
 from trajectory_pairs import moved, path, rotation
 from worlds import ROOT
@@ -354,8 +355,7 @@ def test_every_metric_has_a_value_or_none():
 
 def test_protocols_that_do_not_exist_are_refused():
     truth = at(square())
-    with pytest.raises(ValueError, match="protocol is one of strict, paper"):
-        score_trajectory(as_estimate(truth), truth, "papre")
+    refused(score_trajectory, as_estimate(truth), truth, "papre", names=["strict", "paper"], error=ValueError)
 
 
 # --- association ---

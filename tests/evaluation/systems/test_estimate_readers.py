@@ -7,6 +7,7 @@ import zipfile
 
 import numpy as np
 import pytest
+from refusals import refused
 
 from noisy_world.core.errors import InputError, NotFiniteError
 from noisy_world.evaluation.estimates import FORMATS, read_estimate
@@ -65,10 +66,8 @@ def test_conventions_of_a_system(tmp_path):
     assert np.allclose(w2c.c2w[0] @ turned(1), np.eye(4))
     gl = read_estimate("tum", path, INDEX, axes="opengl")
     assert np.allclose(gl.c2w[0], turned(1) @ np.diag([1, -1, -1, 1]))
-    with pytest.raises(ValueError, match="the poses of splatam have one convention, so axes cannot be given"):
-        read_estimate("splatam", path, INDEX, axes="opengl")
-    with pytest.raises(ValueError, match="no reader is called 'tumm'"):
-        read_estimate("tumm", path, INDEX)
+    refused(read_estimate, "splatam", path, INDEX, axes="opengl", names=["splatam", "axes"], error=ValueError)
+    refused(read_estimate, "tumm", path, INDEX, names="tumm", error=ValueError)
 
 
 def test_euroc(tmp_path):
@@ -85,8 +84,7 @@ def test_lines_without_stamps_are_those_of_all_frames(tmp_path, name, rows):
     path.write_text("".join(row(turned(k), rows) for k in range(6)))
     assert is_turned(read_estimate(name, path, INDEX), range(6))
     path.write_text("".join(row(turned(k), rows) for k in range(5)))
-    with pytest.raises(InputError, match="has 5 poses for 6 frames; poses without numbers or stamps are those of all"):
-        read_estimate(name, path, INDEX)
+    refused(read_estimate, name, path, INDEX, names=[str(path), "5 poses for 6 frames"])
 
 
 def test_matrices_by_number(tmp_path):
@@ -94,8 +92,7 @@ def test_matrices_by_number(tmp_path):
     for k in (0, 3, 5):
         (tmp_path / f"poses/frame-{k:06d}.pose.txt").write_text("\n".join(row(line) for line in turned(k)))
     assert is_turned(read_estimate("matrices", tmp_path / "poses", INDEX), [0, 3, 5])
-    with pytest.raises(InputError, match="has a pose for frame 5, but there are 4, from 0"):
-        read_estimate("matrices", tmp_path / "poses", index_of(4))
+    refused(read_estimate, "matrices", tmp_path / "poses", index_of(4), names="frame 5")
     log = tmp_path / "path.log"
     log.write_text("".join(f"{k} {k} {k + 1}\n" + "".join(row(line) for line in turned(k)) for k in (0, 2)))
     assert is_turned(read_estimate("log", log, INDEX), [0, 2])
@@ -127,13 +124,11 @@ def test_colmap(tmp_path):
         assert is_turned(read_estimate("colmap", path, INDEX), [1, 4])
         assert is_turned(read_estimate("colmap", tmp_path, INDEX), [1, 4])
     path.write_text("\n".join(lines).replace("000004.png", "left.png"))
-    with pytest.raises(InputError, match=r"line 3: 'rgb/left.png' is the name of 0 frames' colour images"):
-        read_estimate("colmap", path, INDEX)
+    refused(read_estimate, "colmap", path, INDEX, names=[str(path), "line 3: 'rgb/left.png'"])
     path.write_text("\n".join(lines[:2]))
     assert len(read_estimate("colmap", path, INDEX)) == 0
     path.write_text("\n".join([*lines[:4], "1 2 3"]))
-    with pytest.raises(InputError, match=r"line 5: is no image: 3 words; IMAGE_ID QW"):
-        read_estimate("colmap", path, INDEX)
+    refused(read_estimate, "colmap", path, INDEX, names=[str(path), "line 5: ", "IMAGE_ID QW"])
 
 
 # --- VSLAM-LAB ---
@@ -176,8 +171,7 @@ def test_vslamlab_results_that_are_none(tmp_path):
     kept = read_estimate("vslamlab", path, INDEX)
     assert kept.c2w[:, :3, 3].tolist() == [[1, 2, 3]]  # of two poses of one stamp, the first
     path.write_text(HEAD + "50000000,1,2,3,0,0,0,1.5\n")
-    with pytest.raises(InputError, match=r"line 2: the quaternion has length 1.5, not 1"):
-        read_estimate("vslamlab", path, INDEX)
+    refused(read_estimate, "vslamlab", path, INDEX, names=[str(path), "line 2: ", "1.5"])
 
 
 # --- arrays ---
@@ -223,9 +217,7 @@ def test_arrays(tmp_path):
 )  # fmt: skip
 def test_arrays_that_are_no_estimate(tmp_path, arrays, words):
     np.savez(tmp_path / "a.npz", **arrays)
-    with pytest.raises(InputError) as error:
-        read_estimate("array", tmp_path / "a.npz", INDEX)
-    assert words in str(error.value)
+    refused(read_estimate, "array", tmp_path / "a.npz", INDEX, names=["a.npz: ", words])
 
 
 def test_splatam(tmp_path):
@@ -237,14 +229,11 @@ def test_splatam(tmp_path):
     found = read_estimate("splatam", path, INDEX)
     assert is_turned(found, range(6))
     np.savez(path, cam_unnorm_rots=0 * quats[None], cam_trans=w2c[:, :3, 3].T[None])
-    with pytest.raises(InputError, match="frame 0: its rotation is a quaternion of zeros"):
-        read_estimate("splatam", path, INDEX)
+    refused(read_estimate, "splatam", path, INDEX, names=[str(path), "frame 0: "])
     np.savez(path, cam_unnorm_rots=quats, cam_trans=w2c[:, :3, 3].T[None])
-    with pytest.raises(InputError, match=r"has cam_unnorm_rots of \(4, 6\) and cam_trans of \(1, 3, 6\)"):
-        read_estimate("splatam", path, INDEX)
+    refused(read_estimate, "splatam", path, INDEX, names=[str(path), "cam_unnorm_rots", "(4, 6)", "(1, 3, 6)"])
     np.savez(path, cam_trans=w2c)
-    with pytest.raises(InputError, match="holds no cam_unnorm_rots"):
-        read_estimate("splatam", path, INDEX)
+    refused(read_estimate, "splatam", path, INDEX, names=[str(path), "cam_unnorm_rots"])
 
 
 def test_quaternions_of_numbers_that_cannot_be_squared_are_refused(tmp_path):
@@ -256,11 +245,9 @@ def test_quaternions_of_numbers_that_cannot_be_squared_are_refused(tmp_path):
     (tmp_path / "images.txt").write_text(colmap)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        with pytest.raises(InputError, match="the quaternion has length inf, not 1"):
-            read_estimate("vslamlab", tmp_path / "v.csv", INDEX)
+        refused(read_estimate, "vslamlab", tmp_path / "v.csv", INDEX, names=["v.csv", "inf"])
         for reader, name in (("colmap", "images.txt"), ("splatam", "params.npz")):
-            with pytest.raises(InputError, match="a quaternion of zeros, or of numbers beyond 1e154"):
-                read_estimate(reader, tmp_path / name, INDEX)
+            refused(read_estimate, reader, tmp_path / name, INDEX, names=[name, "1e154"])
 
 
 def test_an_archive_of_what_is_no_array_is_refused(tmp_path):
@@ -268,8 +255,7 @@ def test_an_archive_of_what_is_no_array_is_refused(tmp_path):
         for name in ("poses", "cam_unnorm_rots", "cam_trans"):
             archive.writestr(f"{name}.npy", b"[1.0, 2.0]")
     for reader in ("array", "splatam"):
-        with pytest.raises(InputError, match=r"params\.npz: is no array of numbers as numpy writes it"):
-            read_estimate(reader, tmp_path / "params.npz", INDEX)
+        refused(read_estimate, reader, tmp_path / "params.npz", INDEX, names="params.npz: ")
 
 
 # --- nothing, and no numbers ---
@@ -294,24 +280,21 @@ def test_not_finite_is_told_apart_from_unreadable(tmp_path, name, value):
     separator = "," if name in ("euroc", "vslamlab") else " "
     path = tmp_path / "estimate.txt"
     path.write_text("\n".join(separator.join(["0", *[value] * (width - 1)]) for width in [TEXTS[name]] * 6))
-    with pytest.raises(NotFiniteError, match="line 1"):
-        read_estimate(name, path, INDEX)
+    refused(read_estimate, name, path, INDEX, names="line 1", error=NotFiniteError)
 
 
 def test_arrays_that_are_not_finite(tmp_path):
     poses = np.stack([np.eye(4)] * 6)
     poses[2, 0, 3] = np.nan
     np.save(tmp_path / "poses.npy", poses)
-    with pytest.raises(NotFiniteError, match="frame 2: its pose is not finite"):
-        read_estimate("array", tmp_path / "poses.npy", INDEX)
+    refused(read_estimate, "array", tmp_path / "poses.npy", INDEX, names="poses.npy: frame 2: ", error=NotFiniteError)
     quats, trans = np.tile([[[1.0], [0], [0], [0]]], (1, 1, 6)), np.zeros((1, 3, 6))
     trans[0, 1, 5] = np.inf
-    np.savez(tmp_path / "params.npz", cam_unnorm_rots=quats, cam_trans=trans)
-    with pytest.raises(NotFiniteError, match="frame 5: its pose is not finite"):
-        read_estimate("splatam", tmp_path / "params.npz", INDEX)
+    path = tmp_path / "params.npz"
+    np.savez(path, cam_unnorm_rots=quats, cam_trans=trans)
+    refused(read_estimate, "splatam", path, INDEX, names=f"{path}: frame 5: ", error=NotFiniteError)
     (tmp_path / "images.txt").write_text("1 1 0 0 0 nan 0 0 1 000003.png\n\n")
-    with pytest.raises(NotFiniteError, match="line 1: its pose is not finite"):
-        read_estimate("colmap", tmp_path, INDEX)
+    refused(read_estimate, "colmap", tmp_path, INDEX, names=["images.txt", "line 1: "], error=NotFiniteError)
 
 
 @pytest.mark.parametrize("name", FORMATS)
@@ -365,5 +348,4 @@ def test_coordinates_far_out_and_half_turns(tmp_path):
 
 def test_lists_of_images_that_never_end(tmp_path):
     (tmp_path / "images.txt").write_bytes(b"\n" * 2_000_001)
-    with pytest.raises(InputError, match="has more than 2000000 lines"):
-        read_estimate("colmap", tmp_path / "images.txt", {"frames": []})
+    refused(read_estimate, "colmap", tmp_path / "images.txt", {"frames": []}, names=["images.txt", "2000000"])

@@ -5,9 +5,10 @@ import json
 import os
 
 import pytest
+from refusals import refused
 
 from noisy_world.cli import command
-from noisy_world.core.errors import InputError, MissingDependencyError, StorageError
+from noisy_world.core.errors import MissingDependencyError, StorageError
 from noisy_world.core.shipped import shipped
 from noisy_world.evaluation.systems import environments, installing
 from noisy_world.evaluation.systems.checking import system_versions
@@ -50,8 +51,7 @@ def make(folder, python=None):
 def test_an_environment_is_made_once_and_anew_where_it_is_not_whole(tmp_path, python, monkeypatch):
     folder = tmp_path / "environments/.venv-slam"
     monkeypatch.setenv("NO_INDEX", "1")
-    with pytest.raises(StorageError, match=r"begins anew: ERROR: No matching distribution found$"):
-        make(folder, python)
+    refused(make, folder, python, names=[str(folder), "No matching distribution found"], error=StorageError)
     monkeypatch.delenv("NO_INDEX")
     assert make(folder, python)
     (asked,) = (folder / "asked").read_text().splitlines()  # what was made half has gone
@@ -75,21 +75,17 @@ def test_an_environment_is_made_once_and_anew_where_it_is_not_whole(tmp_path, py
 
 def test_what_is_no_environment_is_not_removed(tmp_path, python):
     (tmp_path / "thesis.tex").touch()
-    with pytest.raises(StorageError, match="is there, and is no Python environment; move it away"):
-        make(tmp_path, python)
+    refused(make, tmp_path, python, names=str(tmp_path), error=StorageError)
     assert (tmp_path / "thesis.tex").exists()
 
 
 def test_a_python_is_found_or_one_line_says_how_to_get_one(tmp_path, python, monkeypatch):
     monkeypatch.setattr(installing, "PYTHONS", ("3.98", "3.99"))  # neither is on any machine
     monkeypatch.setenv("PATH", f"{tmp_path}/shims:{os.environ['PATH']}")
-    with pytest.raises(MissingDependencyError, match=r"uv python install 3\.12.*--python.*Containerfile") as caught:
-        installing.found_python()
-    assert "\n" not in str(caught.value)
-    with pytest.raises(InputError, match=r"--python: is Python 3\.12; name a Python 3\.98 or 3\.99"):
-        make(tmp_path / "new", python)
-    with pytest.raises(InputError, match="--python: is no Python that can be run"):
-        make(tmp_path / "new", str(tmp_path / "nowhere"))
+    names = ["uv python install 3.12", "--python", "Containerfile"]
+    refused(installing.found_python, names=names, error=MissingDependencyError)
+    refused(make, tmp_path / "new", python, names=["--python: ", "3.12", "3.98 or 3.99"])
+    refused(make, tmp_path / "new", str(tmp_path / "nowhere"), names=["--python: ", "nowhere"])
     assert not (tmp_path / "new").exists()
     of_uv = program(tmp_path / "uv/python", PYTHON.format(version="3.99"))
     program(tmp_path / "shims/python3.98", "#!/bin/sh\necho 'python3.98: command not found' >&2\nexit 127")

@@ -5,6 +5,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from refusals import refused
 from slam_systems import script_system, write_recording
 
 from noisy_world.core.errors import MissingDependencyError
@@ -83,16 +84,14 @@ def test_isolation_that_is_not_there_is_one_line(tmp_path, recording, monkeypatc
     script = script_system(tmp_path / "system", GOOD, isolate="bubblewrap")
     try:
         monkeypatch.setattr("noisy_world.evaluation.systems.isolation.PROGRAM", "no-such-program")
-        with pytest.raises(MissingDependencyError, match="cannot be isolated by bubblewrap: there is no program"):
-            run_system(script, recording, tmp_path / "out")
+        arguments, error = (script, recording, tmp_path / "out"), MissingDependencyError
+        refused(run_system, *arguments, names=["bubblewrap", "no-such-program"], error=error)
         isolation_problem.cache_clear()
         refusing = tmp_path / "refusing"
         refusing.write_text("#!/bin/sh\necho 'bwrap: No permissions to create new namespace' >&2; exit 1\n")
         refusing.chmod(0o700)
         monkeypatch.setattr("noisy_world.evaluation.systems.isolation.PROGRAM", str(refusing))
-        told = r"does not permit it \(bwrap: No permissions to create new namespace\)"
-        with pytest.raises(MissingDependencyError, match=told):
-            run_system(script, recording, tmp_path / "out")
+        refused(run_system, *arguments, names="bwrap: No permissions to create new namespace", error=error)
     finally:
         isolation_problem.cache_clear()
     assert not (tmp_path / "out").exists()

@@ -10,6 +10,7 @@ import box_room
 import cv2
 import numpy as np
 import pytest
+from refusals import refused
 
 from noisy_world.core.errors import MissingDependencyError
 from noisy_world.core.geometry import rotation_from_quat_wxyz
@@ -92,8 +93,8 @@ def test_settings_follow_from_camera_and_rate(programs):
     given = SimpleNamespace(mono=False, pixel_noise_px=None, slope=None, bf_px_m=80.0, near_m=3.1)
     assert f"Stereo.b: {80.0 / 300.0:.9f}" in orb_settings.settings_text(index, given)
     for wrong in ({"near_m": None}, {"bf_px_m": None}, {"pixel_noise_px": 0.9, "slope": 0.5}):
-        with pytest.raises(SystemExit, match="--near-m is needed"):
-            orb_settings.settings_text(index, SimpleNamespace(**{**vars(given), **wrong}))
+        options = SimpleNamespace(**{**vars(given), **wrong})
+        refused(orb_settings.settings_text, index, options, names="--near-m", error=SystemExit)
     assert orb_settings.gap_of({"frames": [{"stamp_s": 5.0}]}) == 0.05
     states = {"TrackingState.OK": "tracked", "TrackingState.RECENTLY_LOST": "lost", "NO_IMAGES_YET": "not_initialised"}
     assert {orb_slam3.state_name(state) for state in states} == set(states.values())

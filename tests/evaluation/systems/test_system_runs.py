@@ -8,9 +8,10 @@ import time
 
 import numpy as np
 import pytest
+from refusals import refused
 from slam_systems import script_system, write_recording
 
-from noisy_world.core.errors import InputError, InterruptedRunError
+from noisy_world.core.errors import InterruptedRunError
 from noisy_world.evaluation.outcome import Outcome
 from noisy_world.evaluation.systems.estimate_file import read_estimate_file
 from noisy_world.evaluation.systems.running import run_system
@@ -150,8 +151,7 @@ def test_a_run_that_is_stopped_leaves_no_record(tmp_path, recording):
     stop = threading.Event()
     threading.Timer(0.3, stop.set).start()
     system = script_system(tmp_path / "system", "time.sleep(60)")
-    with pytest.raises(InterruptedRunError, match="scripted was stopped"):
-        run_system(system, recording, tmp_path / "out", stop=stop)
+    refused(run_system, system, recording, tmp_path / "out", stop=stop, names="scripted", error=InterruptedRunError)
     assert not (tmp_path / "out" / "run.json").exists()
     assert run_system(script_system(tmp_path / "system", GOOD), recording, tmp_path / "out").outcome == "finished"
 
@@ -189,8 +189,7 @@ def test_variables_and_threads(tmp_path, recording):
 
 
 def test_what_is_no_sequence(tmp_path):
-    with pytest.raises(InputError, match="is no sequence"):
-        run_system(script_system(tmp_path / "system", GOOD), tmp_path, tmp_path / "out")
+    refused(run_system, script_system(tmp_path / "system", GOOD), tmp_path, tmp_path / "out", names=f"{tmp_path}: ")
 
 
 CONVENTIONS = [
