@@ -6,11 +6,11 @@ import json
 import bpy
 import numpy as np
 import pytest
+from refusals import refused
 from panel_tools import settings, square, use_files
 from preview_tools import add
 
 from noisy_world.blender.chain_scene import GROUP, shown_chain
-from noisy_world.core.errors import InputError
 from noisy_world.core.perturbing.reading import parse_steps
 from noisy_world.core.perturbing.kinds import FrameContext
 from noisy_world.core.schema import ConfigPath
@@ -76,8 +76,7 @@ def test_the_camera_of_a_file(tmp_path):
         assert (found.width_px, found.height_px, found.fx_px, found.fy_px, found.cx_px, found.cy_px) == (640, 480, *k)
     for content in ("[]", "{}", '{"width": 640, "height": 480, "intrinsic_matrix": [1]}', '{"camera": {"scale": 1}}'):
         (tmp_path / "bad.json").write_text(content)
-        with pytest.raises(InputError, match=r"bad\.json"):
-            header_presets.take_camera(settings(), tmp_path / "bad.json")
+        refused(header_presets.take_camera, settings(), tmp_path / "bad.json", names="bad.json")
 
 
 # --- what is keyed ---
@@ -260,8 +259,7 @@ def test_the_mode_that_a_user_is_in_stays(tmp_path):
     bpy.ops.object.mode_set(mode="OBJECT")
     bpy.context.view_layer.objects.active = world.own_object(scene(), "mesh")
     bpy.ops.object.mode_set(mode="EDIT")
-    with pytest.raises(RuntimeError, match="leave that mode"):
-        bpy.ops.noisy_world.load_scene()
+    refused(bpy.ops.noisy_world.load_scene, names="leave that mode", error=RuntimeError)
     assert bpy.context.view_layer.objects.active.mode == "EDIT"
 
 

@@ -9,12 +9,12 @@ import time
 from types import SimpleNamespace
 
 import pytest
+from refusals import refused
 from worlds import ROOT, content, generate, path_poses, write_box_ply, write_replica
 
 bpy = pytest.importorskip("bpy", reason="bpy is not installed")
 
 from noisy_world import ui
-from noisy_world.core.errors import InputError
 from noisy_world.core.progress import MARK
 from noisy_world.ui import generate as generating
 from noisy_world.ui import runs
@@ -81,8 +81,7 @@ def test_the_same_frames_as_the_command_on_the_saved_preset(scene, tmp_path):
 
 def test_the_copied_command_runs_as_pasted_and_goes_on_with_the_panels_dataset(scene, tmp_path):
     settings = prepare(scene, tmp_path, "a folder/it's here", frames=2)
-    with pytest.raises(InputError, match="save the preset first"):
-        runs.command_line(scene)
+    refused(runs.command_line, scene, names="save the preset")
     save(settings, tmp_path / "my preset.yaml")
     command = runs.command_line(scene)
     assert shlex.split(command)[-2:] == ["--out", str(tmp_path / "a folder" / "it's here")]
@@ -91,8 +90,7 @@ def test_the_copied_command_runs_as_pasted_and_goes_on_with_the_panels_dataset(s
     assert bpy.ops.noisy_world.generate() == {"FINISHED"}
     assert "4 kept" in runs.summary(runs.run_of(scene))
     settings.seed = 8
-    with pytest.raises(InputError, match="no file says what the panel says; save the preset first"):
-        runs.command_line(scene)
+    refused(runs.command_line, scene, names="save the preset")
 
 
 @pytest.mark.parametrize("mesh", ["../mesh.ply", "{folder}/mesh.ply", "../sub/../mesh.ply"])
@@ -115,8 +113,7 @@ def test_another_dataset_in_the_folder_is_refused_and_can_be_replaced(scene, tmp
     settings.steps.clear()
     bpy.ops.noisy_world.generate()
     settings.seed = 9
-    with pytest.raises(RuntimeError, match="or press Replace Dataset"):
-        bpy.ops.noisy_world.generate()
+    refused(bpy.ops.noisy_world.generate, names="Replace Dataset", error=RuntimeError)
     assert bpy.ops.noisy_world.generate_anew() == {"FINISHED"}
     assert runs.run_of(scene).background.phase == "finished"
 
@@ -139,11 +136,9 @@ def test_an_error_is_the_command_lines_in_the_panels_words_and_not_finished(scen
 def test_what_cannot_be_made_is_told_before_anything_starts(scene, tmp_path, monkeypatch):
     settings = prepare(scene, tmp_path)
     settings.output_folder = "//here"
-    with pytest.raises(RuntimeError, match="save it"):
-        bpy.ops.noisy_world.generate()
+    refused(bpy.ops.noisy_world.generate, names="save it", error=RuntimeError)
     settings.output_folder = ""
-    with pytest.raises(RuntimeError, match="choose one"):
-        bpy.ops.noisy_world.generate()
+    refused(bpy.ops.noisy_world.generate, names="choose one", error=RuntimeError)
     assert runs.run_of(scene) is None
     settings.use_rgb = settings.use_depth = False
     assert not bpy.ops.noisy_world.generate.poll()

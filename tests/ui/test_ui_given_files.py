@@ -3,10 +3,10 @@
 
 import bpy
 import pytest
+from refusals import refused
 import yaml
 from panel_tools import settings, use_files
 
-from noisy_world.core.errors import InputError
 from noisy_world.ui.apply_preset import open_preset
 from noisy_world.ui.document import save_preset, steps_of
 
@@ -33,5 +33,4 @@ def test_a_table_is_a_file_of_the_tab_and_comes_back_from_a_preset(tmp_path):
     open_preset(settings(), tmp_path / "mine.yaml")
     assert settings().steps[0].redwood.warp == str(table)
     table.unlink()
-    with pytest.raises(InputError, match=r"warp\.txt is not there"):
-        steps_of(settings())
+    refused(steps_of, settings(), names="warp.txt")

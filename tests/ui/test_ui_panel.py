@@ -7,6 +7,7 @@ from dataclasses import fields
 import bpy
 import numpy as np
 import pytest
+from refusals import refused
 from calls import calls_made
 from keyed_poses import keyed_poses
 from panel_tools import settings, use_files
@@ -40,8 +41,7 @@ def test_the_list_keeps_the_propagation_order():
     settings().steps[3].severity = 5
     assert bpy.ops.noisy_world.move_step_up() == {"FINISHED"}
     assert (settings().steps[2].severity, settings().active_step) == (5, 2)
-    with pytest.raises(RuntimeError, match="acts only once"):
-        bpy.ops.noisy_world.add_step(perturbation="desync")
+    refused(bpy.ops.noisy_world.add_step, perturbation="desync", names="once", error=RuntimeError)
 
 
 def test_weather_drifts_when_it_is_added_and_the_preset_says_so():
@@ -204,15 +204,13 @@ def test_the_camera_is_keyed_as_the_generator_renders_and_follows_the_sliders(tm
 def test_errors_are_reports_and_nothing_is_finished(tmp_path):
     use_files(tmp_path)
     settings().mesh_path = str(tmp_path / "absent.ply")
-    with pytest.raises(RuntimeError, match=r"absent\.ply"):
-        bpy.ops.noisy_world.load_scene()
+    refused(bpy.ops.noisy_world.load_scene, names="absent.ply", error=RuntimeError)
     settings().mesh_path = ""
     assert not bpy.ops.noisy_world.load_scene.poll()
     (tmp_path / "bad.txt").write_text("1 2 3\n")
     use_files(tmp_path)
     settings().trajectory_path = str(tmp_path / "bad.txt")
-    with pytest.raises(RuntimeError, match=r"bad\.txt"):
-        bpy.ops.noisy_world.load_trajectory()
+    refused(bpy.ops.noisy_world.load_trajectory, names="bad.txt", error=RuntimeError)
     assert all("noisy_world" not in item for item in bpy.context.scene.objects)
 
 
