@@ -6,11 +6,11 @@ import sys
 import threading
 
 import fake_session
-import pytest
 from cases import cases
+from refusals import refused
 from worlds import content, path_poses, write_box_ply, write_replica, write_world
 
-from noisy_world.core.errors import InputError
+
 from noisy_world.core.presets.preset import read_preset
 from noisy_world.core.progress import PlainProgress
 from noisy_world.core.scenes.replica import REPLICA_SCENES
@@ -46,28 +46,23 @@ def test_globs_choose_in_the_presets_order(tmp_path, part, scenes, settings):
 
 
 @cases(
-    ("part", "words"),
+    ("part", "named"),
     [
-        (
-            {"settings": ["clean,fgo*"]},
-            r"only\.settings: 'fgo\*' matches none of 5 .*; near it: fog_s1, frost_s1$",
-        ),
-        ({"scenes": ["Box0"]}, r"only\.scenes: 'Box0' matches none of 3 scenes; near it: box0$"),
-        ({"scenes": ["kitchen"]}, r"'kitchen' matches none of 3 scenes; near it: box0, box1, box2$"),
-        ({"scenes": [""]}, r"only\.scenes: '' matches none"),
+        ({"settings": ["clean,fgo*"]}, ("only.settings: 'fgo*'", "none of 5 ", ": fog_s1, frost_s1")),
+        ({"scenes": ["Box0"]}, ("only.scenes: 'Box0'", "none of 3 scenes", ": box0")),
+        ({"scenes": ["kitchen"]}, ("only.scenes: 'kitchen'", "none of 3 scenes", ": box0, box1, box2")),
+        ({"scenes": [""]}, ("only.scenes: ''", "none of 3 scenes", ": box0, box1, box2")),
     ],
 )
-def test_a_glob_that_matches_nothing_is_refused_with_near_names(tmp_path, part, words):
-    with pytest.raises(InputError, match=words):
-        parts(write_scenes(tmp_path), **part)
+def test_a_glob_that_matches_nothing_is_refused_with_near_names(tmp_path, part, named):
+    assert refused(parts, write_scenes(tmp_path), **part, names=named).endswith(named[-1])
 
 
 def test_files_of_scenes_that_are_not_wanted_may_be_missing(tmp_path):
     preset = write_scenes(tmp_path)
     shutil.copy(tmp_path / "mesh.ply", tmp_path / "other.ply")
     overrides = ["scenes.1.mesh=none.ply"]
-    with pytest.raises(InputError, match="no such file"):
-        make_plan(read_preset(preset, overrides))
+    refused(make_plan, read_preset(preset, overrides), names=("scenes.1.mesh: ", "none.ply"))
     assert len(make_plan(read_preset(preset, overrides, scenes=["box0", "box2"])).scenes) == 2
 
 
@@ -100,8 +95,9 @@ def test_a_part_grows_into_the_whole_to_the_byte(tmp_path, monkeypatch):
 
 
 def test_a_folder_of_data_that_is_not_there_is_named(tmp_path):
-    with pytest.raises(InputError, match=r"scenes\.0\.mesh: no such file: .*/none/mesh\.ply; .* to data, .*/none"):
-        make_plan(read_preset(write_scenes(tmp_path), data=tmp_path / "none"))
+    folder = tmp_path / "none"
+    preset = read_preset(write_scenes(tmp_path), data=folder)
+    refused(make_plan, preset, names=("scenes.0.mesh: ", f"{folder}/mesh.ply; ", f"to data, {folder}"))
 
 
 # --- Replica ---
@@ -155,22 +151,17 @@ def test_all_that_is_missing_is_said_at_once(tmp_path):
     data = write_tree(tmp_path / "data", scenes=("room0", "office1", "office2"))
     (data / "office1/traj.txt").unlink()
     preset = replica_preset(tmp_path / "p")
-    with pytest.raises(InputError) as error:
-        make_plan(read_preset(preset, data=data, scenes=["office[0-2],room*"]))
-    assert str(error.value) == (
-        f"{preset}: data: in {data} and the folders in it there is no mesh of room1, room2, office0 (room_1/mesh.ply "
-        "or room1/mesh.ply or room1_mesh.ply, for instance), and no path of room1, room2, office0, office1 "
-        "(room1/traj.txt or room_1/traj.txt, for instance); the meshes are Replica's own download, the paths come with "
-        "NICE-SLAM's Replica; say where they are with --data DIR, or choose scenes with --scenes"
-    )
+    chosen = read_preset(preset, data=data, scenes=["office[0-2],room*"])
+    lacking = ("mesh of room1, room2, office0 (room_1/mesh.ply or ", "path of room1, room2, office0, office1 (room1/")
+    refused(make_plan, chosen, names=(f"{preset}: data: in {data} ", *lacking, "--data DIR", "--scenes"))
     assert parts(preset, data=data, scenes=["room0", "office2"])[0] == ["room0", "office2"]
 
 
 def test_two_copies_are_not_chosen_between(tmp_path):
     data = write_tree(tmp_path / "data", "a/{own}/mesh.ply")
     write_tree(data, "b/{own}/mesh.ply")
-    with pytest.raises(InputError, match=r"data: room0 is there more than once: .*/a/room_0/mesh\.ply and .*/b/room_0"):
-        make_plan(read_preset(replica_preset(tmp_path / "p"), data=data))
+    preset = read_preset(replica_preset(tmp_path / "p"), data=data)
+    refused(make_plan, preset, names=("data: room0 ", "/a/room_0/mesh.ply and ", "/b/room_0"))
 
 
 def test_a_path_of_ones_own_goes_with_replicas_meshes(tmp_path):
@@ -189,19 +180,15 @@ def test_keys_of_the_trajectory_go_with_replicas_path(tmp_path):
 
 
 @cases(
-    ("scene", "words"),
+    ("scene", "data", "named"),
     [
-        ({"replica": "rom0"}, r"scenes\.0\.replica: unknown scene of Replica 'rom0'; did you mean 'room0'"),
-        ({"mesh": "a.ply"}, r"scenes\.0: names mesh and replica, but needs one of mesh, replica,"),
-        ({"name": "one"}, r"scenes\.0\.name: is 'one', but 8 scenes of Replica match"),
+        ({"replica": "rom0"}, "data", ("scenes.0.replica: ", "'rom0'", "'room0'")),
+        ({"mesh": "a.ply"}, "data", ("scenes.0: names mesh and replica", "one of mesh, replica,")),
+        ({"name": "one"}, "data", ("scenes.0.name: is 'one'", "8 scenes")),
+        ({}, "none", ("data: no such folder: ", "/none; ", "--data DIR")),
     ],
 )
-def test_what_is_refused_of_replica(tmp_path, scene, words):
+def test_what_is_refused_of_replica(tmp_path, scene, data, named):
     preset = replica_preset(tmp_path / "p", **scene)
-    with pytest.raises(InputError, match=words):
-        make_plan(read_preset(preset, data=write_tree(tmp_path / "data")))
-
-
-def test_the_folder_has_to_be_there(tmp_path):
-    with pytest.raises(InputError, match=r"data: no such folder: .*/none; .*--data DIR"):
-        make_plan(read_preset(replica_preset(tmp_path / "p"), data=tmp_path / "none"))
+    write_tree(tmp_path / "data")
+    refused(lambda: make_plan(read_preset(preset, data=tmp_path / data)), names=named)

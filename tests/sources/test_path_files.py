@@ -6,10 +6,10 @@ import time
 
 import numpy as np
 import pytest
+from refusals import refused
 from cases import cases
 from worlds import write_world
 
-from noisy_world.core.errors import InputError
 from noisy_world.core.presets.preset import read_preset
 from noisy_world.planning import make_plan
 
@@ -68,31 +68,28 @@ def test_axes_are_opencvs_where_nothing_says_otherwise(planned):
 
 def test_keys_for_what_content_cannot_tell(planned, tmp_path):
     (tmp_path / "ms.csv").write_text("0,0,0,1,0,0,0,1\n50,0,0,1,0,0,0,1\n")
-    with pytest.raises(InputError, match="too close for EuRoC's nanoseconds"):
-        planned(file="ms.csv")
+    refused(planned, file="ms.csv", names="too close for EuRoC's nanoseconds")
     np.testing.assert_array_equal(
         source_of(planned(file="ms.csv", format="tum", stamp_unit="ms")).stamps_s, [0.0, 0.05]
     )
-    with pytest.raises(InputError, match=r"scenes\.0\.trajectory\.stamp_unit: unknown value 'min'"):
-        planned(file="ms.csv", stamp_unit="min")
+    refused(planned, file="ms.csv", stamp_unit="min", names=("scenes.0.trajectory.stamp_unit: ", "'min'"))
 
 
 @cases(
     ("keys", "words"),
     [
-        ({"resample_hz": 20}, r"trajectory\.resample_hz: 20 Hz over the path's 1e\+09 s makes 2e\+10 poses"),
-        ({"resample_hz": 10_000, "every": 100_000}, r"trajectory\.resample_hz: .* makes 1e\+13 poses"),
+        ({"resample_hz": 20}, ("trajectory.resample_hz: ", "20 Hz", "1e+09 s", "2e+10")),
+        ({"resample_hz": 10_000, "every": 100_000}, ("trajectory.resample_hz: ", " makes 1e+13 poses")),
         (
             {"resample_hz": 10_000, "start": 1, "stop": 2},
-            r"trajectory\.resample_hz: .* more than 1,000,000; at most 0\.00099 Hz",
+            ("trajectory.resample_hz: ", "1,000,000", "at most 0.00099"),
         ),
     ],
 )
 def test_absurd_numbers_of_poses_are_refused_at_once(planned, tmp_path, keys, words):
     (tmp_path / "gap.txt").write_text("0.5 0 0 1 0 0 0 1\n1000000000.5 0 0 1 0 0 0 1\n")
     began = time.process_time()
-    with pytest.raises(InputError, match=words):
-        planned(file="gap.txt", **keys)
+    refused(planned, file="gap.txt", **keys, names=words)
     assert time.process_time() - began < 1.0
     assert len(source_of(planned(file="gap.txt")).stamps_s) == 2
     assert len(source_of(planned(file="gap.txt", stop=1, resample_hz=1.0e-9)).stamps_s) == 1
@@ -101,16 +98,14 @@ def test_absurd_numbers_of_poses_are_refused_at_once(planned, tmp_path, keys, wo
 @cases(
     ("keys", "words"),
     [
-        ("{frames: 1000000, rate_hz: 0.001}", r"handheld: 1,000,000 frames at 0\.001 Hz are more than 100,000 s"),
-        ("{frames: 2, rate_hz: 1.0e-310}", r"trajectory\.handheld: 2 frames at 1e-310 Hz"),
-        ("{frames: 1000000, speed_m_s: 10}", r"trajectory\.handheld: the walk would be 500 km long, more than 50"),
+        ("{frames: 1000000, rate_hz: 0.001}", ("handheld: ", "1,000,000", "0.001 Hz", "100,000 s")),
+        ("{frames: 2, rate_hz: 1.0e-310}", ("trajectory.handheld: ", "1e-310 Hz")),
+        ("{frames: 1000000, speed_m_s: 10}", ("trajectory.handheld: ", "500 km", "more than 50")),
     ],
 )  # fmt: skip
 def test_walks_without_end_are_refused(planned, keys, words):
-    with pytest.raises(InputError, match=words):
-        planned(handheld=keys)
+    refused(planned, handheld=keys, names=words)
 
 
 def test_a_rate_without_meaning_is_refused(planned):
-    with pytest.raises(InputError, match=r"over 3,000 years, at 1e-300 Hz; raise rate_hz"):
-        planned(file="traj.txt", rate_hz="1.0e-300")
+    refused(planned, file="traj.txt", rate_hz="1.0e-300", names=("1e-300 Hz", "raise rate_hz"))

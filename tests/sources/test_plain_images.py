@@ -7,9 +7,9 @@ import shutil
 import cv2
 import numpy as np
 import pytest
+from refusals import refused
 
 from noisy_world.cli.command import main
-from noisy_world.core.errors import InputError
 from noisy_world.core.presets.preset import read_preset
 from noisy_world.core.schema import ConfigPath
 from noisy_world.planning import make_plan
@@ -64,20 +64,19 @@ def test_what_needs_depth_or_poses_says_so_in_a_line(tmp_path):
     plates(tmp_path / "plates")
     path = preset_of(tmp_path)
     for change, words in (
-        ("output.modalities=[rgb, depth]", "plates has no depth, but output.modalities asks for it; set output"),
+        ("output.modalities=[rgb, depth]", ("plates has no depth", "output.modalities")),
         ("settings=[{name: a, perturb: [{haze: {severity: 1}}]}]", "a needs depth, and plates has none"),
         (
             "settings=[{name: a, perturb: [{camera_motion_blur: {}}]}]",
-            "looks between the frames, but plain images have",
+            "plain images have",
         ),
         ("settings=[{name: a, perturb: [{motion_deviation: {rotation_deg: 1}}]}]", "cannot be seen from elsewhere"),
         ("camera={width: 8, height: 6, fx: 4, fy: 4, cx: 3, cy: 2}", "its images are 16 x 12"),
-        ("scenes.0.undistort=true", r"undistort: plain images have no file that says their lens; leave it out"),
-        ("scenes.0.register=true", r"register: plain images have no depth; leave it out"),
-        ("scenes.0.poses=require", r"poses: plain images have no poses; leave it out"),
+        ("scenes.0.undistort=true", ("undistort: ", "leave it out")),
+        ("scenes.0.register=true", ("register: ", "leave it out")),
+        ("scenes.0.poses=require", ("poses: ", "leave it out")),
     ):
-        with pytest.raises(InputError, match=words):
-            make_plan(read_preset(path, [change]))
+        refused(lambda change=change: make_plan(read_preset(path, [change])), names=words)
 
 
 def test_a_folder_of_images_without_a_layout_is_told_how_it_is_read(tmp_path, capsys):
@@ -102,16 +101,12 @@ def test_an_image_of_another_size_is_told_nothing_of_depth(tmp_path, capsys):
 def test_what_is_no_folder_of_images_is_one_line(tmp_path):
     place = ConfigPath("preset", "scenes.0")
     (tmp_path / "plates").mkdir()
-    with pytest.raises(InputError, match="plates: has no PNG or JPEG images"):
-        read_images(tmp_path / "plates", place)
+    refused(read_images, tmp_path / "plates", place, names="plates: has no PNG or JPEG images")
     (tmp_path / "plates" / "a.EXR").write_bytes(b"v")
-    with pytest.raises(InputError, match=r"plates: has images of \.exr, but no PNG or JPEG; convert them"):
-        read_images(tmp_path / "plates", place)
+    refused(read_images, tmp_path / "plates", place, names=("plates: ", ".exr", "convert them"))
     shutil.rmtree(tmp_path / "plates")
     plates(tmp_path / "plates", ("a1.png", "a01.png"))
-    with pytest.raises(InputError, match=r"stand for one place in the order of names; keep one of them"):
-        read_images(tmp_path / "plates", place)
+    refused(read_images, tmp_path / "plates", place, names=("a1.png", "a01.png", "keep one of"))
     (tmp_path / "plates" / "a01.png").unlink()
     cv2.imwrite(str(tmp_path / "plates" / "b.png"), np.zeros((8, 8, 3), np.uint8))
-    with pytest.raises(InputError, match=r"b\.png: is 8 x 8 pixels, but the first colour image is 16 x 12"):
-        read_images(tmp_path / "plates", place).camera(None)
+    refused(read_images(tmp_path / "plates", place).camera, None, names=("b.png: ", "8 x 8", "16 x 12"))

@@ -13,10 +13,11 @@ import cv2
 import fake_session
 import numpy as np
 import pytest
+from refusals import refused
 from shard_workers import workers_here
 from worlds import path_poses, write_world
 
-from noisy_world.core.errors import InputError, StorageError
+from noisy_world.core.errors import StorageError
 from noisy_world.core.planning.plan import lay_out_plan, read_settings
 from noisy_world.core.planning.shards import Shard
 from noisy_world.core.planning.scene import Scene, SceneEntry, SourceKind
@@ -126,24 +127,23 @@ class SlideKind(SourceKind):
 @pytest.mark.parametrize(
     ("keys", "told"),
     [
-        ({}, r"scenes\.0\.slide: sums has no depth, but output\.modalities asks for it; paint it, or set output"),
+        ({}, ("scenes.0.slide: ", "output.modalities", "paint it, or")),
         (
             {"settings": [{"name": "s", "perturb": [{"fog_depth": None}]}], "output": {"modalities": ["rgb"]}},
-            r"scenes\.0\.slide: s needs depth, and sums has none; paint it, or take that setting out",
+            ("scenes.0.slide: ", "needs depth", "paint it, or"),
         ),
         (
             {"settings": [{"name": "s", "perturb": [{"motion_deviation": None}]}], "output": {"modalities": ["rgb"]}},
-            r"scenes\.0\.slide: deviates from its path in s, but an existing sequence cannot be seen from elsewhere",
+            ("scenes.0.slide: ", "be seen from elsewhere"),
         ),
-        ({"rig": {"rgb": {}}}, r"scenes\.0\.slide: is a recording, which has no other poses for a rig"),
+        ({"rig": {"rgb": {}}}, ("scenes.0.slide: ", "poses for a rig")),
     ],
 )
 def test_messages_name_the_key_that_the_source_says(tmp_path, keys, told):
     preset = read_preset(write_world(tmp_path, size=(8, 6), **keys))
     place = preset.place("scenes.0")
     scene = Scene("sums", place, FlatSource(), SceneEntry(preset, place, SlideKind(), SceneKeys()))
-    with pytest.raises(InputError, match=told):
-        lay_out_plan(preset, read_settings(preset, registry()), [scene])
+    refused(lay_out_plan, preset, read_settings(preset, registry()), [scene], names=told)
 
 
 def test_a_blend_with_several_cameras_has_instants_only():
@@ -184,18 +184,15 @@ def test_a_worker_refuses_a_run_that_was_opened_otherwise(tmp_path, changed):
     if changed is None:
         run.make_dataset()
         return
-    with pytest.raises(StorageError, match="the run was opened with another identity") as error:
-        run.make_dataset()
-    assert "\n" not in str(error.value)
-    assert str(out) in str(error.value)
+    refused(run.make_dataset, names=(str(out), "another identity"), error=StorageError)
     assert not out.exists(), "nothing was made, so nothing stays"
 
 
 @pytest.mark.usefixtures("_fake_blender")
 def test_a_worker_without_a_run_is_refused(tmp_path):
     path = write_world(tmp_path / "world", frames=1, size=(8, 6))
-    with pytest.raises(StorageError, match="no run is open here"):
-        workers_here(path, tmp_path / "out")([Shard("box", 0, 1)], print, PlainProgress(sys.stderr))
+    work, progress = workers_here(path, tmp_path / "out"), PlainProgress(sys.stderr)
+    refused(work, [Shard("box", 0, 1)], print, progress, names="no run is open", error=StorageError)
 
 
 def test_a_recordings_hash_follows_every_file(tmp_path):

@@ -11,13 +11,13 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from refusals import refused
 from worlds import ROOT
 from written import run
 
 from noisy_world.cli.command import main
 from noisy_world.core.datasets.layouts import find_sequence
 from noisy_world.core.datasets.video_files import VideoFile, VideoReader, read_video, write_video
-from noisy_world.core.errors import InputError
 from noisy_world.core.presets.preset import read_preset
 from noisy_world.planning import make_plan
 from noisy_world.sources import read_scenes
@@ -56,20 +56,17 @@ def test_frames_are_counted_and_read_in_any_order(tmp_path):
     for n in (0, 1, 4, 2, 6, 6, 0):
         assert np.abs(reader.rgb(n).astype(int) - (20 * n + 40)).max() <= 2
     reader.close()
-    with pytest.raises(InputError, match="frame 7 cannot be decoded"):
-        reader.rgb(COUNT)
+    refused(reader.rgb, COUNT, names=("walk.avi: ", "frame 7"))
 
 
 def test_what_is_no_video_is_one_line(tmp_path):
-    with pytest.raises(InputError, match="no such video"):
-        read_video(tmp_path / "walk.avi")
-    (tmp_path / "walk.avi").write_bytes(b"RIFF and nothing else" * 20)
-    with pytest.raises(InputError, match=r"walk\.avi: (is no video|holds no frame)"):
-        read_video(tmp_path / "walk.avi")
-    whole = film(tmp_path / "whole.avi").read_bytes()
-    (tmp_path / "short.avi").write_bytes(whole[: len(whole) // 3])
-    with pytest.raises(InputError, match=r"short\.avi: is no video that OpenCV can read"):
-        read_video(tmp_path / "short.avi")
+    path = tmp_path / "walk.avi"
+    whole = film(path).read_bytes()
+    path.unlink()
+    refused(read_video, path, names=("walk.avi: ", "no such video"))
+    for data in (b"RIFF and nothing else" * 20, whole[: len(whole) // 3]):
+        path.write_bytes(data)
+        refused(read_video, path, names="walk.avi: is no video that OpenCV can read")
 
 
 def test_what_ffmpeg_says_does_not_stand_beside_the_line(tmp_path):
@@ -119,16 +116,15 @@ def test_a_video_is_a_scene(tmp_path, capfd):
     assert (told["fx"], told["cx"], told["cy"]) == (pytest.approx(76.8), 31.5, 23.5)
     report = json.loads((tmp_path / "out/run.json").read_text())
     assert any("nothing says its camera" in note for note in report["notes"])
-    for change, words in (
-        ("output.modalities=[rgb, depth]", "walk has no depth, but output.modalities asks for it"),
-        ("settings=[{name: a, perturb: [{fog_depth: {severity: 1}}]}]", "a needs depth, and walk has none"),
-        ("settings=[{name: a, perturb: [{motion_deviation: {rotation_deg: 1}}]}]", "cannot be seen from elsewhere"),
-        ("camera={width: 8, height: 6, fx: 4, fy: 4, cx: 3, cy: 2}", "its frames are 64 x 48"),
-        ("scenes.0.poses=keep", "goes with sequence"),
-        ("scenes.0.video=other.avi", "other.avi"),
+    for change, named in (
+        ("output.modalities=[rgb, depth]", ("output.modalities", "walk has no depth")),
+        ("settings=[{name: a, perturb: [{fog_depth: {severity: 1}}]}]", ("a needs depth", "walk has none")),
+        ("settings=[{name: a, perturb: [{motion_deviation: {rotation_deg: 1}}]}]", ("scenes.0.video: ", "elsewhere")),
+        ("camera={width: 8, height: 6, fx: 4, fy: 4, cx: 3, cy: 2}", ("camera: ", "64 x 48")),
+        ("scenes.0.poses=keep", ("scenes.0.poses: ", "sequence")),
+        ("scenes.0.video=other.avi", ("scenes.0.video: ", "other.avi")),
     ):
-        with pytest.raises(InputError, match=words):
-            make_plan(read_preset(path, [change]))
+        refused(lambda change=change: make_plan(read_preset(path, [change])), names=("preset.json: ", *named))
     assert main(["generate", str(path), "--out", f"file://{tmp_path}/packed"]) != 0
     assert "frames without a pose cannot be at an address" in capfd.readouterr().err
     # The same as a video to look at, and the colour of any dataset.
@@ -190,37 +186,34 @@ def test_a_video_with_depth_beside_it(tmp_path):
     first, second = (make_plan(read_preset(path, more)).renders[0].scene.source.hashes() for more in ([], as_is))
     assert first["depth_sha256"] == second["depth_sha256"]
     assert (first["depth_scale_per_m"], second["depth_scale_per_m"]) == (1000, 200)
-    with pytest.raises(InputError, match=r"scenes\.0\.video: is a recording, which has no other poses for a rig"):
-        make_plan(read_preset(path, ["rig={rgb: {translation_m: [0, 0, 0]}}"]))
+    moved = read_preset(path, ["rig={rgb: {translation_m: [0, 0, 0]}}"])
+    refused(make_plan, moved, names=("preset.json: scenes.0.video: ", "rig"))
 
 
 @pytest.mark.parametrize(
-    ("change", "words"),
+    ("change", "named"),
     [
-        (lambda folder: (folder / "d14.png").unlink(), "holds 6 depth images, but walk.avi has 7 frames; a 16-bit PNG"),
-        (lambda folder: (folder / "e08.png").write_bytes(b""), "d8.png and e08.png have one number; keep one"),
-        (lambda folder: (folder / "d9.png").rename(folder / "d.png"), "d.png: has no number in its name; name depth"),
+        (lambda folder: (folder / "d14.png").unlink(), ("6 depth images", "7 frames", "a 16-bit PNG")),
+        (lambda folder: (folder / "e08.png").write_bytes(b""), ("d8.png and e08.png", "keep one")),
+        (lambda folder: (folder / "d9.png").rename(folder / "d.png"), ("d.png: ", "no number", "name depth")),
         (lambda folder: (folder / "d9.png").write_bytes(b"none"), "d9.png: is neither PNG nor JPEG"),
         (
             lambda folder: cv2.imwrite(str(folder / "d9.png"), np.zeros((48, 64), np.uint8)),
-            "d9.png: is a PNG of 8-bit grey, but depth has to be a PNG of 16-bit grey",
+            ("d9.png: ", "8-bit grey", "PNG of 16-bit grey"),
         ),
         (
             lambda folder: cv2.imwrite(str(folder / "d9.png"), np.zeros((24, 32), np.uint16)),
-            "d9.png: is 32 x 24 pixels, but the video's frames are 64 x 48; register depth to colour",
+            ("d9.png: ", "32 x 24", "64 x 48", "register"),
         ),
         (lambda folder: folder.rename(folder.with_name("other")), "scenes.0.depth: no such folder"),
     ],
 )
-def test_depth_that_is_not_the_videos_is_one_line(tmp_path, change, words):
+def test_depth_that_is_not_the_videos_is_one_line(tmp_path, change, named):
     film(tmp_path / "walk.avi")
     folder = depth_of(tmp_path / "depth", [np.zeros((48, 64), np.uint16)] * COUNT)
     path = preset_of(tmp_path, scenes=[{"video": "walk.avi", "depth": "depth"}])
     change(folder)
-    with pytest.raises(InputError) as error:
-        make_plan(read_preset(path))
-    assert words in str(error.value)
-    assert str(error.value).isprintable()
+    refused(lambda: make_plan(read_preset(path)), names=named)
 
 
 def test_depth_that_ends_early_is_refused_where_it_is_used(tmp_path):
@@ -230,22 +223,20 @@ def test_depth_that_ends_early_is_refused_where_it_is_used(tmp_path):
     cut.write_bytes(cut.read_bytes()[:-40])
     path = preset_of(tmp_path, scenes=[{"video": "walk.avi", "depth": "depth"}], output={"layout": "tum"})
     for scale in (5000, 1000):  # decoded, or used as it is
-        with pytest.raises(InputError, match=r"d9\.png: is damaged: it is cut short"):
-            run(path, tmp_path / f"{scale}", overrides=[f"output.depth_scale_per_m={scale}"])
+        overrides = [f"output.depth_scale_per_m={scale}"]
+        refused(run, path, tmp_path / f"{scale}", overrides=overrides, names=("d9.png: ", "cut short"))
 
 
 def test_keys_of_depth_go_with_a_video(tmp_path):
     path = preset_of(tmp_path)
-    for scene, words in (
-        ("{sequence: a, depth: b}", r"scenes\.0\.depth: goes with video; leave it out"),
-        ("{video: walk.avi, depth_scale_per_m: 1000}", r"depth_scale_per_m: goes with depth of a video"),
-        ("{video: walk.avi, depth: b, depth_scale_per_m: 0.001}", r"depth_scale_per_m: .*0\.001"),
+    for scene, named in (
+        ("{sequence: a, depth: b}", ("scenes.0.depth: ", "goes with video", "leave it out")),
+        ("{video: walk.avi, depth_scale_per_m: 1000}", ("depth_scale_per_m: ", "goes with depth")),
+        ("{video: walk.avi, depth: b, depth_scale_per_m: 0.001}", ("depth_scale_per_m: ", "0.001")),
     ):
-        with pytest.raises(InputError, match=words):
-            read_scenes(read_preset(path, [f"scenes=[{scene}]"]))
+        refused(lambda scene=scene: read_scenes(read_preset(path, [f"scenes=[{scene}]"])), names=named)
 
 
 def test_a_video_of_nothing_is_none(tmp_path):
     assert write_video(tmp_path / "a.avi", [], 25.0) == 0
-    with pytest.raises(InputError, match="is no sequence"):
-        find_sequence(tmp_path)
+    refused(find_sequence, tmp_path, names="is no sequence")

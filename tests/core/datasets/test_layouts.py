@@ -6,13 +6,13 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 import pytest
+from refusals import refused
 from stored_sequences import write_euroc, write_vslamlab
 
 from worlds import ROOT
 
 from noisy_world.core.datasets.layouts import LAYOUTS, SequenceFacts, find_sequence
 from noisy_world.core.datasets.layouts.asl import stamp_text
-from noisy_world.core.errors import InputError
 from noisy_world.core.geometry import Intrinsics
 from noisy_world.core.presets.output import OutputSpec
 from noisy_world.core.presets.preset import check_document
@@ -146,18 +146,20 @@ def document(**output):
 @pytest.mark.parametrize(
     ("output", "words"),
     [
-        ({"layout": "eurok"}, r"output\.layout: unknown value 'eurok'; did you mean 'euroc'\?"),
-        ({"layout": 3}, r"output\.layout: is the number 3, but has to be one of replica, tum, euroc, tum_vi, vslamlab"),
-        ({"layout": "euroc", "image": "jpg"}, r"output\.image: is jpg, but the EuRoC ASL layout's readers .* use png"),
-        ({"layout": "tum", "image": "jpg"}, r"output\.image: is jpg, but the TUM layout's readers expect png; use png"),
-        ({"colour": "gray"}, r"output\.colour: unknown value 'gray'; did you mean 'grey'"),
-        ({"depth_scale_per_m": 0}, r"output\.depth_scale_per_m: .* out of range"),
-        ({"depth_beyond": "far"}, r"output\.depth_beyond: unknown value 'far'; did you mean 'farthest'"),
+        ({"layout": "eurok"}, ("output.layout: ", "'eurok'", "'euroc'")),
+        ({"layout": 3}, ("output.layout: ", "the number 3", "replica, tum, euroc, tum_vi, vslamlab")),
+        (
+            {"layout": "euroc", "image": "jpg"},
+            ("output.image: ", "EuRoC", "use png"),
+        ),
+        ({"layout": "tum", "image": "jpg"}, ("output.image: ", "TUM", "use png")),
+        ({"colour": "gray"}, ("output.colour: ", "'gray'", "'grey'")),
+        ({"depth_scale_per_m": 0}, ("output.depth_scale_per_m: ", " out of range")),
+        ({"depth_beyond": "far"}, ("output.depth_beyond: ", "'far'", "'farthest'")),
     ],
 )
 def test_wrong_keys_name_what_is_right(tmp_path, output, words):
-    with pytest.raises(InputError, match=words):
-        check_document(document(**output), tmp_path / "p.yaml")
+    refused(check_document, document(**output), tmp_path / "p.yaml", names=words)
 
 
 def test_what_is_not_given_is_as_the_layout_has_it():
@@ -179,10 +181,8 @@ class Chosen:
 
 def test_choices_of_a_key():
     assert parse(Chosen, {"fruit": "pear", "many": ["apple"]}, ConfigPath("p")) == Chosen("pear", ("apple",))
-    with pytest.raises(InputError, match=r"fruit: unknown value 'peer'; did you mean 'pear'"):
-        parse(Chosen, {"fruit": "peer"}, ConfigPath("p"))
-    with pytest.raises(InputError, match=r"many\.0: unknown value 'pear'"):
-        parse(Chosen, {"fruit": "pear", "many": ["pear"]}, ConfigPath("p"))
+    refused(parse, Chosen, {"fruit": "peer"}, ConfigPath("p"), names=("fruit: ", "'peer'", "'pear'"))
+    refused(parse, Chosen, {"fruit": "pear", "many": ["pear"]}, ConfigPath("p"), names="many.0: unknown value 'pear'")
     assert dict(list_keys(Chosen))["fruit"] == "a fruit; one of apple, pear; required"
 
 
@@ -205,15 +205,18 @@ def test_layouts_are_told_apart(tmp_path):
 
 
 def test_none_or_several_layouts_are_one_line(tmp_path):
-    with pytest.raises(
-        InputError,
-        match=r"is no sequence; .* Replica or TUM or EuRoC ASL or TUM-VI or VSLAM-LAB or 7-Scenes or .* or nerfstudio$",
-    ):
-        find_sequence(tmp_path)
+    refused(
+        find_sequence,
+        tmp_path,
+        names=(
+            "is no sequence; ",
+            "Replica or TUM or EuRoC ASL or TUM-VI or VSLAM-LAB or 7-Scenes or ",
+            " or nerfstudio",
+        ),
+    )
     write_replica(tmp_path)
     write_tum(tmp_path)
-    with pytest.raises(InputError, match=r"has the files of Replica and of TUM; leave those of one layout in it$"):
-        find_sequence(tmp_path)
+    refused(find_sequence, tmp_path, names=("Replica and of TUM", "leave those of one"))
 
 
 # --- EuRoC, as its own files are ---
@@ -261,8 +264,7 @@ def test_euroc_pairs_by_stamp_within_the_tolerance(tmp_path):
     write_euroc(tmp_path, depth_late_ns=15_000_000)
     assert len(find_sequence(tmp_path).trajectory) == 2
     write_euroc(tmp_path / "late", depth_late_ns=21_000_000)
-    with pytest.raises(InputError, match=r"no colour, depth and pose lie within 0\.02 s"):
-        find_sequence(tmp_path / "late")
+    refused(find_sequence, tmp_path / "late", names="within 0.02 s")
 
 
 def edit(name, old, new):
@@ -316,10 +318,7 @@ CAM, DEPTH, STATE = "mav0/cam0", "mav0/depth0", "mav0/state_groundtruth_estimate
 def test_a_broken_euroc_sequence_is_one_line(tmp_path, change, words):
     write_euroc(tmp_path)
     change(tmp_path)
-    with pytest.raises(InputError) as error:
-        find_sequence(tmp_path)
-    assert words in str(error.value)
-    assert "\n" not in str(error.value)
+    refused(find_sequence, tmp_path, names=words)
 
 
 def test_opencvs_first_line_of_yaml_is_skipped(tmp_path):

@@ -7,10 +7,10 @@ import re
 
 import numpy as np
 import pytest
+from refusals import refused
 from recorded_layouts import FRAMES, HALF_M, WRITERS, WRITTEN, image, poses, scannet, text_of
 
 from noisy_world.core.datasets.layouts import LAYOUTS, RECORDED, find_sequence
-from noisy_world.core.errors import InputError
 from noisy_world.core.optics import Distortion
 
 
@@ -110,8 +110,12 @@ def test_each_layout_comes_back_as_it_was_written(name, tmp_path):
     bare = find_sequence(folder, poses="none")
     assert (len(bare.trajectory), bare.trajectory.known.any()) == (FRAMES, False)
     if written.lost:
-        with pytest.raises(InputError, match=f"1 of 4 frames have no valid pose, the first is frame {written.lost[0]}"):
-            find_sequence(folder, poses="require")
+        refused(
+            find_sequence,
+            folder,
+            poses="require",
+            names=("1 of 4 frames", f"frame {written.lost[0]}"),
+        )
 
 
 @pytest.mark.parametrize("name", sorted(WRITERS.keys() - {"icl_nuim", "nerfstudio"}))  # told by their poses
@@ -125,8 +129,7 @@ def test_frames_are_kept_where_no_file_has_poses(name, tmp_path):
             path.rename(path.with_stem(f"{path.stem}-{path.stem}"))
     elif name == "scannet":
         (tmp_path / "pose").rmdir()
-    with pytest.raises(InputError, match="pose"):
-        find_sequence(tmp_path)
+    refused(find_sequence, tmp_path, names="pose")
     kept = find_sequence(tmp_path, poses="keep")
     assert (len(kept.trajectory), kept.trajectory.known.any(), kept.trajectory_path) == (FRAMES, False, None)
     assert "4 of 4 frames have no valid pose; they are kept, and no pose is written for them" in kept.notes
@@ -142,8 +145,7 @@ def test_redwood_images_named_by_time(tmp_path):
     for n, (rgb_us, depth_us) in enumerate([(0, 28), (33369, 33400), (66741, 66750)]):
         image(tmp_path / f"rgb/{n + 1:07d}-{rgb_us:012d}.jpg", np.zeros((4, 4, 3), np.uint8))
         image(tmp_path / f"depth/{n + 1:07d}-{depth_us:012d}.png", np.full((4, 4), 1500, np.uint16))
-    with pytest.raises(InputError, match=r"holds no file of poses; put a \.log of them there; poses: none"):
-        find_sequence(tmp_path)
+    refused(find_sequence, tmp_path, names=("put a .log", "poses: none"))
     bare = find_sequence(tmp_path, poses="none")
     assert bare.stamps.rgb.ns == (0, 33_369_000, 66_741_000)
     assert bare.stamps.depth.ns == (28_000, 33_400_000, 66_750_000)
@@ -156,20 +158,19 @@ def test_redwood_images_named_by_time(tmp_path):
 @pytest.mark.parametrize(
     ("file", "text", "told"),
     [
-        ("intrinsic/intrinsic_color.txt", "1 2 3\n", "is no matrix of four lines of four numbers"),
+        ("intrinsic/intrinsic_color.txt", "1 2 3\n", "lines of four numbers"),
         ("intrinsic/intrinsic_color.txt", text_of(np.diag([0.0, 5, 1, 1])), "fx: is 0, but has to be above 0"),
         ("intrinsic/intrinsic_depth.txt", text_of(np.diag([5.0, 5, 1, 2])), "is no matrix of intrinsics"),
         ("intrinsic/extrinsic_depth.txt", text_of(np.diag([-1.0, -1, 1, 1])), "does not say where it leads"),
         ("pose/3.txt", "1 0 0 0\n0 1 0 0\n", "2 lines"),
         ("color/03.jpg", "", "3.jpg have one number"),
-        ("color/99999999999999999999999.jpg", "", "its number is too large to count frames"),
+        ("color/99999999999999999999999.jpg", "", "large to count frames"),
     ],
 )
 def test_what_is_wrong_is_one_line(file, text, told, tmp_path):
     scannet(tmp_path)
     (tmp_path / file).write_text(text)
-    with pytest.raises(InputError, match=told):
-        find_sequence(tmp_path)
+    refused(find_sequence, tmp_path, names=told)
 
 
 def test_an_intrinsic_json_that_is_none(tmp_path):
@@ -178,13 +179,12 @@ def test_an_intrinsic_json_that_is_none(tmp_path):
     good = json.loads(path.read_text())
     for change, told in (
         ({"intrinsic_matrix": [1, 2]}, "nine numbers"),
-        ({"depth_scale": 0}, "depth_scale: has to be a number above 0"),
+        ({"depth_scale": 0}, ("depth_scale: ", "above 0")),
         ({"width": 64.5}, "width: has to be whole pixels"),
         ({"intrinsic_matrix": [5, 1, 0, 0, 5, 0, 2, 2, 1]}, "without skew"),
     ):
         path.write_text(json.dumps({**good, **change}))
-        with pytest.raises(InputError, match=told):
-            find_sequence(tmp_path)
+        refused(find_sequence, tmp_path, names=told)
 
 
 @pytest.mark.parametrize(("name", "file"), [("redwood", "intrinsic.txt"), ("seven_scenes", "camera-intrinsics.txt")])
@@ -200,11 +200,9 @@ def test_a_matrix_beside_the_frames_is_their_camera(name, file, tmp_path):
         assert intrinsics(found.known_camera) == (640, 480, 544.5, 543.5, 320.25, 240.75)
         assert (found.camera_path, found.assumed) == (path, "")
     path.write_text("544.5 0 320.25\n0 543.5 240.75\n")
-    with pytest.raises(InputError, match=f"{file}: is no matrix of three lines of three numbers; mend it"):
-        find_sequence(folder)
+    refused(find_sequence, folder, names=(f"{file}: ", "three lines of three"))
     path.write_text("544.5 1 320.25\n0 543.5 240.75\n0 0 1\n")
-    with pytest.raises(InputError, match=f"{file}: is no matrix of intrinsics; a pinhole's matrix is"):
-        find_sequence(folder)
+    refused(find_sequence, folder, names=(f"{file}: ", "a pinhole's matrix"))
 
 
 def test_tum_as_the_benchmark_gives_it(tmp_path):
@@ -308,8 +306,7 @@ def test_numbers_and_counts_tell_whose_a_pose_is(name, numbers, of_poses, first,
 )
 def test_poses_that_may_be_of_several_images_are_refused(name, numbers, of_poses, tmp_path):
     a_recording(tmp_path, name, numbers, of_poses)
-    with pytest.raises(InputError, match="which pose is whose cannot be told; put the images back that are missing"):
-        find_sequence(tmp_path)
+    refused(find_sequence, tmp_path, names=("which pose is whose", "put the images back"))
     assert len(find_sequence(tmp_path, poses="none").rgb_files) == len(numbers)
 
 
@@ -339,5 +336,4 @@ def test_files_that_are_numbered_from_another_number_on_are_refused(name, shifte
     for path in sorted(files, reverse=True):
         digits = re.search("[0-9]+", path.name)[0]
         path.rename(path.with_name(path.name.replace(digits, f"{int(digits) + 1:0{len(digits)}d}")))
-    with pytest.raises(InputError, match=r"colour images 0 to 3 and .* 1 to 4: which belong together cannot be told"):
-        find_sequence(tmp_path)
+    refused(find_sequence, tmp_path, names=("colour images 0 to 3 ", " 1 to 4"))

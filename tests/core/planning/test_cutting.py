@@ -4,11 +4,11 @@
 import random
 
 import pytest
+from refusals import refused
 from cases import cases
 from many_settings import SETTINGS
 from worlds import write_world
 
-from noisy_world.core.errors import InputError
 from noisy_world.core.planning.shards import Shard, render_of, seconds_of, shards_of
 from noisy_world.core.presets.preset import read_preset
 from noisy_world.planning import make_plan
@@ -67,8 +67,7 @@ def test_any_costs_are_cut_into_pieces_that_are_not_empty(plan, monkeypatch):
     "name", ["", "box", "box.0-1", "box.000001-000001", "box.000002-000001", "box.0000001-000002", "box.00000a-000001"]
 )
 def test_what_is_no_name_of_a_shard(name):
-    with pytest.raises(ValueError, match="is no shard"):
-        Shard.parse(name)
+    refused(Shard.parse, name, names="is no shard", error=ValueError)
 
 
 @cases("shard", [Shard("a.b", 0, 1), Shard("room0@fast.2", 999_999, 1_000_000), Shard("box", 0, 12_345_678)])
@@ -83,7 +82,15 @@ def test_long_names_of_scenes_and_settings_make_folders_that_disks_hold():
 
 
 def test_a_shard_of_another_plan_is_one_line(plan):
-    with pytest.raises(InputError, match=r"has no render bix for the shard bix\.000000-000001; did you mean 'box'\?"):
-        render_of(plan, Shard("bix", 0, 1))
-    with pytest.raises(InputError, match=r"has the source frames 0 to 22, and none of the shard box\.000023-000030"):
-        render_of(plan, Shard("box", 23, 30))
+    refused(
+        render_of,
+        plan,
+        Shard("bix", 0, 1),
+        names=("bix.000000-000001", "'box'"),
+    )
+    refused(
+        render_of,
+        plan,
+        Shard("box", 23, 30),
+        names=("0 to 22", "box.000023-000030"),
+    )

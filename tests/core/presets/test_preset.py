@@ -2,6 +2,7 @@
 """Presets: what they may say, and what is said of those that are wrong."""
 
 import pytest
+from refusals import refused
 import yaml
 from cases import cases
 from worlds import write_box_ply, write_world
@@ -129,20 +130,14 @@ def test_defaults(write):
 )
 def test_mistakes_name_file_and_key(write, text, words):
     path = write(text)
-    with pytest.raises(InputError) as error:
-        make_plan(read_preset(path))
-    message = str(error.value)
+    message = refused(lambda: make_plan(read_preset(path)), names=words)
     assert message.startswith(str(path))
-    assert message.isprintable()
     assert len(message) < 600
-    for word in words:
-        assert word in message
 
 
 def test_missing_preset_lists_those_there(write):
     path = write(MINIMAL)
-    with pytest.raises(InputError, match=r"no such preset; presets there: preset\.yaml"):
-        read_preset(path.with_name("presett.yaml"))
+    refused(read_preset, path.with_name("presett.yaml"), names=("presett.yaml: ", "presets there: preset.yaml"))
 
 
 def test_overrides(write):
@@ -205,19 +200,22 @@ def test_globs_make_scenes(tmp_path):
     assert [render.scene.name for render in plan.renders] == ["office0", "office1"]
     paths = [str(render.scene.source.path_file.relative_to(tmp_path)) for render in plan.renders]
     assert paths == ["office0/traj.txt", "office1/traj.txt"]
-    with pytest.raises(InputError, match=r"scenes\.0\.mesh: no file matches"):
-        make_plan(read_preset(preset, ["scenes.0.mesh=nothing/*.ply"]))
-    with pytest.raises(InputError, match=r"scenes\.0\.name: is 'one', but 2 meshes match"):
-        make_plan(read_preset(preset, ["scenes.0.name=one"]))
+    refused(
+        lambda: make_plan(read_preset(preset, ["scenes.0.mesh=nothing/*.ply"])), names="scenes.0.mesh: no file matches"
+    )
+    refused(
+        lambda: make_plan(read_preset(preset, ["scenes.0.name=one"])),
+        names=("scenes.0.name: ", "'one'", "2 meshes"),
+    )
 
 
 @cases(
     ("override", "words"),
     [
-        ("scenes.0.trajectory=none.txt", r"scenes\.0\.trajectory: no such file"),
-        ("scenes.0.mesh=embedded:roon", r"scenes\.0\.mesh: there is no 'embedded:roon'; did you mean"),
-        ("scenes.0.trajectory.start=99", r"scenes\.0\.trajectory: no frame is left of 6"),
-        ("rig={rgb: {matrix: [[2,0,0,0],[0,1,0,0],[0,0,1,0],[0,0,0,1]]}}", r"rig\.rgb: .*"),
+        ("scenes.0.trajectory=none.txt", "scenes.0.trajectory: no such file"),
+        ("scenes.0.mesh=embedded:roon", ("scenes.0.mesh: ", "'embedded:roon'", "did you mean")),
+        ("scenes.0.trajectory.start=99", ("scenes.0.trajectory: ", "of 6")),
+        ("rig={rgb: {matrix: [[2,0,0,0],[0,1,0,0],[0,0,1,0],[0,0,0,1]]}}", "rig.rgb: "),
         (
             "scenes=[{mesh: mesh.ply, trajectory: traj.txt}, {mesh: mesh.ply, trajectory: traj.txt}]",
             r"names two scenes",
@@ -226,8 +224,7 @@ def test_globs_make_scenes(tmp_path):
 )
 def test_what_a_plan_refuses(tmp_path, override, words):
     preset = write_world(tmp_path)
-    with pytest.raises(InputError, match=words):
-        make_plan(read_preset(preset, [override]))
+    refused(lambda: make_plan(read_preset(preset, [override])), names=words)
 
 
 def test_resampling_and_subsampling_count_frames(tmp_path):

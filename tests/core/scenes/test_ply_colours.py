@@ -2,11 +2,9 @@
 """Vertex colours: their names, types, orders and ranges."""
 
 import numpy as np
-import pytest
+from refusals import refused
 from cases import cases
 from ply_files import BYTES, ENCODINGS, POINTS, QUADS, RGB, XYZ, as_bytes, assert_is, face, ply, vertex
-
-from noisy_world.core.errors import InputError
 
 
 class TestColours:
@@ -74,14 +72,14 @@ class TestColours:
     @cases(("kind", "value"), [("float", 300.0), ("float", -0.5), ("int", 256), ("short", -1), ("char", -3)])
     def test_out_of_range(self, read, kind, value):
         rows = [(0, 0, 0), (0, value, 0), (0, 0, 0)]
-        with pytest.raises(InputError, match="colours lie between"):
-            self.colours(read, tuple(f"{kind} {name}" for name in ("red", "green", "blue")), rows * 2)
+        rgb = tuple(f"{kind} {name}" for name in ("red", "green", "blue"))
+        refused(self.colours, read, rgb, rows * 2, names="colours lie between")
 
     @cases(("kind", "most"), [("float", 1.01), ("float", 1.5), ("double", 2.0), ("float", 15.9)])
     def test_floats_of_no_known_range(self, read, kind, most):
         rows = [(0, 0.25, 1.0), (0.5, most, 0), (0, 0, 0)] * 2
-        with pytest.raises(InputError, match=f"floats up to {most:g}.*store them as uchar, 0 to 255"):
-            self.colours(read, tuple(f"{kind} {name}" for name in ("red", "green", "blue")), rows)
+        rgb = tuple(f"{kind} {name}" for name in ("red", "green", "blue"))
+        refused(self.colours, read, rgb, rows, names=(f"up to {most:g}", "store them as uchar"))
 
     def test_whole_numbers_are_bytes_however_dark(self, read):
         rows = [(0, 1, 2), (3, 0, 1), (0, 0, 0)] * 2
@@ -96,5 +94,5 @@ class TestColours:
     @cases("value", [float("nan"), float("inf"), float("-inf")])
     def test_not_finite(self, read, encoding, value):
         rows = [(0.5, 0.5, 0.5), (0.5, 0.5, value), (value, 0.5, 0.5)] * 2
-        with pytest.raises(InputError, match="vertex 1: a colour is NaN or infinite, at 4 of 6 vertices"):
-            self.colours(read, ("float red", "float green", "float blue"), rows, encoding)
+        rgb = ("float red", "float green", "float blue")
+        refused(self.colours, read, rgb, rows, encoding, names=("vertex 1: ", "4 of 6 vertices"))

@@ -7,10 +7,10 @@ import zlib
 import cv2
 import numpy as np
 import pytest
+from refusals import refused
 from cases import cases
 from ply_files import BYTES, ENCODINGS, INDICES, MIXED, POINTS, QUADS, RGB, XYZ, as_bytes, face, ply, polygons, vertex
 
-from noisy_world.core.errors import InputError
 from noisy_world.core.scenes.ply import check_ply, read_ply, texture_files
 
 TEXCOORD = "list uchar float texcoord"
@@ -147,8 +147,7 @@ def test_a_number_of_no_texture(folder, number):
     rows = [((0, 1, 2), (0.0,) * 6, number)]
     comments = ("comment TextureFile a.png", "comment TextureFile a.png")
     data = ply("binary_big_endian", bare(), ("face", (*INDICES, TEXCOORD, f"{kind} texnumber"), rows), extra=comments)
-    with pytest.raises(InputError, match=r"face 0: texnumber .* is none of its 2 textures"):
-        read_ply(write(folder, data))
+    refused(read_ply, write(folder, data), names=("face 0: texnumber ", " is none of its 2 textures"))
 
 
 def test_a_texture_comes_before_other_colours(folder):
@@ -206,8 +205,11 @@ class TestWhereItLies:
         inner.mkdir()
         (tmp_path / "secret.png").write_bytes(png())
         for name in ("../secret.png", str(tmp_path / "secret.png")):
-            with pytest.raises(InputError, match=r"mesh\.ply: its texture .* is missing: there is no 'secret\.png'"):
-                read_ply(self.mesh(inner, name))
+            refused(
+                read_ply,
+                self.mesh(inner, name),
+                names=("mesh.ply: its texture ", "is missing", "'secret.png'"),
+            )
 
     @cases(
         "name",
@@ -216,10 +218,8 @@ class TestWhereItLies:
     def test_missing_is_an_error_that_names_both_files(self, folder, name):
         path = self.mesh(folder, name)
         for function in (check_ply, read_ply):
-            with pytest.raises(InputError, match=r"mesh\.ply: its texture .* is missing: .*; put it there") as caught:
-                function(path)
-            assert "\n" not in str(caught.value)
-            assert len(str(caught.value)) < 1500
+            said = refused(function, path, names=("mesh.ply: its texture ", "is missing", "put it there"))
+            assert len(said) < 1500
 
     @cases("elements", [vertex(), None])
     def test_missing_beside_other_colours_is_a_note(self, folder, elements):
@@ -247,12 +247,10 @@ def test_damaged_coordinates(folder, encoding):
     ]
     for uv, problem in cases_:
         data = ply(encoding, bare(), textured(QUADS, uv), extra=("comment TextureFile a.png",))
-        with pytest.raises(InputError, match=problem):
-            read_ply(write(folder, data))
+        refused(read_ply, write(folder, data), names=problem)
     rows = [(*p, 0.0, float("nan")) for p in POINTS]
     data = ply(encoding, vertex((*XYZ, "float s", "float t"), rows), face(QUADS), extra=("comment TextureFile a.png",))
-    with pytest.raises(InputError, match="vertex 0: a texture coordinate is NaN or infinite"):
-        read_ply(write(folder, data))
+    refused(read_ply, write(folder, data), names="vertex 0: a texture")
 
 
 class TestPictures:
@@ -294,22 +292,18 @@ class TestPictures:
         [b"", b"no image", b"\x89PNG\r\n\x1a\n", png()[:60], png()[:-30], b"\xff\xd8\xff\xd9", png()[:30] + b"x" * 99],
     )
     def test_no_image(self, folder, data):
-        with pytest.raises(InputError, match=r"a\.png: ") as caught:
-            self.picture(folder, data)
-        assert "\n" not in str(caught.value)
+        refused(self.picture, folder, data, names="a.png: ")
 
     def test_a_jpeg_that_was_cut(self, folder):
         noise = np.random.default_rng(0).integers(0, 256, (64, 64, 3), np.uint8)
         data = cv2.imencode(".jpg", noise)[1].tobytes()
         for size in (len(data) - 2, len(data) // 2, len(data) // 4):
-            with pytest.raises(InputError, match="cut short"):
-                self.picture(folder, data[:size])
+            refused(self.picture, folder, data[:size], names="cut short")
         self.picture(folder, data)
 
     def test_a_folder_in_its_place(self, folder):
         (folder / "a.png").unlink()
         (folder / "a.png").mkdir()
         path = write(folder, ply("ascii", bare(), textured(QUADS, uv_of(QUADS)), extra=("comment TextureFile a.png",)))
-        with pytest.raises(InputError, match="is missing"):
-            read_ply(path)
+        refused(read_ply, path, names="is missing")
         shutil.rmtree(folder / "a.png")
