@@ -7,6 +7,7 @@ import time
 
 from cases import cases
 import pytest
+from refusals import refused
 import yaml
 
 from noisy_world.core.errors import InputError
@@ -155,13 +156,8 @@ def test_aliases_are_values_of_their_own():
 )
 def test_what_is_refused(text, words):
     began = time.process_time()
-    with pytest.raises(InputError) as error:
-        read_yaml(text, "a.yaml")
+    message = refused(read_yaml, text, "a.yaml", names=("a.yaml: ", words))
     assert time.process_time() - began < 5  # a second, of this process alone
-    message = str(error.value)
-    assert message.startswith("a.yaml: ")
-    assert words in message
-    assert "\n" not in message
     assert len(message) < 400
 
 
@@ -174,5 +170,4 @@ def test_little_memory_is_taken():
 
 
 def test_where_the_text_stands():
-    with pytest.raises(InputError, match=r"^a\.yaml: --set b=\[: line 1, column 2: is not valid YAML"):
-        read_yaml("[", "a.yaml", "--set b=[")
+    refused(read_yaml, "[", "a.yaml", "--set b=[", names=("a.yaml: --set b=[: line 1, column 2: ", "YAML"))

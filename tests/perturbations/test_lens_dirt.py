@@ -3,6 +3,7 @@
 
 import numpy as np
 import pytest
+from refusals import refused
 from cases import cases
 
 from srgb import linear
@@ -98,8 +99,14 @@ def test_dirt_stays_where_it_is():
     assert not np.array_equal(seen(rgb, where(0, "fresh")), seen(rgb, where(1, "fresh")))
     (step,) = parse_steps([{"lens_dirt": {"severity": 2}}], ConfigPath("test"), registry())
     assert step.temporal == "fixed"
-    with pytest.raises(NoisyWorldError, match="drift"):
-        parse_steps([{"lens_dirt": {"temporal": "drift"}}], ConfigPath("test"), registry())
+    refused(
+        parse_steps,
+        [{"lens_dirt": {"temporal": "drift"}}],
+        ConfigPath("test"),
+        registry(),
+        names="drift",
+        error=NoisyWorldError,
+    )
 
 
 @cases("shape", [(1, 1), (1, 9), (9, 1), (2, 3), (31, 47)])

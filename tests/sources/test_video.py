@@ -120,7 +120,10 @@ def test_a_video_is_a_scene(tmp_path, capfd):
         ("output.modalities=[rgb, depth]", ("output.modalities", "walk has no depth")),
         ("settings=[{name: a, perturb: [{fog_depth: {severity: 1}}]}]", ("a needs depth", "walk has none")),
         ("settings=[{name: a, perturb: [{motion_deviation: {rotation_deg: 1}}]}]", ("scenes.0.video: ", "elsewhere")),
-        ("camera={width: 8, height: 6, fx: 4, fy: 4, cx: 3, cy: 2}", ("scenes.0.video: ", "64 x 48", "8 x 6", "set camera")),
+        (
+            "camera={width: 8, height: 6, fx: 4, fy: 4, cx: 3, cy: 2}",
+            ("scenes.0.video: ", "64 x 48", "set camera"),
+        ),
         ("scenes.0.poses=keep", ("scenes.0.poses: ", "sequence")),
         ("scenes.0.video=other.avi", ("scenes.0.video: ", "other.avi")),
     ):

@@ -4,9 +4,9 @@
 import json
 
 import pytest
+from refusals import refused
 
 from noisy_world.core.datasets.camera_file import read_camera_file
-from noisy_world.core.errors import InputError
 from noisy_world.core.geometry import Intrinsics
 
 CAMERA = Intrinsics(640, 480, 525.0, 524.0, 319.5, 239.5)
@@ -37,5 +37,4 @@ def test_forms_of_a_camera(tmp_path, document):
 def test_what_is_no_camera_is_one_line(tmp_path, text, said):
     path = tmp_path / "camera.json"
     path.write_text(text)
-    with pytest.raises(InputError, match=said):
-        read_camera_file(path)
+    refused(read_camera_file, path, names=said)

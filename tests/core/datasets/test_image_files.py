@@ -7,10 +7,10 @@ import zlib
 import cv2
 import numpy as np
 import pytest
+from refusals import refused
 
 from noisy_world.core.datasets.image_files import damage
 from noisy_world.core.datasets.stored import StoredFrame
-from noisy_world.core.errors import InputError
 
 RNG = np.random.default_rng(3)
 COLOUR = cv2.GaussianBlur(RNG.integers(0, 256, (12, 17, 3), dtype=np.uint8), (0, 0), 3)
@@ -77,13 +77,12 @@ def test_a_frame_that_is_damaged_is_refused_at_once(tmp_path):
     long[33:37] = b"\xe6\x98\x00\xa1"
     for name, data, words in (
         ("rgb.png", bytes(long), "is damaged: it is cut short"),
-        ("rgb.png", WHOLE["colour.png"].replace(b"IDAT", b"IDAX"), r"is damaged: the checksum of its part 'IDAX'"),
+        ("rgb.png", WHOLE["colour.png"].replace(b"IDAT", b"IDAX"), ("is damaged: the checksum", "'IDAX'")),
         ("rgb.jpg", WHOLE["large.jpg"][:-200], "is damaged: it is cut short"),
-        ("rgb.jpg", WHOLE["large.jpg"].replace(b"\xff\xc4", b"ab\xff\xc4", 1), "is damaged: its parts do not follow"),
+        ("rgb.jpg", WHOLE["large.jpg"].replace(b"\xff\xc4", b"ab\xff\xc4", 1), "its parts"),
         ("r" * 300, b"", "is not there or no image"),
     ):
         path = tmp_path / name
         if data:
             path.write_bytes(data)
-        with pytest.raises(InputError, match=words):
-            _ = StoredFrame(path, path, 5000.0, (17, 12)).rgb
+        refused(lambda path=path: StoredFrame(path, path, 5000.0, (17, 12)).rgb, names=words)

@@ -3,10 +3,10 @@
 
 import numpy as np
 import pytest
+from refusals import refused
 from stored_sequences import STAMPS_NS, write_vslamlab
 
 from noisy_world.core.datasets.layouts import LAYOUTS, find_sequence
-from noisy_world.core.errors import InputError
 from noisy_world.core.trajectories.stamps import FrameStamps, Stamps
 
 
@@ -76,9 +76,7 @@ def test_what_is_wrong_is_named(tmp_path, name, old, new, words):
     text = (tmp_path / name).read_text()
     assert old in text
     (tmp_path / name).write_text(text.replace(old, new, 1))
-    with pytest.raises(InputError) as error:
-        find_sequence(tmp_path)
-    assert words in str(error.value)
+    refused(find_sequence, tmp_path, names=(name, words))
 
 
 def test_stamps_that_rows_cannot_have():

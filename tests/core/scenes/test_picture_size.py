@@ -7,6 +7,7 @@ import tracemalloc
 import cv2
 import numpy as np
 import pytest
+from refusals import refused
 from cases import cases
 from rooms_in_formats import black_png
 
@@ -52,15 +53,12 @@ def test_sizes_of_every_kind(tmp_path, data):
 def test_a_small_file_of_a_large_picture_is_not_decoded(tmp_path, data):
     (tmp_path / "a.png").write_bytes(data)
     tracemalloc.start()
-    with pytest.raises(InputError, match=r"at most 268435456 pixels \(16384 x 16384\) are read") as caught:
-        read_picture(tmp_path / "a.png")
+    refused(read_picture, tmp_path / "a.png", names=("a.png: ", "at most 268435456 pixels", "scale it down"))
     assert tracemalloc.get_traced_memory()[1] < 5e6
     tracemalloc.stop()
-    assert str(caught.value).endswith("scale it down, or split the mesh and its texture")
 
 
 def test_other_kinds_are_refused(tmp_path):
     for suffix in (".ppm", ".jp2", ".hdr"):
         (tmp_path / "a.png").write_bytes(encoded(suffix))
-        with pytest.raises(InputError, match="is no image of a kind that is read: PNG, JPEG, BMP, TIFF and WebP"):
-            read_picture(tmp_path / "a.png")
+        refused(read_picture, tmp_path / "a.png", names=("a.png: ", "PNG, JPEG, BMP, TIFF and WebP"))

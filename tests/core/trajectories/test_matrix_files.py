@@ -5,11 +5,10 @@ import json
 import math
 
 import numpy as np
-import pytest
+from refusals import refused
 from cases import cases
 from pose_texts import NS, blocks, expected, is_expected
 
-from noisy_world.core.errors import InputError
 from noisy_world.core.geometry import Intrinsics
 from noisy_world.core.trajectories.files import detect_format, read_trajectory, read_trajectory_file
 
@@ -55,35 +54,31 @@ def test_lost_poses_are_left_out_and_said(write, tmp_path):
     assert "line 5" in one_file.notes[0]
     for number in range(7):
         write(lost, f"pose/{number}.txt")
-    with pytest.raises(InputError, match=r"0\.txt: line 1: 7 of 7 poses are not finite .*: no pose is left"):
-        read_trajectory(tmp_path / "pose")
+    refused(read_trajectory, tmp_path / "pose", names=("0.txt: line 1: 7 of 7 ", "no pose is left"))
 
 
 def test_folders_that_are_no_path(write, tmp_path):
-    def says(folder, words, **how):
-        with pytest.raises(InputError) as error:
-            read_trajectory(tmp_path / folder, **how)
-        assert words in str(error.value)
-        assert "\n" not in str(error.value)
+    def says(folder, *names, **how):
+        refused(read_trajectory, tmp_path / folder, **how, names=(folder, *names))
 
     write(blocks()[0], "two/0.txt")
     write(blocks()[0], "two/frame1.txt")
-    says("two", "two kinds of numbered files, 0.txt and frame1.txt")
+    says("two", "0.txt and frame1.txt")
     write(blocks()[0], "same/1.txt")
     write(blocks()[0], "same/01.txt")
-    says("same", "01.txt and 1.txt have one number")
+    says("same", "01.txt and 1.txt")
     write("readme", "none/readme.txt")
     says("none", "without numbered .txt files")
     write(blocks()[0], "short/0.txt")
     write("1 0 0 0\n0 1 0 0\n", "short/1.txt")
-    says("short", "1.txt: line 2: 2 lines; a pose is four lines of four numbers")
+    says("short", "1.txt: line 2: 2 lines", "four lines of four")
     write(blocks()[0], "wide/0.txt")
     write("1 0 0 0\n0 1 0\n0 0 1 0\n0 0 0 1\n", "wide/1.txt")
-    says("wide", "1.txt: line 2: 3 numbers; a pose")
-    says("wide", "is a folder, which is not tum", format="tum")
+    says("wide", "1.txt: line 2: 3 numbers")
+    says("wide", "a folder", "tum", format="tum")
     for ns in NS:
         write(blocks()[0], f"stamps/{ns}.txt")
-    says("stamps", "over 3,000 years, at 20 Hz; raise rate_hz, or number the files from 0; numbers that are time")
+    says("stamps", "at 20 Hz", "raise rate_hz", "number the files from 0")
     stamped = read_trajectory(tmp_path / "stamps", stamp_unit="ns")
     np.testing.assert_allclose(stamped.stamps_s, np.array(NS) / 1e9, rtol=0, atol=1e-6)
     write(blocks()[0], "noted/0.txt")

@@ -2,7 +2,7 @@
 """Formats told apart by content, against files written by hand and a quaternion's matrix worked out here."""
 
 import numpy as np
-import pytest
+from refusals import refused
 from cases import cases
 from pose_texts import EUROC_HEADER, NS, QUATS, blocks, expected, is_expected, rows
 
@@ -176,8 +176,7 @@ def test_a_declared_format_that_content_cannot_tell(write):
 
 @cases("wrong", [{"format": "csv"}, {"stamp_unit": "h"}, {"direction": "up"}, {"axes": "blender"}])
 def test_arguments_that_do_not_exist(write, wrong):
-    with pytest.raises(ValueError, match="is auto or one of"):
-        read_trajectory(write(rows(NS)), **wrong)
+    refused(read_trajectory, write(rows(NS)), **wrong, names="is auto or one of", error=ValueError)
 
 
 # --- what is kept ---
