@@ -8,13 +8,14 @@ import re
 import cv2
 import numpy as np
 import pytest
+from refusals import refused
 import yaml
 from made_recordings import write_tum
 from worlds import generate_here
 from written import names_in, run
 
 from noisy_world.core.datasets.layouts import LAYOUTS, find_sequence
-from noisy_world.core.errors import InputError, StorageError
+from noisy_world.core.errors import StorageError
 from noisy_world.core.planning.estimate import estimate
 from noisy_world.core.presets.preset import read_preset
 from noisy_world.planning import make_plan
@@ -38,15 +39,11 @@ def test_without_a_camera_a_recordings_own_counts(tmp_path, layout):
     manifest = json.loads((tmp_path / "again/manifest.json").read_text())
     assert manifest["camera"]["cy_px"] == -2.0625
     assert manifest["identity"]["scenes"]["box"]["camera"]["fx"] == 4.25
-    with pytest.raises(InputError) as error:
-        run(preset, tmp_path / "no", overrides=["camera=" + json.dumps(camera(fx=4.5, cx=3.125, cy=-2.0625))])
-    assert "scenes.0.sequence: its camera has fx 4.25, fy 4.75" in str(error.value)
-    assert "but the preset's fx 4.5, fy 4," in str(error.value)
-    with pytest.raises(
-        InputError,
-        match="its images are 8 x 6, but the preset's camera has 16 x 6; set camera to that, or leave it out",
+    for other, names in (
+        (camera(fx=4.5, cx=3.125, cy=-2.0625), ["scenes.0.sequence: ", "fx 4.25, fy 4.75", "fx 4.5, fy 4,"]),
+        (camera(width=16), ["scenes.0.sequence: ", "8 x 6", "16 x 6", "leave it out"]),
     ):
-        run(preset, tmp_path / "no", overrides=["camera=" + json.dumps(camera(width=16))])
+        refused(run, preset, tmp_path / "no", overrides=["camera=" + json.dumps(other)], names=names)
     # What is nearer or farther than a camera sees is no contradiction, and neither is rounding.
     wide = json.dumps({**own, "fx": 4.2500001, "near_m": 0.5, "far_m": 3.0})
     run(preset, tmp_path / "near", overrides=[f"camera={wide}"])
@@ -57,10 +54,7 @@ def test_no_camera_at_all_is_never_guessed(tmp_path, layout):
     source = recorded(tmp_path, layout)
     (source.parent / "cam_params.json").unlink()
     preset = preset_of(tmp_path / "p", {"sequence": str(source)})
-    with pytest.raises(InputError) as error:
-        make_plan(read_preset(preset))
-    assert "scenes.0.sequence" in str(error.value)
-    (whole,) = re.findall(r"camera: ({[^}]*})", str(error.value))
+    (whole,) = re.findall(r"camera: ({[^}]*})", refused(make_plan, read_preset(preset), names="scenes.0.sequence"))
     assert yaml.safe_load(whole) == {"width": 8, "height": 6, "fx": "FX", "fy": "FY", "cx": "CX", "cy": "CY"}
     for name, value in {"FX": 4.0, "FY": 4.0, "CX": 3.5, "CY": 2.5}.items():
         whole = whole.replace(name, str(value))
@@ -81,9 +75,8 @@ def test_no_camera_at_all_is_never_guessed(tmp_path, layout):
 def test_the_camera_to_give_is_printed_whole(tmp_path, name, camera):
     black = np.zeros((480, 640), np.uint8)
     write_tum(tmp_path / name, [np.stack([black] * 3, axis=-1)], [black], [(0, 0, 0, 0, 0, 0, 1)])
-    with pytest.raises(InputError) as error:
-        make_plan(read_preset(preset_of(tmp_path / "p", {"name": "desk", "sequence": str(tmp_path / name)})))
-    (whole,) = re.findall(r"camera: ({[^}]*})", str(error.value))
+    preset = read_preset(preset_of(tmp_path / "p", {"name": "desk", "sequence": str(tmp_path / name)}))
+    (whole,) = re.findall(r"camera: ({[^}]*})", refused(make_plan, preset, names="scenes.0.sequence"))
     assert yaml.safe_load(whole) == {"width": 640, "height": 480, **camera}
 
 
@@ -170,8 +163,8 @@ def test_a_manifest_whose_camera_is_none_is_one_line(tmp_path, value):
     content["identity"]["scenes"]["box"]["camera"]["fx"] = value
     path.write_text(json.dumps(content))
     other = {"name": "other", "sequence": str(out / "clean/box")}
-    with pytest.raises(StorageError, match=r"manifest\.json lacks what an identity holds"):
-        run(preset_of(tmp_path / "p", other, output={"image": "png"}), out)
+    preset = preset_of(tmp_path / "p", other, output={"image": "png"})
+    refused(run, preset, out, names=["manifest.json", "identity"], error=StorageError)
 
 
 def test_depth_of_another_camera_keeps_it(tmp_path):
@@ -184,25 +177,24 @@ def test_depth_of_another_camera_keeps_it(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "words"),
+    ("old", "new", "names"),
     [
-        ("resolution: [8, 6]", "resolution: [8.5, 6]", "resolution: is 8.5, but a size is whole"),
-        ("resolution: [8, 6]", "resolution: [true, 6]", "resolution: is no finite number"),
-        ("intrinsics: [4.0", "intrinsics: [-4.0", "intrinsics: is -4, but has to be above 0"),
-        ("intrinsics: [4.0", "intrinsics: [.nan", "intrinsics: is no finite number"),
-        ("intrinsics: [4.0", "intrinsics: [x", "intrinsics: is no finite number"),
-        ("resolution: [8, 6]", "resolution: [6, 8]", "says 6 x 8, but 0000000000000000000.png has 8 x 6 pixels"),
+        ("resolution: [8, 6]", "resolution: [8.5, 6]", ["resolution: ", "8.5"]),
+        ("resolution: [8, 6]", "resolution: [true, 6]", ["resolution: ", "finite"]),
+        ("intrinsics: [4.0", "intrinsics: [-4.0", ["intrinsics: ", "-4"]),
+        ("intrinsics: [4.0", "intrinsics: [.nan", ["intrinsics: ", "finite"]),
+        ("intrinsics: [4.0", "intrinsics: [x", ["intrinsics: ", "finite"]),
+        ("resolution: [8, 6]", "resolution: [6, 8]", ["6 x 8", "0000000000000000000.png has 8 x 6"]),
     ],
 )
-def test_a_sensor_yaml_that_no_camera_has(tmp_path, old, new, words):
+def test_a_sensor_yaml_that_no_camera_has(tmp_path, old, new, names):
     source = recorded(tmp_path, "euroc")
     for sensor in ("cam0", "depth0"):
         path = source / f"mav0/{sensor}/sensor.yaml"
         assert old in path.read_text()
         path.write_text(path.read_text().replace(old, new))
-    with pytest.raises(InputError) as error:
-        make_plan(read_preset(preset_of(tmp_path / "p", {"sequence": str(source)})))
-    assert words in str(error.value)
+    preset = read_preset(preset_of(tmp_path / "p", {"sequence": str(source)}))
+    refused(make_plan, preset, names=["sensor.yaml: ", *names])
 
 
 # --- rates and globs ---
@@ -217,14 +209,13 @@ def test_the_rate_of_a_sequence_without_stamps(tmp_path):
     for name, gap_s in (("twenty", 0.05), ("given", 0.08)):
         stamps_s = np.loadtxt(tmp_path / name / "clean/box/groundtruth.txt")[:, 0]
         assert np.allclose(stamps_s, gap_s * np.arange(4), atol=1e-12)
-    with pytest.raises(StorageError, match=r"scenes\.0\.rate_hz was 12\.5, is 25"):
-        run(preset_of(tmp_path / "q", {**scene, "rate_hz": 25}, output={"layout": "tum"}), tmp_path / "given")
+    faster = preset_of(tmp_path / "q", {**scene, "rate_hz": 25}, output={"layout": "tum"})
+    refused(run, faster, tmp_path / "given", names="scenes.0.rate_hz was 12.5, is 25", error=StorageError)
     own = {**scene, "sequence": str(tmp_path / "given/clean/box")}
-    with pytest.raises(InputError, match=r"scenes\.0\.rate_hz: is 20 Hz, but .*rgb\.txt says 12\.5 Hz"):
-        run(preset_of(tmp_path / "r", {**own, "rate_hz": 20}), tmp_path / "no")
+    slower = preset_of(tmp_path / "r", {**own, "rate_hz": 20})
+    refused(run, slower, tmp_path / "no", names=["scenes.0.rate_hz: ", "20 Hz", "rgb.txt", "12.5 Hz"])
     mesh = {"mesh": "embedded:room", "trajectory": {"handheld": {"frames": 2}}, "rate_hz": 20}
-    with pytest.raises(InputError, match=r"scenes\.0\.rate_hz: goes with sequence"):
-        read_scenes(read_preset(preset_of(tmp_path / "s", mesh)))
+    refused(lambda: read_scenes(read_preset(preset_of(tmp_path / "s", mesh))), names=["scenes.0.rate_hz: ", "sequence"])
 
 
 def test_a_glob_passes_over_files_beside_sequences(tmp_path):
@@ -239,14 +230,11 @@ def test_a_glob_passes_over_files_beside_sequences(tmp_path):
     assert scene.name == "one"
     preset = preset_of(out, {"sequence": "clean/*"})
     (out / "clean/notes").mkdir()
-    with pytest.raises(InputError, match=r"clean/notes: is no sequence"):
-        make_plan(read_preset(preset))
+    refused(make_plan, read_preset(preset), names="clean/notes: ")
     (out / "clean/notes").rmdir()
     (out / "clean/gone").symlink_to("nowhere")
-    with pytest.raises(InputError, match=r"clean/gone: is no sequence"):
-        make_plan(read_preset(preset))
-    with pytest.raises(InputError, match=r"no folder matches 'clean/\*\.json'"):
-        make_plan(read_preset(preset_of(out, {"sequence": "clean/*.json"})))
+    refused(make_plan, read_preset(preset), names="clean/gone: ")
+    refused(make_plan, read_preset(preset_of(out, {"sequence": "clean/*.json"})), names="'clean/*.json'")
 
 
 # --- images ---
@@ -256,16 +244,14 @@ def test_a_frame_that_cannot_be_used_is_named_before_anything_is_written(tmp_pat
     source = recorded(tmp_path, frames=4)
     preset = preset_of(tmp_path / "p", {"name": "box", "sequence": str(source)})
     images = source / "results"
-    for name, pixels, words in (
-        ("frame000002.png", np.zeros((5, 8, 3), np.uint8), "is 8 x 5 pixels, but the first colour image is 8 x 6"),
-        ("depth000003.png", np.zeros((6, 9), np.uint16), "is 9 x 6 pixels, but the first colour image is 8 x 6"),
-        ("depth000001.png", np.zeros((6, 8), np.uint8), "is a PNG of 8-bit grey, but depth has to be"),
+    for name, pixels, names in (
+        ("frame000002.png", np.zeros((5, 8, 3), np.uint8), ["8 x 5", "8 x 6"]),
+        ("depth000003.png", np.zeros((6, 9), np.uint16), ["9 x 6", "8 x 6"]),
+        ("depth000001.png", np.zeros((6, 8), np.uint8), ["8-bit grey"]),
     ):
         kept = (images / name).read_bytes()
         (images / name).write_bytes(encoded(pixels))
-        with pytest.raises(InputError) as error:
-            run(preset, tmp_path / "out")
-        assert str(error.value).startswith(f"{images / name}: {words}")
+        refused(run, preset, tmp_path / "out", names=[f"{images / name}: ", *names])
         assert not (tmp_path / "out").exists()
         (images / name).write_bytes(kept)
 
@@ -281,11 +267,10 @@ def test_images_are_held_against_their_sha256_when_they_are_perturbed_and_when_t
     noise = [{"name": "noise", "perturb": [{"brightness": {"severity": 1}}]}]
     for settings in ([{"name": "clean"}], noise):
         preset = preset_of(tmp_path / "p", {"name": "box", "sequence": str(source)}, settings=settings)
-        with pytest.raises(InputError, match=r"frame000001\.png: is not as it was written: frames\.jsonl has another"):
-            run(preset, tmp_path / f"out_{settings[0]['name']}", overrides=["output.image=png"])
+        out = tmp_path / f"out_{settings[0]['name']}"
+        refused(run, preset, out, overrides=["output.image=png"], names=["frame000001.png: ", "frames.jsonl"])
     (source / "frames.jsonl").write_text('{"frame": 0, "time_s": 0.0, "sha256": {"results/frame000000.png": 3}}\n')
-    with pytest.raises(InputError, match=r"frames\.jsonl"):
-        run(preset, tmp_path / "no")
+    refused(run, preset, tmp_path / "no", names="frames.jsonl")
 
 
 def test_a_cut_image_is_not_linked_into_a_clean_dataset(tmp_path):
@@ -294,8 +279,7 @@ def test_a_cut_image_is_not_linked_into_a_clean_dataset(tmp_path):
     image = source / "depth/000001.png"
     image.write_bytes(image.read_bytes()[:-20])
     preset = preset_of(tmp_path / "p", {"name": "box", "sequence": str(source)}, output={"layout": "tum"})
-    with pytest.raises(InputError, match=r"000001\.png: is damaged: it is cut short; copy it again"):
-        run(preset, tmp_path / "out")
+    refused(run, preset, tmp_path / "out", names=["000001.png: ", "copy it again"])
 
 
 def test_16_bit_colour_is_kept_until_it_is_written(tmp_path):
@@ -327,13 +311,11 @@ def test_names_that_differ_in_case_only_are_refused(tmp_path, key):
     source = recorded(tmp_path, frames=2)
     scenes = [{"name": name, "sequence": str(source)} for name in (("box", "Box") if key == "scenes" else ("box",))]
     settings = [{"name": name} for name in (("clean", "Clean") if key == "settings" else ("clean",))]
-    with pytest.raises(
-        InputError, match=r"'(Box|Clean)' and '(box|clean)' differ in case only, so they are one folder"
-    ):
-        make_plan(read_preset(preset_of(tmp_path / "p", *scenes, settings=settings)))
+    names = ["'Box'", "'box'", "case"] if key == "scenes" else ["'Clean'", "'clean'", "case"]
+    both = preset_of(tmp_path / "p", *scenes, settings=settings)
+    refused(lambda: make_plan(read_preset(both)), names=names)
     # A dataset that has one of them already.
     first = preset_of(tmp_path / "a", scenes[0], settings=settings[:1])
     run(first, tmp_path / "out")
     second = preset_of(tmp_path / "b", scenes[-1], settings=settings[-1:])
-    with pytest.raises(StorageError, match="differ in case only"):
-        run(second, tmp_path / "out")
+    refused(run, second, tmp_path / "out", names=names, error=StorageError)
