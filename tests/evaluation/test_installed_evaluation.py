@@ -106,6 +106,9 @@ def test_a_study_has_both(site, tmp_path, capfd):
     assert why_not(study, newer) == "the metric upward_max_m is of studio-slam 1.2, and here of studio-slam 1.3"
     without = {key: value for key, value in study.items() if key != "metrics"}
     assert why_not(study, without) == why_not(without, study) == ""
+    before = {key: value for key, value in study.items() if key != "definitions"}
+    assert why_not(before, before) == ""
+    assert "definitions" in why_not(before, study)
     assert merged(without, study)["metrics"] == merged(study, without)["metrics"] == study["metrics"]
 
 

@@ -37,16 +37,8 @@ def write_study_identity(results: ResultsFolder, identity: dict[str, Any], *, se
 
 def why_not(there: dict[str, Any], here: dict[str, Any]) -> str:
     """Return the first difference of two studies in what both name, or ""."""
-    for name in sorted(there["systems"].keys() & here["systems"].keys()):
-        if _deciding(there["systems"][name]) != _deciding(here["systems"][name]):
-            return f"the definition of {name} is another"
-    before, now = there.get("metrics", {}), here.get("metrics", {})
-    for name in sorted(before):
-        if name in now and before[name] != now[name]:
-            return f"the metric {name} is of {before[name]}, and here of {now[name]}"
-    for key in ("protocol", "maps"):
-        if there.get(key) != here[key]:
-            return first_difference(there.get(key), here[key], key) or ""
+    if found := _run_or_scored_otherwise(there, here):
+        return found
     before, now = there["subject"], here["subject"]
     if of_any_processor(before) and of_any_processor(now):
         before, now = decisive(before), decisive(now)
@@ -59,6 +51,23 @@ def why_not(there: dict[str, Any], here: dict[str, Any]) -> str:
             left, right = ({**(part or {}), HUFFMAN: None} for part in (left, right))
         if found := first_difference(left, right, key):
             return found
+    return ""
+
+
+def _run_or_scored_otherwise(there: dict[str, Any], here: dict[str, Any]) -> str:
+    """Return the first difference of two studies in their systems, metrics and protocol, or ""."""
+    for name in sorted(there["systems"].keys() & here["systems"].keys()):
+        if _deciding(there["systems"][name]) != _deciding(here["systems"][name]):
+            return f"the definition of {name} is another"
+    before, now = there.get("metrics", {}), here.get("metrics", {})
+    for name in sorted(before):
+        if name in now and before[name] != now[name]:
+            return f"the metric {name} is of {before[name]}, and here of {now[name]}"
+    if there.get("definitions", 1) != here.get("definitions", 1):
+        return "its runs were scored by other definitions of pairing, coverage and rotation"
+    for key in ("protocol", "maps"):
+        if there.get(key) != here[key]:
+            return first_difference(there.get(key), here[key], key) or ""
     return ""
 
 

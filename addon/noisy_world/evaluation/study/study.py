@@ -14,6 +14,7 @@ from ..maps.names import MAP_METRICS
 from ..metrics import METRICS
 from ..metrics.alignment import CONDITIONING, WELL_CONDITIONED
 from ..metrics.frame_errors import frame_errors_text
+from ..metrics.protocols import DEFINITIONS
 from ..outcome import Outcome, RunRecord
 from ..systems.definition import ExpectedClean, System
 from ..systems.registry import find_systems, isolating
@@ -124,7 +125,7 @@ class Study:
     def identity(self) -> dict[str, Any]:
         """What the study evaluates, as plain JSON values: a study with another one goes into another folder."""
         systems = {name: _described(system) for name, system in self.systems.items()}
-        how: dict[str, Any] = {"maps": self.order.maps, "protocol": self.order.protocol}
+        how: dict[str, Any] = {"maps": self.order.maps, "protocol": self.order.protocol, "definitions": DEFINITIONS}
         if brought := {
             name: str(found)
             for registry in (METRICS, MAP_METRICS)
