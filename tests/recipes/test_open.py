@@ -13,12 +13,13 @@ import cv2
 import numpy as np
 import pytest
 from cases import cases
-from recipes_made import COUNT, SETTINGS, frames_from_arithmetic, make, progress, refused
+from recipes_made import COUNT, SETTINGS, frames_from_arithmetic, make, progress
+from refusals import refused
 from worlds import ROOT
 from written import RIG, stored
 
 import noisy_world
-from noisy_world.core.errors import InputError, NoisyWorldError
+from noisy_world.core.errors import NoisyWorldError
 from noisy_world.core.presets.preset import read_preset
 from noisy_world.perturb import frames as perturbed_frames
 from noisy_world.pipeline.run import Run
@@ -159,8 +160,8 @@ def test_another_recording_is_refused(made, tmp_path):
     _, recipe = recorded(tmp_path, tmp_path / "fast/box", [{"name": "clean"}], layout="replica")
     with (tmp_path / "fast/box/traj.txt").open("a") as file:
         file.write("\n")
-    with refused("scenes: box: traj.txt is not what the recipe was made from: its trajectory_sha256 is"):
-        noisy_world.open(recipe)["clean/box"]
+    opened = noisy_world.open(recipe)
+    refused(lambda: opened["clean/box"], names=("scenes: box: traj.txt ", "trajectory_sha256"))
 
 
 def test_rays_are_cast_on_the_spot(tmp_path):
@@ -208,36 +209,30 @@ def test_what_a_user_gets_says_what_it_is(made):
 
 def test_what_is_not_there_is_said(made):
     opened = noisy_world.open(made.recipe, made.clean)
-    with refused("holds no sequence 'fog_s4/box'; near it: fog_s3/box"):
-        opened["fog_s4/box"]
-    with pytest.raises(IndexError, match="early/box has no frame 0; its frames are 2 to 8"):
-        opened["early/box"][0]
-    with pytest.raises(IndexError, match="fast/box has no frame 3; its frames are 0 to 2"):
-        opened["fast/box"][3]
-    with pytest.raises(IndexError, match="early/box has no frame -8; its frames are 2 to 8"):
-        opened["early/box"][-8]  # frame 1, which was left out
-    with pytest.raises(IndexError, match="no frame -99"):
-        opened["clean/box"][-99]
-    with pytest.raises(TypeError, match="not by float"):
-        opened["clean/box"][1.0]
-    with refused("settings: 'fgo*' matches none of 30 settings"):
-        opened.frames("fgo*")
+    refused(lambda: opened["fog_s4/box"], names=("'fog_s4/box'", "fog_s3/box"))
+    for name, frame, named in (
+        ("early/box", 0, "2 to 8"),
+        ("fast/box", 3, "0 to 2"),
+        ("early/box", -8, "2 to 8"),  # frame 1, which was left out
+        ("clean/box", -99, "0 to 8"),
+    ):
+        refused(opened[name].__getitem__, frame, names=(name, f"frame {frame};", named), error=IndexError)
+    refused(opened["clean/box"].__getitem__, 1.0, names="float", error=TypeError)
+    refused(opened.frames, "fgo*", names=("settings: 'fgo*'", "none of 30 settings"))
     assert opened.get("fog_s4/box") is None
     assert "fog_s3/box" in opened
     assert "fog_s4/box" not in opened
 
 
 def test_frames_that_nobody_rendered_are_missed_with_the_command(made, tmp_path):
-    with refused("late/box needs clean frames of box, which Blender renders; 'noisy-world render-clean") as found:
-        _ = noisy_world.open(made.recipe)["late/box"][3].rgb
-    assert "--scenes box --settings late" in str(found.value)
+    named = ("late/box needs clean frames of box", "'noisy-world render-clean", "--scenes box --settings late")
+    refused(lambda: noisy_world.open(made.recipe)["late/box"][3].rgb, names=named)
     shutil.copytree(made.clean, tmp_path / "clean")
     for file in (tmp_path / "clean/box").glob("*/000004.npy"):
         file.unlink()
     opened = noisy_world.open(made.recipe, tmp_path / "clean")
     assert opened["clean/box"][3].rgb.any()
-    with refused(f"{tmp_path}/clean lacks them"):
-        _ = opened["clean/box"][4].rgb
+    refused(lambda: opened["clean/box"][4].rgb, names=f"{tmp_path}/clean lacks them")
 
 
 def test_no_folder_and_no_recipe(tmp_path, made):
@@ -246,14 +241,10 @@ def test_no_folder_and_no_recipe(tmp_path, made):
         (tmp_path, "holds no sequence; name a recipe, a dataset"),
         (made.recipe.parent / "preset.yaml", "a recipe is what 'noisy-world recipe DATASET' writes"),
     ]:
-        with pytest.raises(InputError, match=words):
-            noisy_world.open(path)
-    with refused("is no folder of clean frames"):
-        noisy_world.open(made.recipe, tmp_path)
-    with pytest.raises(NoisyWorldError, match=r"^nowhere://bucket/rooms: "):
-        noisy_world.open("nowhere://bucket/rooms")
-    with refused("clean goes with a recipe"):
-        noisy_world.open(made.out, made.clean)
+        refused(noisy_world.open, path, names=(f"{path}: ", words))
+    refused(noisy_world.open, made.recipe, tmp_path, names="is no folder of clean frames")
+    refused(noisy_world.open, "nowhere://bucket/rooms", names="nowhere://bucket/rooms: ", error=NoisyWorldError)
+    refused(noisy_world.open, made.out, made.clean, names="clean goes with a recipe")
 
 
 def test_sequences_in_a_plain_layout_are_opened(made, tmp_path):
@@ -279,16 +270,15 @@ def test_a_record_whose_perturbations_are_no_object_is_damaged(made, tmp_path, p
     path = tmp_path / "some/late/box/frames.jsonl"
     lines = [json.loads(line) | {"perturbed": perturbed} for line in path.read_text().splitlines()]
     path.write_text("".join(f"{json.dumps(line)}\n" for line in lines))
-    with refused("frames.jsonl: frame 5: its line is damaged"):
-        noisy_world.open(tmp_path / "some")["late/box"][5]
+    opened = noisy_world.open(tmp_path / "some")
+    refused(lambda: opened["late/box"][5], names="frames.jsonl: frame 5: ")
 
 
 def test_the_compositors_colour_is_not_made_here(made, tmp_path):
     text = made.recipe.read_text().replace('"backend":"reference"', '"backend":"compositor"')
     (tmp_path / "recipe.json").write_text(text)
     opened = noisy_world.open(tmp_path / "recipe.json", made.clean)
-    with refused("made by Blender's compositor, in Blender's own thread alone; 'noisy-world remake'"):
-        _ = opened["fog_s3/box"][3].rgb
+    refused(lambda: opened["fog_s3/box"][3].rgb, names=("compositor", "'noisy-world remake'"))
     assert opened["fog_s3/box"][3].depth_bytes() == (made.out / "fog_s3/box/results/depth000003.png").read_bytes()
     assert opened["late/box"][3].rgb_bytes() == (made.out / "late/box/results/frame000003.jpg").read_bytes()
 

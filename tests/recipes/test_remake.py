@@ -10,7 +10,8 @@ import fake_session
 import numpy as np
 import pytest
 from cases import cases
-from recipes_made import SETTINGS, make, progress, refused
+from recipes_made import SETTINGS, make, progress
+from refusals import refused
 from recipes_made import noisy_world as command
 from worlds import content
 
@@ -123,8 +124,8 @@ def test_a_store_grows_and_mends_what_is_damaged(made, tmp_path, capfd):
     flipped = bytearray((out / "box/rgb/000003.npy").read_bytes())
     flipped[len(flipped) // 2] ^= 1
     (out / "box/rgb/000003.npy").write_bytes(flipped)
-    with refused("000001.npy: is damaged or cannot be read; run 'noisy-world render-clean', or the study, again"):
-        _ = noisy_world.open(made.recipe, out)["late/box"][1].rgb
+    opened = noisy_world.open(made.recipe, out)
+    refused(lambda: opened["late/box"][1].rgb, names=("000001.npy: ", "damaged", "'noisy-world render-clean'"))
     fake_session.Session.rendered.clear()
     assert command(*words, "--settings", "fog_s3") == 0
     assert fake_session.Session.rendered == [1, 2, 3]
@@ -155,30 +156,29 @@ def test_another_recipes_clean_frames_are_refused(made, tmp_path):
     other = make(tmp_path / "a", settings=[settings[0], shaky], output={"layout": "replica", "image": "jpg"})
     opened = noisy_world.open(made.recipe, other.clean)
     assert opened["clean/box"][3].rgb_bytes() == (made.out / "clean/box/results/frame000003.jpg").read_bytes()
-    with refused("holds frames of another recipe: settings.shaky.steps.0.parameters.rotation"):
-        opened["shaky/box"]
+    differs = "another recipe: settings.shaky.steps.0.parameters.rotation"
+    refused(lambda: opened["shaky/box"], names=(str(other.clean), differs))
     far = make(tmp_path / "b", settings=settings, size=(20, 16), clean=True)
-    with refused("holds frames of another recipe: scenes.box.camera"):
-        noisy_world.open(made.recipe, far.clean)["clean/box"]
-    with refused("holds frames of something else: scenes.box.camera", StorageError):
-        make_store(plan_of(read_recipe(made.recipe)), far.clean, progress(), threading.Event())
-    with refused("is not empty and holds no clean frames", StorageError):
-        make_store(plan_of(read_recipe(made.recipe)), made.out, progress(), threading.Event())
+    opened = noisy_world.open(made.recipe, far.clean)
+    refused(lambda: opened["clean/box"], names=(str(far.clean), "another recipe: scenes.box.camera"))
+    plan, stop = plan_of(read_recipe(made.recipe)), threading.Event()
+    for folder, named in ((far.clean, "scenes.box.camera"), (made.out, "no clean frames")):
+        refused(make_store, plan, folder, progress(), stop, names=(str(folder), named), error=StorageError)
 
 
 def test_a_recipe_with_clean_frames_needs_no_inputs(made, tmp_path):
     shutil.copy(made.recipe, tmp_path / "recipe.json")
     opened = noisy_world.open(tmp_path / "recipe.json", made.clean)
     assert opened["shaky/box"][5].rgb_bytes() == (made.out / "shaky/box/results/frame000005.jpg").read_bytes()
-    with refused("no such file"):
-        noisy_world.open(tmp_path / "recipe.json")["shaky/box"]
+    refused(lambda: noisy_world.open(tmp_path / "recipe.json")["shaky/box"], names="no such file")
 
 
 def test_no_space_for_clean_frames(made, tmp_path, monkeypatch):
     usage = shutil.disk_usage(tmp_path)._replace(free=1000)
     monkeypatch.setattr(shutil, "disk_usage", lambda path: usage)
-    with refused("no space left: 184 kB are to be written and 1.0 kB are free", StorageError):
-        make_store(plan_of(read_recipe(made.recipe), settings=["clean"]), tmp_path / "x", progress(), threading.Event())
+    plan = plan_of(read_recipe(made.recipe), settings=["clean"])
+    named = (str(tmp_path), "184 kB", "1.0 kB")
+    refused(make_store, plan, tmp_path / "x", progress(), threading.Event(), names=named, error=StorageError)
 
 
 # --- grown datasets ---
@@ -194,8 +194,7 @@ def test_a_grown_dataset_keeps_what_its_last_preset_names(made, tmp_path_factory
     assert command("recipe", grown.out, "--out", os.devnull) == 0
     assert "does not name clean/box, shaky/box: the recipe verifies that, but cannot make it" in capfd.readouterr().err
     assert command("verify", grown.recipe, grown.out) == 0
-    with refused("its preset does not name shaky"):
-        noisy_world.open(grown.recipe)["shaky/box"]
+    refused(lambda: noisy_world.open(grown.recipe)["shaky/box"], names="shaky")
     plan = plan_of(read_recipe(grown.recipe))
     assert [sequence.folder for sequence in plan.sequences] == ["late/box"]
     assert json.loads(grown.recipe.read_text())["sequences"].keys() == {"clean/box", "late/box", "shaky/box"}

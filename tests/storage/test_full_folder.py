@@ -6,6 +6,7 @@ import errno
 import os
 
 import pytest
+from refusals import refused
 from packed import pack_to, write_preset
 from written import run
 
@@ -35,8 +36,8 @@ def test_a_full_disk_is_a_line_and_it_goes_on_once_there_is_room(dataset, tmp_pa
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (limit_bytes, before[1]))
     try:
-        with pytest.raises(StorageError, match="no space is left there; make room"):
-            pack_to(dataset, tmp_path / "out")
+        named = (str(tmp_path / "out"), "no space", "make room")
+        refused(pack_to, dataset, tmp_path / "out", names=named, error=StorageError)
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, before)
     pack_to(dataset, tmp_path / "out")
@@ -56,15 +57,14 @@ class FullDisk:
 def test_a_file_whose_end_cannot_be_written_either_is_one_error(tmp_path, monkeypatch):
     store = open_store(tmp_path)
     monkeypatch.setattr(store, "_opened", lambda name: contextlib.closing(FullDisk()))
-    with pytest.raises(StorageError, match=f"{tmp_path}/a.tar: cannot be written: no space is left there"):
-        store.write("a.tar", b"x")
+    refused(store.write, "a.tar", b"x", names=(f"{tmp_path}/a.tar: ", "no space"), error=StorageError)
     with pytest.raises(KeyError), store.writing("a.tar"):
         raise KeyError  # what ended the writing is what is told
 
 
 def test_one_process_writes_into_a_folder(dataset, tmp_path):
-    with open_store(tmp_path / "out").locked(), pytest.raises(BusyError, match="another run is writing here"):
-        pack_to(dataset, tmp_path / "out")
+    with open_store(tmp_path / "out").locked():
+        refused(pack_to, dataset, tmp_path / "out", names=(str(tmp_path / "out"), "another run"), error=BusyError)
     assert not (tmp_path / "out").exists()
     assert pack_to(dataset, tmp_path / "out").new
     assert not pack_to(dataset, tmp_path / "out").new
@@ -73,6 +73,5 @@ def test_one_process_writes_into_a_folder(dataset, tmp_path):
 
 def test_a_folder_of_somebody_elses_stays_as_it_is(dataset, tmp_path):
     (tmp_path / "thesis.tex").write_text("")
-    with pytest.raises(StorageError, match="is not empty and holds no dataset"):
-        pack_to(dataset, tmp_path)
+    refused(pack_to, dataset, tmp_path, names=(str(tmp_path), "holds no dataset"), error=StorageError)
     assert list(files_in(tmp_path)) == ["thesis.tex"]

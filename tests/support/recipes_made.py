@@ -2,7 +2,6 @@
 """Datasets made of frames from arithmetic, with their recipes and clean frames; one of thirty settings and more."""
 
 import contextlib
-import re
 import signal
 import sys
 import threading
@@ -15,7 +14,6 @@ from written import run
 from worlds import write_world
 
 from noisy_world.cli import command
-from noisy_world.core.errors import InputError
 from noisy_world.core.progress import PlainProgress
 from noisy_world.recipes.clean_making import make_store
 from noisy_world.recipes.making import plan_of
@@ -80,11 +78,6 @@ def make(folder, *, clean=True, **keys):
     if clean:
         make_store(plan_of(read_recipe(recipe)), folder / "clean", progress(), threading.Event())
     return Made(folder / "out", recipe, folder / "clean")
-
-
-def refused(words, error=InputError):
-    """Expect an error whose message holds these words."""
-    return pytest.raises(error, match=re.escape(words))
 
 
 def noisy_world(*words):

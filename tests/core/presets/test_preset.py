@@ -7,7 +7,6 @@ import yaml
 from cases import cases
 from worlds import write_box_ply, write_world
 
-from noisy_world.core.errors import InputError
 from noisy_world.planning import make_plan
 from noisy_world.core.presets.preset import read_preset
 from noisy_world.sources import preset_keys, read_scenes
@@ -153,12 +152,12 @@ def test_overrides(write):
         (["seed"], "key.path=value"),
         (["=1"], "key.path=value"),
         (["seed.x=1"], "seed"),
-        (["a=[1"], r"--set a=\[1: line 1, column 3: is not valid YAML"),
-        (["seed=!!int x"], "--set seed=!!int x: line 1, column 1: 'x' is no whole number"),
+        (["a=[1"], "--set a=[1: line 1, column 3: is not valid YAML"),
+        (["seed=!!int x"], ("--set seed=!!int x: line 1, column 1: ", "'x'")),
         (["seed=0b_"], "no whole number"),
-        (["seed=" + "9" * 5000], r"--set 'seed=9*'\.\.\. \(5005 characters\): line 1"),
-        (["seed=1" + "0" * 400], r"seed: is 2\^1328 or more, but has to be finite"),
-        (["seed=1e999"], "seed: is the number inf"),
+        (["seed=" + "9" * 5000], ("--set 'seed=9", "... (5005 characters): line 1")),
+        (["seed=1" + "0" * 400], ("seed: is 2^1328 or more", "finite")),
+        (["seed=1e999"], ("seed: ", "inf")),
         (["a={[b]: c}"], "a key is a list"),
         (["a=" + "[" * 5000], "nested more than 32 deep"),
         (["a=" + "0\n" * 300_000], "is larger than 512 KiB"),
@@ -166,12 +165,9 @@ def test_overrides(write):
         (["a" + ".a" * 5000 + "=1"], "leads more than 32 deep"),
         ([f"scenes.{'9' * 5000}=1"], "is no entry of this list"),
         (["scenes.\u0663=1"], "is no entry of this list"),
-        (["a\nb=1"], r"'a\\nb': unknown key"),
+        (["a\nb=1"], r"'a\nb': unknown key"),
     ):
-        with pytest.raises(InputError, match=word) as error:
-            read_preset(path, bad)
-        assert "\n" not in str(error.value)
-        assert len(str(error.value)) < 500
+        assert len(refused(read_preset, path, bad, names=word)) < 500
 
 
 def test_an_alias_that_is_set_changes_alone(write):
