@@ -319,14 +319,13 @@ def test_a_command_for_versions_that_never_ends(tmp_path, monkeypatch):
     monkeypatch.setattr(checking, "VERSIONS_LIMIT_S", 0.5)
     hold = "import os, sys, time\nif os.fork() == 0:\n    os.setsid(); time.sleep(60)\n"
     for script, told in (
-        (hold + "time.sleep(60)", "took more than 0.5 s"),
-        ("while True: print('y' * 9999)", "took more than 0.5 s"),
-        (hold + "print('[' * 100_000)", "does not print a JSON object"),
+        (hold + "time.sleep(60)", "0.5 s"),
+        ("while True: print('y' * 9999)", "0.5 s"),
+        (hold + "print('[' * 100_000)", "JSON object"),
     ):
         begun_s = time.monotonic()
-        system = script_system(tmp_path / told[:4], GOOD, versions=[sys.executable, "-c", script])
-        with pytest.raises(MissingDependencyError, match=told):
-            system_versions(system)
+        system = script_system(tmp_path / told[:1], GOOD, versions=[sys.executable, "-c", script])
+        refused(system_versions, system, names=told, error=MissingDependencyError)
         assert time.monotonic() - begun_s < 20
 
 
