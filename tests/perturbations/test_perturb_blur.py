@@ -3,23 +3,19 @@
 
 import itertools
 import math
-import warnings
 from collections import Counter
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
-import cv2
 import numpy as np
 import pytest
 from cases import cases
+from weather import SIZES, frame, picture, run
 
-from noisy_world.core.perturbing.kinds import FrameContext
 from noisy_world.perturbations import defocus_blur, gaussian_blur, glass_blur, motion_blur
 from noisy_world.perturbations._kernels import correlate, disk_kernel, line_kernel
 
 MODULES = {module.PERTURBATION.name: module for module in (defocus_blur, gaussian_blur, glass_blur, motion_blur)}
 NAMES = sorted(MODULES)
-SIZES = [(1, 1), (1, 7), (7, 1), (2, 3), (13, 17), (31, 8)]
 
 # The paper's table "Specific configurations of the RGB imaging perturbations", severities 1 to 5.
 TABLE = {
@@ -34,19 +30,6 @@ KEYS = {
     "motion_blur": ("radius_px", "sigma_px"),
     "gaussian_blur": ("sigma_px",),
 }
-
-
-def picture(size, seed=0):
-    return np.random.default_rng(seed).random((*size, 3), dtype=np.float32)
-
-
-def frame(index=0, temporal="fresh", seed=1):
-    return FrameContext(index, (seed, "scene", "setting", "blur", 0), temporal)
-
-
-def run(name, rgb, severity=3, where=None, **given):
-    perturbation = MODULES[name].PERTURBATION
-    return perturbation.apply(rgb, perturbation.at_severity(severity, **given), where or frame())
 
 
 def pixel(rgb, row, column):
@@ -242,46 +225,6 @@ def test_no_light_is_lost(name):
     assert result.sum(dtype=np.float64) == pytest.approx(
         point.sum(dtype=np.float64), rel=0.1 if name == "glass_blur" else 1e-5
     )
-
-
-@cases("name", NAMES)
-@cases("size", SIZES)
-@cases("severity", [1, 2.5, 5])
-def test_any_size_without_a_warning(name, size, severity):
-    rgb = picture(size)
-    before = rgb.copy()
-    with warnings.catch_warnings(), np.errstate(all="raise", under="ignore"):
-        warnings.simplefilter("error")
-        result = run(name, rgb, severity)
-    assert result.shape == rgb.shape
-    assert result.dtype == np.float32
-    assert np.isfinite(result).all()
-    assert result.min() >= -1e-6
-    assert result.max() <= 1 + 1e-6
-    assert np.array_equal(rgb, before)
-    assert not np.shares_memory(rgb, result)
-
-
-@cases("name", NAMES)
-def test_a_frame_larger_than_the_reference(name):
-    result = run(name, picture((1081, 1921)), 3)
-    assert result.shape == (1081, 1921, 3)
-    assert np.isfinite(result).all()
-
-
-@cases("name", NAMES)
-def test_same_bytes_alone_in_threads_and_with_any_number_of_cv2_threads(name):
-    rgb, threads = picture((90, 130)), cv2.getNumThreads()
-    alone = run(name, rgb, where=frame(5))
-    try:
-        for count in (1, 2, 4):
-            cv2.setNumThreads(count)
-            assert run(name, rgb, where=frame(5)).tobytes() == alone.tobytes()
-    finally:
-        cv2.setNumThreads(threads)
-    with ThreadPoolExecutor(4) as pool:
-        in_sequence = list(pool.map(lambda index: run(name, rgb, where=frame(index)), range(8)))
-    assert in_sequence[5].tobytes() == alone.tobytes()
 
 
 @cases("name", ["glass_blur", "motion_blur"])

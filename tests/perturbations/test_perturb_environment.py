@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What fog, frost, snow and spatter have in common: published severities, patterns in time, any size, threads."""
+"""What fog, frost, snow and spatter have in common: severities, patterns in time; and with blurs: sizes, threads."""
 
 import tracemalloc
 import warnings
@@ -10,6 +10,10 @@ import numpy as np
 from cases import cases
 
 from weather import KEYS, MODULES, NAMES, SIZES, TABLE, flat, frame, picture, run
+
+BLURS = ("defocus_blur", "gaussian_blur", "glass_blur", "motion_blur")
+PATTERNS = [(name, temporal) for name in NAMES for temporal in ("fresh", "drift")]
+PATTERNS += [(name, "fresh") for name in BLURS]
 
 
 @cases("name", NAMES)
@@ -54,11 +58,10 @@ def test_writing_to_a_result_changes_no_later_one(name, temporal):
         assert np.array_equal(run(name, rgb, where=frame(index, temporal)), kept)
 
 
-@cases("name", NAMES)
+@cases(("name", "temporal"), PATTERNS)
 @cases("size", SIZES)
 @cases("severity", [1, 2.5, 3.5, 5])
-@cases("temporal", ["fresh", "drift"])
-def test_any_size_without_a_warning(name, size, severity, temporal):
+def test_any_size_without_a_warning(name, temporal, size, severity):
     for rgb in (picture(size), flat(size), flat(size, 1.0)):
         before = rgb.copy()
         with warnings.catch_warnings(), np.errstate(all="raise", under="ignore"):
@@ -68,20 +71,20 @@ def test_any_size_without_a_warning(name, size, severity, temporal):
         assert result.dtype == np.float32
         assert np.isfinite(result).all()
         assert result.min() > -1e-6
+        assert name not in BLURS or result.max() <= 1 + 1e-6
         assert np.array_equal(rgb, before)
         assert not np.shares_memory(rgb, result)
 
 
-@cases("name", NAMES)
+@cases("name", [*NAMES, *BLURS])
 def test_a_frame_larger_than_the_reference(name):
-    result = run(name, flat((1081, 1921), 0.5))
+    result = run(name, picture((1081, 1921)) if name in BLURS else flat((1081, 1921), 0.5))
     assert result.shape == (1081, 1921, 3)
     assert np.isfinite(result).all()
     assert result.std() > 0.005
 
 
-@cases("name", NAMES)
-@cases("temporal", ["fresh", "drift"])
+@cases(("name", "temporal"), PATTERNS)
 def test_same_bytes_alone_in_threads_and_with_any_number_of_cv2_threads(name, temporal):
     rgb, threads = picture((90, 130)), cv2.getNumThreads()
     alone = run(name, rgb, where=frame(5, temporal))

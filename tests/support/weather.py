@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Fog, frost, snow and spatter, called as their tests call them, and the paper's table of them."""
+"""Fog, frost, snow and spatter, and blurs, called as their tests call them, and the paper's table of the four."""
 
 import numpy as np
 
 from noisy_world.core.perturbing.kinds import FrameContext
-from noisy_world.perturbations import fog, frost, snow, spatter
+from noisy_world.perturbations import fog, frost, registry, snow, spatter
 
 MODULES = {module.PERTURBATION.name: module for module in (fog, frost, snow, spatter)}
 NAMES = sorted(MODULES)
@@ -50,5 +50,5 @@ def frame(index=0, temporal="fresh", seed=1):
 
 
 def run(name, rgb, severity=3, where=None, **given):
-    perturbation = MODULES[name].PERTURBATION
+    perturbation = registry()[name]
     return perturbation.apply(rgb, perturbation.at_severity(severity, **given), where or frame())
