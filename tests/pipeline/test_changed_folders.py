@@ -97,7 +97,7 @@ def test_a_link_in_place_of_the_working_folder_is_not_followed(finished, tmp_pat
     (papers / "unfinished/thesis.tex").write_text("years")
     (out / ".noisy_world").symlink_to(papers)
     for overwrite in (False, True):
-        left_alone(preset, out, ".noisy_world: ", "remove it", overwrite=overwrite)
+        left_alone(preset, out, ".noisy_world: ", "a run works in", "remove it", overwrite=overwrite)
     assert (papers / "unfinished/thesis.tex").read_text() == "years"
 
 

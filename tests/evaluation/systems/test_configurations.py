@@ -182,7 +182,7 @@ def test_bounds_are_as_far_as_the_camera_sees(index):
     assert bound_m(index)[2][1] > 1.9 * high * 0.9
     for frame in index["frames"]:
         assert cv2.imwrite(frame["depth"], np.zeros((HIGH, WIDE), np.uint16))
-    refused(bound_m, index, names="depth")
+    refused(bound_m, index, names="no depth")
     assert cv2.imwrite(index["frames"][0]["depth"], np.zeros((HIGH, WIDE), np.uint8))
     refused(bound_m, index, names=[index["frames"][0]["depth"], "16 bits"])
 
