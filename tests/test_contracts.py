@@ -126,7 +126,7 @@ FEWER = {"amount": (0.1, 0.2, 0.4, 0.5, 0.6)}
     ("broken", "told"),
     [
         (colour(noisy, severities=FEWER), "the default of amount is 0.3, but severity 3 says 0.4"),
-        (colour(darken), "changes colour that it is given; copy it"),
+        (colour(darken), "writes into what it is given"),
         (colour(unseeded), "gives another colour for the same frame; draw from the context only"),
         (colour(noisy, repeatable=True), "says repeatable, but frames 4 and 5 differ for equal images"),
         (colour(lambda rgb, *_: rgb), "returns the array that it is given; return a new one"),
