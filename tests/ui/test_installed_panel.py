@@ -66,6 +66,9 @@ def lifted(height_m, shiver_m):
     return moved
 
 
+ROUNDED = 3e-9  # poses are rounded to a nanometre and 2e-9 rad
+
+
 def near(keys, poses):
     return np.abs(np.array(keys) - poses).max() < 1e-5  # keys are float32
 
@@ -82,10 +85,10 @@ def test_the_camera_and_the_lines_follow_the_list(told):
     assert told["keys with fog"] == told["clean keys"]
     assert near(told["added keys"], lifted(0.3, 0.0))
     assert near(told["slid keys"], lifted(0.25, 0.5))
-    assert np.abs(np.array(told["lines"]) - lifted(0.25, 0.5)).max() < 1e-9
+    assert np.abs(np.array(told["lines"]) - lifted(0.25, 0.5)).max() < ROUNDED
     assert told["keys when off"] == told["clean keys"]
     assert told["lines when off"] is None
-    assert np.array_equal(told["stuttering lines"], path_poses(COUNT)[[0, 0, 2, 2, 4, 4]])
+    assert np.abs(np.array(told["stuttering lines"]) - path_poses(COUNT)[[0, 0, 2, 2, 4, 4]]).max() < ROUNDED
 
 
 def test_a_preset_comes_into_the_panel_and_out_again(told, site, folder):
@@ -93,7 +96,7 @@ def test_a_preset_comes_into_the_panel_and_out_again(told, site, folder):
     assert near(told["opened keys"], lifted(0.3, 0.0))
     generate(folder / "saved.yaml", "--out", folder / "out", env=os.environ | {"PYTHONPATH": str(site)})
     written = np.loadtxt(folder / "out/perturbed/box/traj.txt").reshape(-1, 4, 4)
-    assert np.abs(written - lifted(0.3, 0.0)[[0, 0, 2, 2, 4]]).max() < 1e-12
+    assert np.abs(written - lifted(0.3, 0.0)[[0, 0, 2, 2, 4]]).max() < ROUNDED
 
 
 def test_previews_show_what_is_written(told, folder):
