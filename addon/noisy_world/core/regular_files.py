@@ -10,10 +10,10 @@ import io
 import math
 import os
 import stat
-from typing import Any, BinaryIO, TextIO, TypeAlias
+from typing import TYPE_CHECKING, Any, BinaryIO, TextIO, TypeAlias
 
-import numpy as np
-from numpy.typing import NDArray
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 FileName: TypeAlias = str | os.PathLike[str]
 
@@ -86,8 +86,10 @@ def read_text(path: FileName, *, encoding: str = "utf-8", errors: str = "strict"
     return read_bytes(path).decode(encoding, errors).replace("\r\n", "\n").replace("\r", "\n")
 
 
-def read_array(path: FileName) -> NDArray[Any]:
+def read_array(path: FileName) -> "NDArray[Any]":
     """Return the array in a file of numpy's. Raises OSError, and ValueError or EOFError for what is none."""
+    import numpy as np  # noqa: PLC0415 - what asks whether numpy is here reads files too
+
     with open_regular(path) as file:
         return np.load(file, allow_pickle=False)
 
