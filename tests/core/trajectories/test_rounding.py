@@ -13,7 +13,7 @@ from noisy_world.core.trajectories.rounding import rounded_numbers, rounded_path
 from noisy_world.core.trajectories.trajectory import Trajectory, evenly_stamped
 
 GENERATOR = np.random.default_rng(9)
-TURNS = Rotation.random(2000, rng=3)
+TURNS = Rotation.random(2000, 3)  # its name for the seed is another before SciPy 1.15
 POSES = pose(TURNS.as_matrix(), GENERATOR.uniform(-20, 20, (2000, 3)))
 
 
