@@ -12,11 +12,10 @@ from noisy_world.core.datasets.depth_range import (
     DepthRange,
     OutOfRange,
     RangeLoss,
-    out_of_range,
     range_loss,
     scale_that_holds,
 )
-from noisy_world.core.datasets.images import quantise_depth
+from noisy_world.core.datasets.images import out_of_range, quantise_depth
 from noisy_world.core.datasets.records import FrameRecord, joined_records, read_records
 
 INF = math.inf

@@ -6,11 +6,10 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
-import numpy as np
-from numpy.typing import NDArray
-
 from ..messages import Message, PresetKey, Remedy, either
-from .images import UINT16_MAX, depth_steps
+
+UINT16_MAX = 65535  # 2^16 - 1, the largest step of a depth image
+LARGEST_FLOAT32 = (2 - 2**-23) * 2.0**127
 
 Beyond = Literal["void", "farthest"]
 """What becomes of depth beyond the range: nothing, or the farthest depth that 16 bits hold."""
@@ -46,29 +45,10 @@ class OutOfRange:
             None if farthest is None else float(farthest),
             int(content.get("infinite", 0)),
         )
-        far = found.farthest_m is None or 0 < found.farthest_m <= float(np.finfo(np.float32).max)
+        far = found.farthest_m is None or 0 < found.farthest_m <= LARGEST_FLOAT32
         if not (far and 0 < found.pixels <= found.of and 0 <= found.infinite <= found.pixels):
             raise ValueError(f"{content} counts no pixels")
         return found
-
-
-def out_of_range(depth_m: NDArray[np.float32], scale_per_m: float) -> OutOfRange | None:
-    """Count the pixels of planar depth (H, W) in metres that the encoder cannot hold; None where it holds all.
-
-    scale_per_m: steps per metre. These are exactly the pixels that `images.quantise_depth` does not keep for being too
-    far; void, negative values and NaN are no depth.
-    """
-    limit_m = UINT16_MAX / scale_per_m
-    # Most images hold nothing that far: their maximum is known in a twentieth of the time. NaN goes on.
-    if depth_m.size == 0 or float(depth_m.max()) <= limit_m:
-        return None
-    far_m = depth_m[depth_m > limit_m]
-    lost_m = far_m[depth_steps(far_m, scale_per_m) > UINT16_MAX]
-    if not lost_m.size:
-        return None
-    finite_m = lost_m[np.isfinite(lost_m)]
-    farthest_m = float(finite_m.max()) if finite_m.size else None
-    return OutOfRange(lost_m.size, int(np.count_nonzero(depth_m > 0)), farthest_m, lost_m.size - finite_m.size)
 
 
 @dataclass(frozen=True)

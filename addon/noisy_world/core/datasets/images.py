@@ -7,6 +7,7 @@ from typing import Literal, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from .depth_range import UINT16_MAX, OutOfRange
 from .png_files import SIGNATURE
 
 Number = TypeVar("Number", bound=np.generic)
@@ -24,7 +25,6 @@ NOISY = 22
 NOISY_ROWS = 16  # one row of so many tells
 _UP = 2  # a filter of PNG (ISO/IEC 15948, 9.2)
 _GREY, _COLOUR = 0, 2  # its colour types (11.2.2)
-UINT16_MAX = 65535  # 2^16 - 1, the largest step of a depth image
 GREY_WEIGHTS_PER_MILLE = (299, 587, 114)  # of R, G and B: ITU-R BT.601
 
 
@@ -131,6 +131,25 @@ def depth_steps(depth_m: NDArray[np.float32], scale_per_m: float) -> NDArray[np.
     """Return depth in metres in whole steps of 1 / scale_per_m, however many they are."""
     # In float64: float32 is up to 0.004 of a step off near the far end, and then rounds wrongly now and then.
     return np.rint(depth_m.astype(np.float64) * scale_per_m)
+
+
+def out_of_range(depth_m: NDArray[np.float32], scale_per_m: float) -> OutOfRange | None:
+    """Count the pixels of planar depth (H, W) in metres that the encoder cannot hold; None where it holds all.
+
+    scale_per_m: steps per metre. These are exactly the pixels that `quantise_depth` does not keep for being too
+    far; void, negative values and NaN are no depth.
+    """
+    limit_m = UINT16_MAX / scale_per_m
+    # Most images hold nothing that far: their maximum is known in a twentieth of the time. NaN goes on.
+    if depth_m.size == 0 or float(depth_m.max()) <= limit_m:
+        return None
+    far_m = depth_m[depth_m > limit_m]
+    lost_m = far_m[depth_steps(far_m, scale_per_m) > UINT16_MAX]
+    if not lost_m.size:
+        return None
+    finite_m = lost_m[np.isfinite(lost_m)]
+    farthest_m = float(finite_m.max()) if finite_m.size else None
+    return OutOfRange(lost_m.size, int(np.count_nonzero(depth_m > 0)), farthest_m, lost_m.size - finite_m.size)
 
 
 def encode_png(pixels: NDArray[np.uint8] | NDArray[np.uint16]) -> bytes:

@@ -22,9 +22,9 @@ from ...trajectories.sensor_paths import SensorPaths
 from ...trajectories.stamps import FrameStamps, Stamps
 from ...trajectories.trajectory import Trajectory
 from ..association import associate
-from ..depth_range import Beyond, DepthRange, OutOfRange, out_of_range
+from ..depth_range import Beyond, DepthRange, OutOfRange
 from ..float_files import encode_light
-from ..images import UINT16_MAX, as_bytes, encode_colour, encode_png, grey_bytes, quantise_depth
+from ..images import UINT16_MAX, as_bytes, encode_colour, encode_png, grey_bytes, out_of_range, quantise_depth
 from ..known_poses import PosePolicy
 from ..stored import StoredSequence
 
