@@ -9,13 +9,12 @@ import numpy as np
 
 from ..core.messages import Action, either
 from ..core.presets.frame_range import LAST_POSSIBLE
-from ..core.presets.preset import EngineName
-from ..core.scenes.own_scene import Problem, SampledCamera
+from ..core.scenes.own_scene import BlenderEngine, Problem, SampledCamera
 from .scene_files import SceneFiles
 
 MOST_NAMED = 5  # of things that a message lists
 MOST_NESTED = 200  # chosen: node groups in node groups; Blender and Cycles follow them by recursion
-ENGINES: dict[str, EngineName] = {"CYCLES": "cycles", "BLENDER_EEVEE": "eevee", "BLENDER_WORKBENCH": "workbench"}
+ENGINES: dict[str, BlenderEngine] = {"CYCLES": "cycles", "BLENDER_EEVEE": "eevee", "BLENDER_WORKBENCH": "workbench"}
 
 
 def problems_of(scene: bpy.types.Scene, files: SceneFiles, *, composited: bool = False) -> Iterator[Problem]:

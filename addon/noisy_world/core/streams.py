@@ -8,6 +8,7 @@ word first. The frame is the highest word; as the lowest, frame k + 1 would repe
 
 import hashlib
 import json
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +19,9 @@ MULTIPLIERS = np.array([[0xD2E7470EE14C6C93], [0xCA5A826395121157]], dtype=np.ui
 WEYL = np.array([[0x9E3779B97F4A7C15], [0xBB67AE8584CAA73B]], dtype=np.uint64)
 ROUNDS = 10
 LOW_BITS = np.uint64(0xFFFFFFFF)
+
+Identifiers: TypeAlias = tuple[str | int, ...]
+"""Identifiers of random streams: the preset's seed, scene, setting; then the perturbation and its occurrence."""
 
 
 def stream(*identifiers: str | int, frame: int = 0) -> np.random.Generator:
@@ -79,7 +83,7 @@ def _checked_frame(frame: int) -> int:
     return int(frame)
 
 
-def _key(identifiers: tuple[str | int, ...]) -> np.ndarray:
+def _key(identifiers: Identifiers) -> np.ndarray:
     if not identifiers:
         raise ValueError("a random stream needs at least one identifier")
     for identifier in identifiers:

@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import NoisyWorldError
-from ..perturbing.contexts import Identifiers
-from ..streams import stream
+from ..streams import Identifiers, stream
 from ..trajectories.body_motion import BodyMotion
 from ..trajectories.curve import motion_of
 from ..trajectories.rounding import rounded_numbers

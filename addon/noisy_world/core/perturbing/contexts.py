@@ -10,13 +10,11 @@ from numpy.typing import NDArray
 
 from ..datasets.images import read_only
 from ..geometry import Intrinsics
+from ..streams import Identifiers as Identifiers  # noqa: PLC0414 - is found here too
 from ..streams import integers_of_frames, stream
 from ..trajectories.frame_request import Shutter
 from ..trajectories.motion import CameraMotion
 from .earlier_frames import EarlierFrame, ReadEarlier
-
-Identifiers: TypeAlias = tuple[str | int, ...]
-"""Identifiers of random streams: the preset's seed, scene, setting; then the perturbation and its occurrence."""
 
 Temporal: TypeAlias = Literal["fresh", "fixed", "drift"]
 """How a random pattern changes from frame to frame: drawn anew, kept, or moved smoothly."""

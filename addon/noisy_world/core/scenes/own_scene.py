@@ -5,15 +5,17 @@ Plain data, which one process tells another as JSON.
 """
 
 from dataclasses import asdict, dataclass, replace
-from typing import Any
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..geometry import Intrinsics
 from ..messages import Part, from_content, to_content
-from ..presets.preset import EngineName
 from .scene_object import SceneObject
+
+BlenderEngine: TypeAlias = Literal["cycles", "eevee", "workbench"]
+"""The engines that Blender has, by this project's names."""
 
 
 @dataclass(frozen=True)
@@ -87,7 +89,7 @@ class OwnScene:
     """
 
     scene: str
-    engine: EngineName | None
+    engine: BlenderEngine | None
     engine_name: str
     samples: dict[str, int]
     fps: float
