@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from noisy_world.blender.kept_groups import index_of
 from noisy_world.blender.nodes import ensure_group
-from noisy_world.blender.render import muted_output
+from noisy_world.blender.scratch_images import muted_output
 from noisy_world.core.node_graphs.groups import build_group
 from noisy_world.core.perturbing.kinds import COLOUR_STAGES, ColourPerturbation
 from noisy_world.core.perturbing.reading import parse_steps

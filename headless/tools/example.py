@@ -15,7 +15,7 @@ sys.path[:0] = [str(ROOT / "addon"), str(ROOT / "headless")]
 
 import bpy
 
-from noisy_world.blender.render import muted_output
+from noisy_world.blender.scratch_images import muted_output
 from noisy_world.blender.typed import override
 from tools.street.chain import CHAIN, show_behind_render
 from tools.street.scene import FRAMES, build_street, intrinsics_of

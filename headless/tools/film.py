@@ -22,7 +22,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from noisy_world.blender.render import muted_output
+from noisy_world.blender.scratch_images import muted_output
 from tools.lit_compositor import LitScene, shown
 from tools.street.chain import EVENING_FOG, OVERRIDE, Link, add_groups, key_camera
 from tools.street.frames import LitFrame, read_frame

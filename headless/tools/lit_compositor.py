@@ -10,8 +10,7 @@ import OpenEXR
 from numpy.typing import NDArray
 
 from noisy_world.blender.nodes import ensure_group
-from noisy_world.blender.render import muted_output
-from noisy_world.blender.scratch_images import write_plain_floats
+from noisy_world.blender.scratch_images import muted_output, write_plain_floats
 from noisy_world.blender.typed import (
     inputs,
     new_node,

@@ -17,7 +17,7 @@ sys.path[:0] = [str(ROOT / "addon"), str(ROOT / "headless")]
 
 import bpy
 
-from noisy_world.blender.render import muted_output
+from noisy_world.blender.scratch_images import muted_output
 from tools.street.frames import StreetCamera, write_frame
 from tools.street.scene import FPS, FRAMES, build_street, intrinsics_of
 

@@ -12,7 +12,7 @@ from mathutils import Matrix, Vector
 from cases import cases
 from own_scenes import LAST, cast, evaluated_triangles, key, new_scene, opened, relative_errors, save
 
-from noisy_world.blender.render import muted_output
+from noisy_world.blender.scratch_images import muted_output
 from noisy_world.blender.scene_camera import sampled_camera, camera_parameters
 from noisy_world.blender.scene_inspection import inspect_scene, open_file
 from noisy_world.core.channels import CHANNELS

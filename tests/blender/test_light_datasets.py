@@ -17,7 +17,7 @@ from packed import pack_to
 from shard_workers import workers_here
 
 import noisy_world
-from noisy_world.blender.render import muted_output
+from noisy_world.blender.scratch_images import muted_output
 from noisy_world.blender.scene_inspection import open_file
 from noisy_world.core.datasets.provenance import render_seed
 from noisy_world.core.errors import InputError, StorageError

@@ -15,7 +15,7 @@ from own_scenes import new_scene, opened, save
 
 from noisy_world.blender.chain_scene import refresh_chain
 from noisy_world.blender.compositor import Compositor
-from noisy_world.blender.render import muted_output
+from noisy_world.blender.scratch_images import muted_output
 from noisy_world.blender.scene_inspection import open_file
 from noisy_world.core.datasets.provenance import render_seed
 from noisy_world.core.geometry import Intrinsics

@@ -7,7 +7,7 @@ import numpy as np
 import OpenEXR
 from noisy_world.blender.compositor import Compositor
 from noisy_world.blender.nodes import ensure_group
-from noisy_world.blender.render import muted_output
+from noisy_world.blender.scratch_images import muted_output
 from noisy_world.blender.scratch_images import write_plain_floats
 from noisy_world.blender.typed import new_tree, set_pixels, use_as_data
 from noisy_world.core.node_graphs.chain import build_written

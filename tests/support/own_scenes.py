@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 
 from noisy_world.blender.own_scene import OwnSceneFile, OwnSceneSession
-from noisy_world.blender.render import muted_output
+from noisy_world.blender.scratch_images import muted_output
 from noisy_world.blender.scene_inspection import inspect_scene, open_file
 from noisy_world.core.planning.source import RenderOptions
 from noisy_world.core.schema import ConfigPath

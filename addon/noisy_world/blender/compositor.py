@@ -25,8 +25,7 @@ from ..core.trajectories.camera_state import camera_state_of
 from ..core.trajectories.motion import CameraMotion
 from ..core.utf8_names import utf8_name
 from .nodes import ensure_group, remove_group
-from .render import muted_output
-from .scratch_images import float_image, image_node, read_rows, write_plain_floats
+from .scratch_images import float_image, image_node, muted_output, read_rows, write_plain_floats
 from .typed import group_of, inputs, new_node, new_tree, override_scene, set_pixels, set_value
 
 T = TypeVar("T", bound=np.generic)

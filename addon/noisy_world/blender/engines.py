@@ -8,7 +8,7 @@ from typing import Any, Literal, TypeAlias
 import bpy
 
 from ..core.errors import MissingDependencyError
-from .render import muted_output
+from .scratch_images import muted_output
 from .typed import cycles as cycles_of
 
 EngineName: TypeAlias = Literal["cycles", "eevee", "workbench"]

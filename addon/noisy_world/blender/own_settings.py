@@ -5,7 +5,7 @@ import bpy
 
 from ..core.planning.source import RenderOptions
 from .engines import ENGINES, enable_gpu
-from .render import muted_output
+from .scratch_images import muted_output
 from .typed import cycles as cycles_of
 
 BLENDER_NAMES = {"cycles": "CYCLES", "eevee": "BLENDER_EEVEE", "workbench": "BLENDER_WORKBENCH"}

@@ -1,9 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Rendering frames in Blender into float arrays: colour and planar depth, each only if asked for."""
 
-import contextlib
-import os
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import bpy
@@ -16,7 +13,7 @@ from ..core.planning.source import RenderedFrame
 from ..core.scratch import ScratchFolder
 from ..core.utf8_names import utf8_name
 from .read_lines import Band, bordered
-from .scratch_images import write_plain_floats
+from .scratch_images import muted_output, write_plain_floats
 from .typed import camera_of, override_scene
 
 FAR_PLANE_TOLERANCE = 1e-4  # of the far plane's distance; chosen: a z-buffer rounds depths next to it by less
@@ -169,22 +166,3 @@ def srgb_from_linear(linear: NDArray[np.float32]) -> NDArray[np.float32]:
     return np.where(
         linear <= np.float32(0.0031308), linear * np.float32(12.92), np.float32(1.055) * power - np.float32(0.055)
     )
-
-
-@contextlib.contextmanager
-def muted_output() -> Iterator[None]:
-    """Hide the lines that Blender and its GL print for each frame.
-
-    They are printed by C code, so the file descriptors are redirected; code that prints meanwhile needs copies of them.
-    """
-    saved = [(descriptor, os.dup(descriptor)) for descriptor in (1, 2)]
-    null = os.open(os.devnull, os.O_WRONLY)
-    try:
-        for descriptor, _ in saved:
-            os.dup2(null, descriptor)
-        yield
-    finally:
-        for descriptor, copy in saved:
-            os.dup2(copy, descriptor)
-            os.close(copy)
-        os.close(null)

@@ -19,11 +19,11 @@ from ..core.presets.frame_range import FrameRange
 from ..core.scenes.own_scene import OwnScene, Problem, SampledCamera
 from ..core.utf8_names import utf8_name
 from .own_settings import lacks_denoiser, rendered_layer
-from .render import muted_output
 from .scene_camera import bound_cameras, camera_alone, sampled_camera
 from .scene_files import files_of
 from .scene_objects import numbered_objects
 from .scene_problems import ENGINES, camera_problems, problems_of, rate_hz
+from .scratch_images import muted_output
 from .typed import cycles as cycles_of
 
 MARK = "@scene "

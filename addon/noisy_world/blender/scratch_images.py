@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Float images that are handed to Blender, and those that it writes into scratch files, read back as arrays."""
 
+import contextlib
 import os
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -52,3 +54,22 @@ def read_rows(path: Path, size_px: tuple[int, int], channels: int) -> NDArray[np
     if len(rows) != height or (rows["number"] != np.arange(height)).any() or (rows["bytes"] != row.itemsize - 8).any():
         raise StorageError("Blender's scratch file is cut short or damaged", file=path)
     return rows["values"]
+
+
+@contextlib.contextmanager
+def muted_output() -> Iterator[None]:
+    """Hide the lines that Blender and its GL print for each frame.
+
+    They are printed by C code, so the file descriptors are redirected; code that prints meanwhile needs copies of them.
+    """
+    saved = [(descriptor, os.dup(descriptor)) for descriptor in (1, 2)]
+    null = os.open(os.devnull, os.O_WRONLY)
+    try:
+        for descriptor, _ in saved:
+            os.dup2(null, descriptor)
+        yield
+    finally:
+        for descriptor, copy in saved:
+            os.dup2(copy, descriptor)
+            os.close(copy)
+        os.close(null)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ..core.datasets.image_reading import read_pixels
 from ..core.errors import StorageError
 from ..core.utf8_names import utf8_name
-from .render import muted_output
+from .scratch_images import muted_output
 from .typed import set_pixels
 
 VIEW_VALUES = ("view_transform", "look", "exposure", "gamma", "use_curve_mapping", "use_white_balance")

@@ -13,7 +13,7 @@ from ..core.regular_files import check_regular
 from ..core.scenes.own_scene import OwnScene
 from ..core.schema import ConfigPath
 from ..core.utf8_names import utf8_name
-from .blender_process import processor_limit_s, run_blender
+from .blender_process import as_installed, processor_limit_s, run_blender
 
 MARK = "@scene "
 PACKAGE = Path(__file__).resolve().parents[1]
@@ -22,7 +22,7 @@ CODE = """
 import sys
 sys.path += [folder for folder in {folders!r} if folder not in sys.path]
 import bpy
-from {package}.blender.{module} import main
+from {module} import main
 main({argument})
 """
 
@@ -98,14 +98,14 @@ def _changed(path: Path, answer: dict[str, Any]) -> list[tuple[int, int] | None]
 
 def inspection_command() -> list[str]:
     """Return the command that looks at a .blend."""
-    return background_command("scene_inspection")
+    return background_command("noisy_world.blender.scene_inspection")
 
 
 def background_command(module: str, *arguments: str) -> list[str]:
-    """Return the command that runs `main` of a module of `blender`: this program, without a person's preferences."""
+    """Return the command that runs `main` of one of our modules: this program, without a person's preferences."""
     argument = ", ".join(map(repr, arguments))
     folders = [str(PACKAGE.parent), *filter(None, sys.path)]
-    code = CODE.format(folders=folders, package=PACKAGE.name, module=module, argument=argument)
+    code = CODE.format(folders=folders, module=as_installed(module), argument=argument)
     bpy = sys.modules.get("bpy")
     binary = "" if bpy is None else bpy.app.binary_path
     if not binary:

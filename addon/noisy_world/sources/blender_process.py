@@ -112,3 +112,8 @@ def _ended(file: Path, who: str, number: int, limit_s: int) -> InputError:
     if os.name == "posix" and number == signal.SIGKILL:
         return InputError(file, f"{problem}, perhaps for want of memory", remedy="run it where there is more memory")
     return InputError(file, problem, remedy=DAMAGED)
+
+
+def as_installed(module: str) -> str:
+    """Return the name under which a process finds a module of ours, whose package an extension names otherwise."""
+    return ".".join([Path(__file__).resolve().parents[1].name, *module.split(".")[1:]])

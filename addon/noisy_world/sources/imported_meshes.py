@@ -39,7 +39,7 @@ from ..core.scenes.textures import read_picture
 from ..core.scenes.turning import Up, turned
 from ..core.scratch import ScratchFolder
 from ..core.utf8_names import utf8_name
-from .blender_process import processor_limit_s, run_blender
+from .blender_process import as_installed, processor_limit_s, run_blender
 
 REFUSED, NOT_FINITE, REFUSAL = 4, 5, "refused.txt"  # as blender.importing.program ends, and where it says why
 _ROOM_FOR_EACH_BYTE = 8  # chosen: arrays in scratch memory take more than the file
@@ -181,9 +181,9 @@ def _command(order: str, limit_s: int) -> list[str]:
     package = Path(__file__).resolve().parents[1]
     program = (
         f"import sys; sys.path.append({str(package.parent)!r})\n"
-        f"from {package.name}.core.machine import limit_process\n"
+        f"from {as_installed('noisy_world.core.machine')} import limit_process\n"
         f"limit_process({limit_s})\n"
-        f"from {package.name}.blender.importing.program import main\n"
+        f"from {as_installed('noisy_world.blender.importing.program')} import main\n"
         f"sys.exit(main({order!r}))"
     )
     binary = sys.modules["bpy"].app.binary_path if sys.modules.get("bpy") is not None else ""

@@ -158,7 +158,7 @@ def start_still(scene: bpy.types.Scene, request: StillRequest, *, stopped: str =
     with starting("frame", "the renderer") as folder:
         scene_copy.save_as_it_is(folder / COPY)
         write_request(request, folder)
-        command = background_command("still_process", str(folder))
+        command = background_command("noisy_world.blender.still_process", str(folder))
         background = BackgroundRun(command, who="the renderer", patient=False)
     run = _STILLS[scene.session_uid] = SceneRun(scene.session_uid, folder, background, folder, stopped)
     return run
