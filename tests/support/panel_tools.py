@@ -15,6 +15,11 @@ def settings():
     return bpy.context.scene.noisy_world
 
 
+def own_classes(*kinds):
+    """Return the add-on's own classes of Blender's kinds, such as Operator."""
+    return [cls for kind in kinds for cls in kind.__subclasses__() if cls.__module__.startswith("noisy_world.")]
+
+
 def square(path, size_m=1.0):
     corners = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], dtype=np.float64) * size_m
     rgb = np.array([[0, 0, 0], [128, 0, 0], [0, 128, 0], [0, 0, 128]], dtype=np.float32) / 255

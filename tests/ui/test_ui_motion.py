@@ -55,11 +55,11 @@ def test_each_has_a_picture_that_follows_its_values(name):
 
 def test_others_have_none(monkeypatch):
     for name in ("fog", "motion_deviation", "faster_motion"):
-        motion_plot.draw(SimpleNamespace(), panel(), added(name))  # which would fail where it drew
+        motion_plot.draw_motion(SimpleNamespace(), panel(), added(name))  # which would fail where it drew
     drawn = []
     monkeypatch.setattr(motion_plot, "_icon", lambda *_: 7)
     layout = SimpleNamespace(template_icon=lambda **given: drawn.append(given["icon_value"]))
-    motion_plot.draw(layout, panel(), added("vibration"))
+    motion_plot.draw_motion(layout, panel(), added("vibration"))
     assert drawn == [7]
 
 

@@ -10,7 +10,7 @@ import pytest
 from refusals import refused
 from calls import calls_made
 from keyed_poses import keyed_poses
-from panel_tools import settings, use_files
+from panel_tools import own_classes, settings, use_files
 
 import noisy_world
 from noisy_world.core.scenes.mesh import Mesh
@@ -138,9 +138,7 @@ def test_every_property_and_choice_has_a_tooltip_and_a_label_in_title_case():
 
 
 def test_every_button_menu_and_section_has_a_tooltip_and_a_label_in_title_case():
-    from noisy_world import ui
-
-    classes = [cls for module in ui.modules() for cls in getattr(module, "CLASSES", ())]
+    classes = own_classes(bpy.types.Operator, bpy.types.Menu, bpy.types.Panel, bpy.types.UIList)
     shown = [cls for cls in classes if issubclass(cls, (bpy.types.Operator, bpy.types.Menu, bpy.types.Panel))]
     assert len(shown) > 25
     for cls in shown:

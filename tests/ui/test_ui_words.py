@@ -9,7 +9,7 @@ from typing import Literal, get_args, get_origin, get_type_hints
 import bpy
 import numpy as np
 import pytest
-from panel_tools import settings
+from panel_tools import own_classes, settings
 from preview_tools import add
 
 from noisy_world.core.datasets.depth_range import DepthRange
@@ -77,12 +77,10 @@ def test_panel_socket_and_preset_use_the_same_word():
 
 
 def test_the_interface_is_spelt_as_blenders():
-    from noisy_world import ui
-
     step = add(scene(), "snow")
     groups = (settings(), step, *(getattr(step, name) for name in registry()))
     texts = [text for group in groups for item in group.bl_rna.properties for text in (item.name, item.description)]
-    classes = [cls for module in ui.modules() for cls in getattr(module, "CLASSES", ())]
+    classes = own_classes(bpy.types.Operator, bpy.types.Menu, bpy.types.Panel, bpy.types.UIList)
     texts += [text for cls in classes for text in (cls.__doc__ or "", getattr(cls, "bl_label", ""))]
     assert len(texts) > 300
     assert [text for text in texts if american(text) != text] == []

@@ -10,13 +10,13 @@ from ..core.utf8_names import utf8_name
 from .operators import CANCELLED, DONE
 
 PACKAGE = (__package__ or "").rpartition(".")[0]  # bl_ext.<repository>.noisy_world, or noisy_world in a checkout
-FOLDER = Path(__file__).resolve().parents[1] / "assets"
+ASSETS = Path(__file__).resolve().parents[1] / "assets"
 NAME = "Noisy World"
 
 
 def is_built() -> bool:
     """Tell whether there is a library; a checkout has none before it is built."""
-    return any(FOLDER.glob("*.blend"))
+    return any(ASSETS.glob("*.blend"))
 
 
 def libraries() -> bpy.types.AssetLibraryCollection:
@@ -26,7 +26,7 @@ def libraries() -> bpy.types.AssetLibraryCollection:
 
 def entry() -> bpy.types.UserAssetLibrary | None:
     """Return the library's entry in the preferences, also if a user added or renamed it."""
-    return next((item for item in libraries() if item.path and Path(item.path).resolve() == FOLDER), None)
+    return next((item for item in libraries() if item.path and Path(item.path).resolve() == ASSETS), None)
 
 
 def _kept() -> Any | None:
@@ -56,10 +56,10 @@ class NoisyWorldAddAssetLibrary(bpy.types.Operator):
     def execute(self, _: bpy.types.Context) -> set[str]:
         """Add them."""
         # Blender's own operator reloads shelves and menus; the functions of the collection do not.
-        bpy.ops.preferences.asset_library_add(directory=utf8_name(FOLDER))
+        bpy.ops.preferences.asset_library_add(directory=utf8_name(ASSETS))
         made = entry()
         if made is None:
-            self.report({"ERROR"}, f"{FOLDER}: Blender did not take the asset library")
+            self.report({"ERROR"}, f"{ASSETS}: Blender did not take the asset library")
             return CANCELLED
         made.name = NAME
         self.report({"INFO"}, "The node groups are in the compositor's Add menu and asset shelf")
@@ -110,26 +110,26 @@ def draw_button(layout: bpy.types.UILayout) -> None:
     layout.operator(kind.bl_idname, icon="ASSET_MANAGER")
 
 
-def draw(layout: bpy.types.UILayout, _: bpy.types.Context) -> None:
+def draw_library(layout: bpy.types.UILayout, _: bpy.types.Context) -> None:
     """Draw the button in the tab, until the library is added."""
     if is_built() and entry() is None:
         layout.operator(NoisyWorldAddAssetLibrary.bl_idname, text="Add Groups to Asset Browser", icon="ASSET_MANAGER")
 
 
-CLASSES = (NoisyWorldAddAssetLibrary, NoisyWorldRemoveAssetLibrary, NoisyWorldPreferences)
-_register_classes, _unregister_classes = bpy.utils.register_classes_factory(CLASSES)
+LIBRARY_CLASSES = (NoisyWorldAddAssetLibrary, NoisyWorldRemoveAssetLibrary, NoisyWorldPreferences)
+_register_classes, _unregister_classes = bpy.utils.register_classes_factory(LIBRARY_CLASSES)
 
 
-def register() -> None:
+def register_asset_library() -> None:
     """Register the buttons, and add the library again if it was removed with the add-on, as in an update."""
     _register_classes()
     if (kept := _kept()) is not None and kept.returns:
         kept.returns = False
         if entry() is None:
-            libraries().new(name=NAME, directory=utf8_name(FOLDER))
+            libraries().new(name=NAME, directory=utf8_name(ASSETS))
 
 
-def unregister() -> None:
+def unregister_asset_library() -> None:
     """Unregister everything, and remove the library that was added, since its folder may be deleted next."""
     found = entry()
     if found is not None and found.name.startswith(NAME):  # not an entry that a user added by hand

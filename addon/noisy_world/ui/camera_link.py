@@ -51,7 +51,7 @@ class NoisyWorldKeyCameraMotion(OnScene, bpy.types.Operator):
         return guarded(self, work)
 
 
-def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+def draw_camera_link(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     """Draw the button in the tab where there is something to key."""
     if context.scene.camera is not None and keyable(context.scene):
         layout.operator(NoisyWorldKeyCameraMotion.bl_idname, icon="CON_CAMERASOLVER")
@@ -70,13 +70,13 @@ _DRAWS: Any = _draw_in_menu  # the stubs give such functions no menu
 _register_classes, _unregister_classes = bpy.utils.register_classes_factory((NoisyWorldKeyCameraMotion,))
 
 
-def register() -> None:
+def register_camera_link() -> None:
     """Register the button, in the tab and in the node editor's menu."""
     _register_classes()
     bpy.types.NODE_MT_node.append(_DRAWS)  # looked up anew: reloading scripts makes another class of it
 
 
-def unregister() -> None:
+def unregister_camera_link() -> None:
     """Unregister it."""
     bpy.types.NODE_MT_node.remove(_DRAWS)
     _unregister_classes()

@@ -46,14 +46,14 @@ def _on_start() -> None:
     _on_load()
 
 
-def register() -> None:
+def register_first_look() -> None:
     """Register the handler of files that are opened, and look at the one that is open."""
     bpy.app.handlers.load_post.append(_on_load)
     # Later, as Blender's data cannot be accessed while add-ons are registered.
     bpy.app.timers.register(_on_start, first_interval=0.0)
 
 
-def unregister() -> None:
+def unregister_first_look() -> None:
     """Unregister both."""
     if bpy.app.timers.is_registered(_on_start):
         bpy.app.timers.unregister(_on_start)

@@ -10,7 +10,7 @@ from ..core.presets.preset import ImuSpec, RigSpec, SensorSpec
 from .described import described, tell
 from .typed_numbers import set_value, value_of
 
-UPDATE = "imu"  # what listeners are told
+IMU_UPDATE = "imu"  # what listeners are told
 PLACE = ("imu_x_m", "imu_y_m", "imu_z_m")
 NUMBERS = ("rate_hz", "gravity_m_s2", "time_offset_s", "clock_drift_ppm")
 _SHOWN = ("device", "translation_m", *NUMBERS)
@@ -23,9 +23,9 @@ def imu_members() -> dict[str, Any]:
             options=set(),
             name="IMU",
             description="Write what an inertial measurement unit on the camera measures, and its true states",
-            update=tell(UPDATE),
+            update=tell(IMU_UPDATE),
         ),
-        "imu_device": described(ImuSpec, "device", label="IMU Device", update=UPDATE),
+        "imu_device": described(ImuSpec, "device", label="IMU Device", update=IMU_UPDATE),
         **{
             name: bpy.props.FloatProperty(
                 options=set(),
@@ -37,17 +37,17 @@ def imu_members() -> dict[str, Any]:
                 max=1e6,
                 soft_min=-0.5,
                 soft_max=0.5,
-                update=tell(UPDATE),
+                update=tell(IMU_UPDATE),
             )
             for name in PLACE
         },
-        "imu_rate_hz": described(ImuSpec, "rate_hz", label="IMU Rate", update=UPDATE, soft_min=50, soft_max=1000),
-        "imu_gravity_m_s2": described(ImuSpec, "gravity_m_s2", label="Gravity", update=UPDATE, soft_max=25),
+        "imu_rate_hz": described(ImuSpec, "rate_hz", label="IMU Rate", update=IMU_UPDATE, soft_min=50, soft_max=1000),
+        "imu_gravity_m_s2": described(ImuSpec, "gravity_m_s2", label="Gravity", update=IMU_UPDATE, soft_max=25),
         "imu_time_offset_s": described(
-            ImuSpec, "time_offset_s", label="Time Offset", update=UPDATE, precision=4, soft_min=0, soft_max=0.1
+            ImuSpec, "time_offset_s", label="Time Offset", update=IMU_UPDATE, precision=4, soft_min=0, soft_max=0.1
         ),
         "imu_clock_drift_ppm": described(
-            ImuSpec, "clock_drift_ppm", label="Clock Drift", update=UPDATE, soft_min=-200, soft_max=200
+            ImuSpec, "clock_drift_ppm", label="Clock Drift", update=IMU_UPDATE, soft_min=-200, soft_max=200
         ),
     }
 

@@ -11,7 +11,7 @@ from .described import described, tell
 from .typed_numbers import set_value, value_of
 
 COEFFICIENTS = ("k1", "k2", "k3", "k4", "k5", "k6", "p1", "p2")
-UPDATE = "distortion"  # what listeners are told
+LENS_UPDATE = "distortion"  # what listeners are told
 
 
 def lens_members() -> dict[str, Any]:
@@ -21,16 +21,16 @@ def lens_members() -> dict[str, Any]:
             options=set(),
             name="Distortion",
             description="Show frames through a lens that distorts. Viewport and previews of meshes stay a pinhole's",
-            update=tell(UPDATE),
+            update=tell(LENS_UPDATE),
         ),
-        "distortion_model": described(DistortionSpec, "model", label="Lens Model", update=UPDATE),
+        "distortion_model": described(DistortionSpec, "model", label="Lens Model", update=LENS_UPDATE),
         **{
             f"distortion_{name}": described(
-                DistortionSpec, name, label=name.upper(), update=UPDATE, precision=6, soft_min=-1.0, soft_max=1.0
+                DistortionSpec, name, label=name.upper(), update=LENS_UPDATE, precision=6, soft_min=-1.0, soft_max=1.0
             )
             for name in COEFFICIENTS
         },
-        "distortion_undistort": described(DistortionSpec, "undistort", label="Undistort Again", update=UPDATE),
+        "distortion_undistort": described(DistortionSpec, "undistort", label="Undistort Again", update=LENS_UPDATE),
     }
 
 

@@ -34,7 +34,7 @@ KEPT = 8  # pictures
 _loaded: dict[str, Any] = {}
 
 
-def draw(layout: bpy.types.UILayout, panel: Any, step: Any) -> None:
+def draw_motion(layout: bpy.types.UILayout, panel: Any, step: Any) -> None:
     """Draw the picture of a step that moves the camera continuously; nothing for any other."""
     perturbation = perturbation_of(step)
     if not isinstance(perturbation, MotionPerturbation) or not perturbation.continuous:
@@ -138,11 +138,11 @@ def _icon(panel: Any, step: Any) -> int:
     return pictures[key].icon_id
 
 
-def register() -> None:
+def register_motion_plot() -> None:
     """Pictures are made when they are shown."""
 
 
-def unregister() -> None:
+def unregister_motion_plot() -> None:
     """Let the pictures go."""
     if "pictures" in _loaded:
         bpy.utils.previews.remove(_loaded.pop("pictures"))

@@ -42,11 +42,11 @@ def _angles(panel: Any, stored: Any) -> Iterator[tuple[Any, Any, str]]:
                     yield getattr(step, name), values[name], item.name
 
 
-def register() -> None:
+def register_older_files() -> None:
     """Register the handler of files that are opened."""
     bpy.app.handlers.load_post.append(_on_load)
 
 
-def unregister() -> None:
+def unregister_older_files() -> None:
     """Unregister it."""
     bpy.app.handlers.load_post.remove(_on_load)

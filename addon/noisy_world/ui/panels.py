@@ -276,7 +276,7 @@ class NOISYWORLD_PT_perturbations(PanelSection, bpy.types.Panel):
             write(layout, context, line_on(perturbation_of(step)), "INFO")
             view_depth.draw_beside(layout, context, step)
             draw_step(layout, step)
-            motion_plot.draw(layout, panel, step)
+            motion_plot.draw_motion(layout, panel, step)
             if text := other_rate(panel, step):
                 write(layout, context, text, "ERROR")
                 layout.operator("noisy_world.take_rate", icon="TIME")
@@ -297,8 +297,8 @@ class NOISYWORLD_PT_preview(PanelSection, bpy.types.Panel):
         layout.use_property_split = False
         preview.draw(layout, context)
         bake_exposure.draw(layout, context)
-        camera_link.draw(layout, context)
-        asset_library.draw(layout, context)
+        camera_link.draw_camera_link(layout, context)
+        asset_library.draw_library(layout, context)
 
 
 class NOISYWORLD_PT_output(PanelSection, bpy.types.Panel):
@@ -347,7 +347,7 @@ class NOISYWORLD_PT_evaluation(PanelSection, bpy.types.Panel):
         """Draw it."""
         layout = self.fields(context)
         layout.use_property_split = False
-        tracking.draw(layout, context)
+        tracking.draw_tracking(layout, context)
 
 
 OFFERED = (PHYSICAL, BENCHMARK, PACKAGES)

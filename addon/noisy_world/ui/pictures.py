@@ -15,7 +15,7 @@ from ..core.utf8_names import utf8_name
 from .offered import BENCHMARK, PHYSICAL, Offered, offered, short_label
 from .preset_files import listed, own_folder, preset_label, shipped_folder
 
-FOLDER = Path(__file__).resolve().parent / "thumbnails"
+THUMBNAILS = Path(__file__).resolve().parent / "thumbnails"
 """NAME.jpg for shipped presets, perturbations/NAME.jpg for perturbations; drawn by headless/tools/thumbnails.py."""
 
 OWN_SUFFIXES = (".jpg", ".png")
@@ -27,14 +27,14 @@ _loaded: dict[str, Any] = {}  # the pictures that were shown, by file
 def picture_of_preset(path: Path) -> int:
     """Return the icon of a preset's picture, 0 where it has none. One's own stands beside the file, by its name."""
     if path.is_relative_to(shipped_folder()):
-        return _icon(FOLDER / path.relative_to(shipped_folder()).with_suffix(".jpg"))
+        return _icon(THUMBNAILS / path.relative_to(shipped_folder()).with_suffix(".jpg"))
     beside = (path.with_suffix(suffix) for suffix in OWN_SUFFIXES)
     return next((icon for file in beside if (icon := _icon(file))), 0)
 
 
 def picture_of(perturbation: Perturbation) -> int:
     """Return the icon of a perturbation's picture, 0 where it has none."""
-    return _icon(FOLDER / "perturbations" / f"{perturbation.name}.jpg")
+    return _icon(THUMBNAILS / "perturbations" / f"{perturbation.name}.jpg")
 
 
 def _icon(file: Path) -> int:

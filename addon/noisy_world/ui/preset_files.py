@@ -9,7 +9,7 @@ import bpy
 from ..core.errors import InputError
 from ..core.labels import title
 
-FOLDER = "presets/noisy_world"
+OWN_PRESETS = "presets/noisy_world"
 
 
 def shipped_folder() -> Path:
@@ -21,7 +21,7 @@ def shipped_folder() -> Path:
 
 def own_folder() -> Path:
     """Return the folder of the user's own presets, which may not exist yet."""
-    return Path(bpy.utils.user_resource("SCRIPTS", path=FOLDER))
+    return Path(bpy.utils.user_resource("SCRIPTS", path=OWN_PRESETS))
 
 
 def own_path(name: str) -> Path:

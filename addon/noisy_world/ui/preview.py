@@ -275,7 +275,7 @@ def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     row.prop(panel, "preview_split", slider=True)
     if panel.preview:
         _draw_state(layout, context)
-    preview_buttons.draw(layout, context)
+    preview_buttons.draw_preview_buttons(layout, context)
 
 
 def _draw_state(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
@@ -331,7 +331,7 @@ def register() -> None:
     _register_classes()
     views.register(_touch_view)
     frame_preview.register()
-    preview_buttons.register()
+    preview_buttons.register_preview_buttons()
     properties.LISTENERS.append(touch)
     _HANDLERS.add()
     # Later, as Blender's data cannot be accessed while add-ons are registered.
@@ -350,7 +350,7 @@ def unregister() -> None:
         if scene.library is None:
             hide(scene)
     views.give_back_all()
-    preview_buttons.unregister()
+    preview_buttons.unregister_preview_buttons()
     frame_preview.unregister()
     views.unregister()
     _unregister_classes()

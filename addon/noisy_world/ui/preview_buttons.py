@@ -160,7 +160,7 @@ def has_depth_steps(panel: Any) -> bool:
     return any(step.enabled and isinstance(registry().get(step.perturbation), kinds) for step in panel.steps)
 
 
-def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+def draw_preview_buttons(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     """Draw the buttons, that of depth only if a step acts on it, and whether the frames are the dataset's."""
     column = layout.column(align=True)
     draw_progress(column)
@@ -197,13 +197,13 @@ STATUS_BAR: Any = draw_in_status_bar  # the stubs give such functions no header
 _register_classes, _unregister_classes = bpy.utils.register_classes_factory((PreviewFrame, PreviewDepth, CancelPreview))
 
 
-def register() -> None:
+def register_preview_buttons() -> None:
     """Register the operators and the bar in the status bar."""
     _register_classes()
     bpy.types.STATUSBAR_HT_header.append(STATUS_BAR)
 
 
-def unregister() -> None:
+def unregister_preview_buttons() -> None:
     """Unregister them."""
     bpy.types.STATUSBAR_HT_header.remove(STATUS_BAR)
     _unregister_classes()

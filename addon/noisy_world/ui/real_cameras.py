@@ -122,11 +122,11 @@ def draw_choice(layout: bpy.types.UILayout) -> None:
     layout.popover(panel=NOISYWORLD_PT_cameras.__name__, text="Real Cameras", icon="OUTLINER_DATA_CAMERA")
 
 
-CLASSES: tuple[Any, ...] = (NoisyWorldUseCamera, NOISYWORLD_PT_cameras)
-_register, _unregister = bpy.utils.register_classes_factory(CLASSES)
+CAMERA_CLASSES: tuple[Any, ...] = (NoisyWorldUseCamera, NOISYWORLD_PT_cameras)
+_register, _unregister = bpy.utils.register_classes_factory(CAMERA_CLASSES)
 
 
-def register() -> None:
+def register_real_cameras() -> None:
     """Load the pictures, and register the classes."""
     pictures = bpy.utils.previews.new()
     for name in CAMERA_DEVICES:
@@ -135,7 +135,7 @@ def register() -> None:
     _register()
 
 
-def unregister() -> None:
+def unregister_real_cameras() -> None:
     """Take it all back."""
     _unregister()
     bpy.utils.previews.remove(_loaded.pop())

@@ -100,7 +100,7 @@ def _problem(scene: bpy.types.Scene | None) -> str:
     return ""
 
 
-def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+def draw_tracking(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     """Draw the button, and what came of the last run."""
     scene, run = context.scene, tracking_of(context.scene)
     column = layout.column()
@@ -134,5 +134,5 @@ def _draw_shown(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     layout.operator(NoisyWorldTrackRemove.bl_idname, icon="TRASH")
 
 
-CLASSES = (NoisyWorldTrack, NoisyWorldTrackRemove)
-register, unregister = bpy.utils.register_classes_factory(CLASSES)
+TRACKING_CLASSES = (NoisyWorldTrack, NoisyWorldTrackRemove)
+register_tracking, unregister_tracking = bpy.utils.register_classes_factory(TRACKING_CLASSES)
