@@ -24,7 +24,7 @@ def place(ice):
     """Where a crop comes from: (picture, row, column), and how far it is from that, in 255ths."""
     found = []
     for number in range(4):
-        shown = _ice.ice(number)
+        shown = _ice.ice_picture(number)
         apart = cv2.matchTemplate(shown[..., 1].astype(np.float32), ice[..., 1] * 255, cv2.TM_SQDIFF)
         row, column = np.unravel_index(np.argmin(apart), apart.shape)
         part = shown[row : row + ice.shape[0], column : column + ice.shape[1]] / np.float32(255)

@@ -6,12 +6,14 @@ docs/your_perturbation.md says how a package brings its own.
 
 import importlib
 import pkgutil
+import sys
 from dataclasses import replace
 from functools import cache
 
 from ..core.installed import Door, collected
 from ..core.opencv import check_opencv
 from ..core.perturbing.kinds import KINDS, Perturbation, propagation_key
+from . import shipped
 
 DOOR = Door[Perturbation]("noisy_world.perturbations", "perturbation", "PERTURBATION", KINDS)
 
@@ -30,8 +32,10 @@ def registry() -> dict[str, Perturbation]:
 
 
 def _own() -> list[Perturbation]:
-    return [
-        importlib.import_module(f"{__name__}.{module.name}").PERTURBATION
-        for module in pkgutil.iter_modules(__path__)
+    modules = [
+        importlib.import_module(f"{package.__name__}.{module.name}")
+        for package in (sys.modules[__name__], shipped)
+        for module in pkgutil.iter_modules(package.__path__)
         if not module.name.startswith("_")
     ]
+    return [module.PERTURBATION for module in modules if hasattr(module, "PERTURBATION")]

@@ -7,6 +7,7 @@ luminance and m a first mean, that of fourth roots to the fourth power. The weig
 from frame to frame. Of lit frames, which arrays give to nodes, the mean of 16 pixels is one.
 """
 
+import math
 from dataclasses import dataclass
 from typing import TypeAlias
 
@@ -18,6 +19,12 @@ from ._void import SKY_M
 
 Float32: TypeAlias = NDArray[np.float32]
 Float64: TypeAlias = NDArray[np.float64]
+
+# The contrast of a black object that is left at the distance called visibility (WMO's meteorological optical range).
+CONTRAST_THRESHOLD = 0.05
+EXTINCTION = -math.log(CONTRAST_THRESHOLD)
+GIVEN_AIR = {f"air_{name}": ("air", "colour") for name in ("red", "green", "blue")} | {"airlight": ("air", "grey")}
+"""What giving a grey or a colour implies."""
 
 KNEE = 4.0  # times the first mean; what is as bright weighs a half; chosen
 WHOLE_SKY = 0.02  # share of the frame; less sky counts in part, so that none appears at once; chosen

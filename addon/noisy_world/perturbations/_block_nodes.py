@@ -8,8 +8,9 @@ from dataclasses import dataclass
 
 from ..core.node_graphs.graph import Graph, Socket, Value
 from ..core.node_graphs.groups import Canvas
-from ._fog_glow import GRID_PX as BLOCK_PX
-from ._fog_glow import MARGIN
+
+BLOCK_PX = 8  # blocks whose means are blurred
+MARGIN = 3.0  # standard deviations to which light may go
 
 
 @dataclass(frozen=True)

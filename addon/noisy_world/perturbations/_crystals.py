@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from ..core.node_graphs.graph import BroughtImage
 from ..core.regular_files import read_bytes
+from ..core.shipped import shipped
 from ..core.streams import stream
 
 T = TypeVar("T", bound=np.generic)
@@ -49,7 +50,7 @@ _FADE_PX = 40.0  # it gets thinner so far before the strip's end
 
 def map_file(name: str) -> Path:
     """Return the path of a map: thickness or time."""
-    return Path(__file__).parent / "ice" / f"fern_{name}.png"
+    return shipped("perturbations/ice") / f"fern_{name}.png"
 
 
 @dataclass(frozen=True)

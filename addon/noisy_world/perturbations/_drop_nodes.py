@@ -8,7 +8,26 @@ from typing import TypeAlias
 
 from ..core.node_graphs.graph import Socket
 from ..core.node_graphs.groups import PURPOSES, Canvas
-from . import _drop_laws as laws
+from ._drop_laws import (
+    CELL_HEIGHT,
+    CELL_WIDTH,
+    CLASSES,
+    GLINT_AT,
+    GLINT_RADIUS,
+    HALVINGS,
+    LARGEST,
+    LOGISTIC,
+    PRESENT,
+    ROW_SHIFT,
+    SAG,
+    SLANT,
+    START,
+    TALL,
+    TURNS,
+    WAVES,
+    drying_rate,
+    of_class,
+)
 from ._drop_optics import bent_nodes
 from ._drop_run_nodes import RUN_INPUTS, run_nodes
 from ._drop_sheet_nodes import SheetNodes, sheet_graph
@@ -33,11 +52,11 @@ def build_drops(canvas: Canvas, given: Given) -> Socket:
     part = sheet_graph("Drops of a Size", "Drops of an octave of diameters", _OWN, _class_nodes, canvas)
     for number, share in enumerate(_shares(given)):
         with graph.section("Drops that sit"):
-            largest = given["size_px"] * (laws.LARGEST * 0.5**number)
-            inputs = {"Largest": largest, "Share": share, "Start": laws.START[number], "Tall": laws.TALL[number]}
+            largest = given["size_px"] * (LARGEST * 0.5**number)
+            inputs = {"Largest": largest, "Share": share, "Start": START[number], "Tall": TALL[number]}
             inputs |= {
-                "Sag": laws.SAG[number],
-                "Turns": canvas.drift_frames * given["drying"] * laws.drying_rate(number),
+                "Sag": SAG[number],
+                "Turns": canvas.drift_frames * given["drying"] * drying_rate(number),
             }
             # Its random numbers are those of purposes 2 x number and the next one.
             sheet = sheet.after(canvas, part, inputs | {"Purpose": 2.0 * number}, name=f"Drops {number + 1}")
@@ -52,7 +71,7 @@ def _uneven(canvas: Canvas, glass: GlassNodes, size_px: Socket) -> tuple[Socket,
         first, second = canvas.random(30), canvas.random(31)
         turns = [item * (2 * math.pi) for item in (first.x, first.y, first.z, second.x)]
         (large, long), (small, short) = (
-            (size_px * amplitude, graph.math("DIVIDE", 1 / length, size_px)) for amplitude, length in laws.WAVES
+            (size_px * amplitude, graph.math("DIVIDE", 1 / length, size_px)) for amplitude, length in WAVES
         )
 
         def wave(place: Socket, turn: Socket) -> Socket:
@@ -63,9 +82,9 @@ def _uneven(canvas: Canvas, glass: GlassNodes, size_px: Socket) -> tuple[Socket,
             return graph.math("SINE", graph.math("MULTIPLY_ADD", both, short, turn))
 
         across = graph.math("MULTIPLY_ADD", wave(y, turns[0]), large, x)
-        across = graph.math("MULTIPLY_ADD", ripple(y, x, laws.SLANT, turns[1]), small, across)
+        across = graph.math("MULTIPLY_ADD", ripple(y, x, SLANT, turns[1]), small, across)
         up = graph.math("MULTIPLY_ADD", wave(x, turns[2]), large, y)
-        up = graph.math("MULTIPLY_ADD", ripple(x, y, -laws.SLANT, turns[3]), small, up)
+        up = graph.math("MULTIPLY_ADD", ripple(x, y, -SLANT, turns[3]), small, up)
     return across, up
 
 
@@ -73,11 +92,11 @@ def _shares(given: Given) -> list[Socket]:
     """Return for each class the share of its cells that hold a drop, as `shares` does; one number each."""
     graph = given["coverage"].graph
     with graph.section("How many"):
-        steep = graph.math("DIVIDE", -laws.LOGISTIC * math.log(2), given["spread"])
+        steep = graph.math("DIVIDE", -LOGISTIC * math.log(2), given["spread"])
         curve = [graph.math("DIVIDE", 1.0, graph.math("EXPONENT", steep * times) + 1.0) for times in (1.0, 2.0)]
         inner, outer = curve[0] - 0.5, curve[1] - curve[0]
         often = [outer, inner, inner, outer]
-        classes = [laws.of_class(number) for number in range(laws.CLASSES)]
+        classes = [of_class(number) for number in range(CLASSES)]
         area = inner * (classes[1].area + classes[2].area) + outer * (classes[0].area + classes[3].area)
         covered = graph.math("LOGARITHM", 1.0 - given["coverage"], math.e) * -1.0
         dense = covered / area
@@ -101,21 +120,21 @@ def _class_nodes(canvas: Canvas, own: Given, sheet: SheetNodes) -> SheetNodes:
     with graph.section("Cells"):
         assert canvas.key is not None
         canvas = replace(canvas, key=graph.math("MULTIPLY_ADD", own["Purpose"], 1 / PURPOSES, canvas.key))
-        width, height = largest * laws.CELL_WIDTH, largest * laws.CELL_HEIGHT
+        width, height = largest * CELL_WIDTH, largest * CELL_HEIGHT
         v = graph.math("MULTIPLY_ADD", sheet.y_px, graph.math("DIVIDE", 1.0, height), own["Start"])
         row = graph.math("FLOOR", v)
         u = graph.math("MULTIPLY_ADD", sheet.x_px, graph.math("DIVIDE", 1.0, width), own["Start"])
-        u = graph.math("MULTIPLY_ADD", row, laws.ROW_SHIFT, u)
+        u = graph.math("MULTIPLY_ADD", row, ROW_SHIFT, u)
         column = graph.math("FLOOR", u)
     with graph.section("Clock"):
         clock = canvas.random(0, graph.vector(column, row))
         turned = graph.math("MULTIPLY_ADD", clock.y + 0.5, own["Turns"], clock.x)
         turn = graph.math("FLOOR", turned)
-        often = graph.math("FRACT", graph.math("MULTIPLY_ADD", turn, laws.PRESENT, clock.z))
+        often = graph.math("FRACT", graph.math("MULTIPLY_ADD", turn, PRESENT, clock.z))
         absent = 1.0 - (often < own["Share"])
         left = 1.0 - (turned - turn)
     with graph.section("Drop"):
-        drawn = canvas.random(1, graph.vector(graph.math("MULTIPLY_ADD", turn, float(laws.TURNS), column), row))
+        drawn = canvas.random(1, graph.vector(graph.math("MULTIPLY_ADD", turn, float(TURNS), column), row))
         diameter = graph.math("POWER", 0.5, drawn.x) * largest
         per_px = graph.math("DIVIDE", 2.0, diameter * graph.math("SQRT", left))
         # From the drop's middle: it lies in its cell as a whole.
@@ -130,7 +149,7 @@ def _class_nodes(canvas: Canvas, own: Given, sheet: SheetNodes) -> SheetNodes:
 def _refracted(canvas: Canvas, given: Given, glass: GlassNodes, sheet: SheetNodes) -> tuple[Socket, Socket]:
     """Return the light of the drops, 0 beside them, and where they are, as `refracted` does."""
     graph = canvas.graph
-    small = reduced_nodes(canvas, laws.HALVINGS)
+    small = reduced_nodes(canvas, HALVINGS)
     rho_squared, aside, down = sheet.rho_squared, sheet.aside, sheet.down
     assert isinstance(rho_squared, Socket)
     assert isinstance(aside, Socket)
@@ -149,10 +168,10 @@ def _refracted(canvas: Canvas, given: Given, glass: GlassNodes, sheet: SheetNode
         seen = sampled(small, share)
     with graph.section("Light of the drops"):
         rho = graph.math("SQRT", rho_squared)
-        apart_x = graph.math("MULTIPLY_ADD", aside, rho, -laws.GLINT_AT[0])
-        apart_y = graph.math("MULTIPLY_ADD", down, rho, -laws.GLINT_AT[1])
+        apart_x = graph.math("MULTIPLY_ADD", aside, rho, -GLINT_AT[0])
+        apart_y = graph.math("MULTIPLY_ADD", down, rho, -GLINT_AT[1])
         apart = graph.math("MULTIPLY_ADD", apart_x, apart_x, apart_y * apart_y)
-        spot = graph.math("MAXIMUM", graph.math("MULTIPLY_ADD", apart, -(laws.GLINT_RADIUS**-2), 1.0), 0.0)
+        spot = graph.math("MAXIMUM", graph.math("MULTIPLY_ADD", apart, -(GLINT_RADIUS**-2), 1.0), 0.0)
         own = graph.math("MULTIPLY_ADD", 1.0 - cap.passes, given["rim"], spot * given["glint"])
         passes = graph.vector(cap.passes, cap.passes, cap.passes)
         light = graph.math("MULTIPLY_ADD", seen, passes, mean_of(small) * graph.vector(own, own, own))

@@ -8,7 +8,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from . import _drop_laws as laws
+from ._drop_laws import CLEAR, SLANT, UNMARKED, WAVES
 from ._glass import Pane
 from ._white_noise import WhiteNoise
 
@@ -48,9 +48,9 @@ class DropSheet:
         squared += taken
         (inside,) = np.nonzero(squared < 1)
         chosen = pixels.take(inside)
-        self.rho_squared[chosen] = squared.take(inside) - taken.take(inside) * np.float32(laws.UNMARKED)
+        self.rho_squared[chosen] = squared.take(inside) - taken.take(inside) * np.float32(UNMARKED)
         self.aside[chosen], self.down[chosen] = aside.take(inside), down.take(inside)
-        self.taken[pixels] = np.maximum(taken, np.float32(laws.CLEAR) - squared)
+        self.taken[pixels] = np.maximum(taken, np.float32(CLEAR) - squared)
 
 
 def turns_of(noise: WhiteNoise) -> Turns:
@@ -67,9 +67,9 @@ def uneven(pane: Pane, size_px: float, turns: Turns) -> tuple[Float32, Float32]:
     one = np.float32
     x, y = pane.x_px[None, :], pane.y_px[:, None]
     (large, long), (small, short) = (
-        (one(amplitude * size_px), one(1 / (length * size_px))) for amplitude, length in laws.WAVES
+        (one(amplitude * size_px), one(1 / (length * size_px))) for amplitude, length in WAVES
     )
-    slant = one(short * laws.SLANT)
+    slant = one(short * SLANT)
     across = np.sin(y * long + turns[0]) * large + x
     across += np.sin(y * short + turns[1] + x * slant) * small
     up = np.sin(x * long + turns[2]) * large + y

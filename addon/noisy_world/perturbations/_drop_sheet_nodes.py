@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 from ..core.node_graphs.graph import Graph, GroupInput, Socket, Value
 from ..core.node_graphs.groups import Canvas
-from . import _drop_laws as laws
+from ._drop_laws import CLEAR, UNMARKED
 
 ABSENT = 1e3  # added to the square of the distance from a drop that is not there
 
@@ -34,13 +34,13 @@ class SheetNodes:
         squared = graph.math("MULTIPLY_ADD", absent, ABSENT, graph.math("MULTIPLY_ADD", down, down, self.taken))
         squared = graph.math("MULTIPLY_ADD", aside, aside, squared)
         inside = squared < 1.0
-        shown = graph.math("MULTIPLY_ADD", self.taken, -laws.UNMARKED, squared)
+        shown = graph.math("MULTIPLY_ADD", self.taken, -UNMARKED, squared)
         return replace(
             self,
             rho_squared=graph.math("MULTIPLY_ADD", shown - 1.0, inside, self.rho_squared),
             aside=graph.math("MULTIPLY_ADD", aside, inside, self.aside),
             down=graph.math("MULTIPLY_ADD", down, inside, self.down),
-            taken=graph.math("MAXIMUM", laws.CLEAR - squared, self.taken),
+            taken=graph.math("MAXIMUM", CLEAR - squared, self.taken),
         )
 
     def after(self, canvas: Canvas, part: Graph, given: Mapping[str, Value], name: str) -> "SheetNodes":

@@ -11,9 +11,27 @@ from numpy.typing import NDArray
 
 from ..core.linear_light import decoded
 from ..core.perturbing.kinds import FrameContext
-from . import _drop_laws as laws
 from ._bands import by_bands
-from ._drop_laws import LensDrops
+from ._drop_laws import (
+    CELL_HEIGHT,
+    CELL_WIDTH,
+    CLASSES,
+    GLINT_AT,
+    GLINT_RADIUS,
+    HALVINGS,
+    LARGEST,
+    LOGISTIC,
+    PRESENT,
+    ROW_SHIFT,
+    SAG,
+    START,
+    SWING,
+    TALL,
+    TURNS,
+    LensDrops,
+    drying_rate,
+    of_class,
+)
 from ._drop_optics import bent
 from ._drop_runs import beads_of, paint_runs, runs_on
 from ._drop_sheet import DropSheet, turns_of
@@ -31,7 +49,7 @@ def seen_through(rgb: Float32, parameters: LensDrops, context: FrameContext) -> 
     glass = pane(rgb.shape[:2], parameters.focus_px)
     camera = context.intrinsics
     focal_px = rgb.shape[1] / 2 / math.tan(math.radians(parameters.view_deg) / 2) if camera is None else camera.fx_px
-    small = reduced(linear, laws.HALVINGS)
+    small = reduced(linear, HALVINGS)
     mean = small.mean(axis=(0, 1))
     layer = np.empty((*glass.shape, 4), np.float32)
     for top, sheet in sheets(glass, parameters, white_noise(context), context.drift_frames):
@@ -47,7 +65,7 @@ def sheets(glass: Pane, parameters: LensDrops, noise: WhiteNoise, frames: int) -
     """
     runs, turns = runs_on(glass.size_px, parameters, noise, frames), turns_of(noise)
     beads = beads_of(runs, glass.size_px[1], parameters, noise)
-    classes = [cells_of(number, parameters, glass.size_px, noise, frames) for number in range(laws.CLASSES)]
+    classes = [cells_of(number, parameters, glass.size_px, noise, frames) for number in range(CLASSES)]
     for top in range(0, glass.shape[0], ROWS):
         sheet = DropSheet.of(glass.rows(top, top + ROWS), parameters.size_px, turns)
         paint_runs(sheet, runs, beads, parameters)
@@ -58,10 +76,10 @@ def sheets(glass: Pane, parameters: LensDrops, noise: WhiteNoise, frames: int) -
 
 def shares(parameters: LensDrops) -> list[float]:
     """Return for each class the share of its cells that hold a drop."""
-    curve = [1 / (1 + math.exp(-laws.LOGISTIC * times * math.log(2) / parameters.spread)) for times in (0, 1, 2)]
+    curve = [1 / (1 + math.exp(-LOGISTIC * times * math.log(2) / parameters.spread)) for times in (0, 1, 2)]
     inner, outer = curve[1] - curve[0], curve[2] - curve[1]
     often = [outer, inner, inner, outer]
-    classes = [laws.of_class(number) for number in range(laws.CLASSES)]
+    classes = [of_class(number) for number in range(CLASSES)]
     area = math.fsum(share * item.area for share, item in zip(often, classes, strict=True))
     dense = -math.log(1 - parameters.coverage) / area
     return [min(1.0, dense * share * item.cell) for share, item in zip(often, classes, strict=True)]
@@ -89,23 +107,23 @@ class Cells:
 def cells_of(number: int, parameters: LensDrops, glass_px: tuple[int, int], noise: WhiteNoise, frames: int) -> Cells:
     """Return what is in the cells of a class before a glass of width and height."""
     one = np.float32
-    largest_px = laws.LARGEST * 0.5**number * parameters.size_px
-    width_px, height_px = laws.CELL_WIDTH * largest_px, laws.CELL_HEIGHT * largest_px
-    start, swing_px = laws.START[number], laws.SWING * parameters.size_px
+    largest_px = LARGEST * 0.5**number * parameters.size_px
+    width_px, height_px = CELL_WIDTH * largest_px, CELL_HEIGHT * largest_px
+    start, swing_px = START[number], SWING * parameters.size_px
     first = math.floor(start - swing_px / height_px)
     rows = range(first, math.floor((glass_px[1] + swing_px) / height_px + start) + 1)
-    left = math.floor(start - swing_px / width_px + first * laws.ROW_SHIFT)
-    right = math.floor((glass_px[0] + swing_px) / width_px + start + rows[-1] * laws.ROW_SHIFT)
+    left = math.floor(start - swing_px / width_px + first * ROW_SHIFT)
+    right = math.floor((glass_px[0] + swing_px) / width_px + start + rows[-1] * ROW_SHIFT)
     row, column = np.meshgrid(np.array(rows, np.float32), np.arange(left, right + 1, dtype=np.float32), indexing="ij")
     row, column = row.ravel(), column.ravel()
     phase, pace, often = noise.random(2 * number, column, row)
-    turned = (pace + one(0.5)) * (one(frames) * one(parameters.drying * laws.drying_rate(number))) + phase
+    turned = (pace + one(0.5)) * (one(frames) * one(parameters.drying * drying_rate(number))) + phase
     turn = np.floor(turned)
-    (there,) = np.nonzero((often + turn * one(laws.PRESENT)) % one(1) < one(shares(parameters)[number]))
-    scale, right_share, low = noise.random(2 * number + 1, (turn * one(laws.TURNS) + column)[there], row[there])
+    (there,) = np.nonzero((often + turn * one(PRESENT)) % one(1) < one(shares(parameters)[number]))
+    scale, right_share, low = noise.random(2 * number + 1, (turn * one(TURNS) + column)[there], row[there])
     diameter_px = np.power(one(0.5), scale) * one(largest_px)
     aside_px = right_share * one(width_px) + diameter_px * (one(0.5) - right_share)
-    down_px = low * one(height_px) + diameter_px * (one(0.5) - low) * one(laws.TALL[number])
+    down_px = low * one(height_px) + diameter_px * (one(0.5) - low) * one(TALL[number])
     per_px = one(2) / (diameter_px * np.sqrt(1 - (turned - turn)[there]))
     place = np.full(row.size, -1, np.intp)
     place[there] = np.arange(len(there))
@@ -117,13 +135,13 @@ def paint_class(sheet: DropSheet, cells: Cells) -> None:
     """Paint the drops of a class where no larger one is."""
     one = np.float32
     width_px, height_px = cells.size_px
-    start = one(laws.START[cells.number])
+    start = one(START[cells.number])
     v = sheet.y_px * one(1 / height_px)
     v += start
     row = np.floor(v)
     u = sheet.x_px * one(1 / width_px)
     u += start
-    u += row * one(laws.ROW_SHIFT)
+    u += row * one(ROW_SHIFT)
     column = np.floor(u)
     first = cells.first[0] * cells.columns + cells.first[1]
     cell = (row * one(cells.columns) + (column - one(first))).astype(np.intp)
@@ -135,8 +153,8 @@ def paint_class(sheet: DropSheet, cells: Cells) -> None:
     v -= row
     aside = (u.take(pixels) * one(width_px) - cells.aside_px.take(drop)) * per_px
     down = (v.take(pixels) * one(height_px) - cells.down_px.take(drop)) * per_px
-    down *= one(1 / laws.TALL[cells.number])
-    aside *= 1 - one(laws.SAG[cells.number]) * down
+    down *= one(1 / TALL[cells.number])
+    aside *= 1 - one(SAG[cells.number]) * down
     sheet.paint(pixels, aside, down)
 
 
@@ -160,8 +178,8 @@ def refracted(small: Float32, mean: Float32, sheet: DropSheet, focal_px: float, 
     light = (
         shown_at(small, np.asarray(x, np.float32), np.asarray(y, np.float32), sheet.pane.size_px) * cap.passes[:, None]
     )
-    apart = (aside * rho - np.float32(laws.GLINT_AT[0])) ** 2 + (down * rho - np.float32(laws.GLINT_AT[1])) ** 2
-    spot = np.maximum(1 - apart * np.float32(laws.GLINT_RADIUS**-2), np.float32(0))
+    apart = (aside * rho - np.float32(GLINT_AT[0])) ** 2 + (down * rho - np.float32(GLINT_AT[1])) ** 2
+    spot = np.maximum(1 - apart * np.float32(GLINT_RADIUS**-2), np.float32(0))
     own = (1 - cap.passes) * np.float32(parameters.rim) + spot * np.float32(parameters.glint)
     layer[pixels, :3] = light + own[:, None] * mean
     layer[pixels, 3] = 1

@@ -15,10 +15,10 @@ from ..core.linear_light import decoded, encoded
 from ..core.node_graphs.group_inputs import seed_of
 from ..core.perturbing.kinds import FrameContext
 from ..core.trajectories.camera_state import CameraState, camera_state_of
-from ._air_light import air_light, colour_of, sky_in
+from ._air_light import EXTINCTION, air_light, colour_of, sky_in
 from ._bands import by_bands
 from ._fog_glow import glow_of
-from ._fog_parameters import EXTINCTION, FogDepth
+from ._fog_parameters import FogDepth
 from ._fog_waves import GRID_PX, Bank, key_of, mean_before, slab_means
 from ._view import camera_of
 

@@ -11,13 +11,12 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from ._block_nodes import BLOCK_PX, MARGIN
 from ._fog_parameters import FogDepth
 
 Float32: TypeAlias = NDArray[np.float32]
 
 WIDTHS = (0.5, 1.0, 2.0, 4.0)  # of the Gaussians, in those of an optical depth of 1
-GRID_PX = 8  # blocks whose means are blurred
-MARGIN = 3.0  # standard deviations to which light may go
 
 
 def glow_of(taken: Float32, depth: Float32, parameters: FogDepth, focal_px: float) -> Float32:
@@ -32,15 +31,17 @@ def glow_of(taken: Float32, depth: Float32, parameters: FogDepth, focal_px: floa
     ones = np.ones((height, width), np.float32)
     lamps, thick = (block_means(image) for image in (np.maximum(taken, np.float32(0)), depth))
     thick /= np.maximum(block_means(ones), np.float32(1e-6))
-    unit_px = focal_px * np.tan(np.radians(parameters.glow_width_deg)) / GRID_PX
+    unit_px = focal_px * np.tan(np.radians(parameters.glow_width_deg)) / BLOCK_PX
     total = np.zeros_like(lamps)
     for share, wide in zip(shares(thick), WIDTHS, strict=True):
         part = lamps * np.asarray(cv2.merge([share] * 3), np.float32).reshape(lamps.shape)
         total += blurred(part, float(wide * unit_px))
     total *= np.float32(parameters.glow)
-    grown = cv2.resize(total, (total.shape[1] * GRID_PX, total.shape[0] * GRID_PX), interpolation=cv2.INTER_LINEAR)
-    bottom = len(grown) - GRID_PX
-    return np.asarray(grown, np.float32)[bottom - height : bottom, GRID_PX : GRID_PX + width].reshape(height, width, 3)
+    grown = cv2.resize(total, (total.shape[1] * BLOCK_PX, total.shape[0] * BLOCK_PX), interpolation=cv2.INTER_LINEAR)
+    bottom = len(grown) - BLOCK_PX
+    return np.asarray(grown, np.float32)[bottom - height : bottom, BLOCK_PX : BLOCK_PX + width].reshape(
+        height, width, 3
+    )
 
 
 def shares(depth: Float32) -> list[Float32]:
@@ -54,9 +55,9 @@ def block_means(image: Float32) -> Float32:
     import cv2
 
     height, width = image.shape[:2]
-    above, right = -height % GRID_PX + GRID_PX, -width % GRID_PX + GRID_PX
-    whole = cv2.copyMakeBorder(image, above, GRID_PX, GRID_PX, right, cv2.BORDER_CONSTANT)
-    size = whole.shape[1] // GRID_PX, whole.shape[0] // GRID_PX
+    above, right = -height % BLOCK_PX + BLOCK_PX, -width % BLOCK_PX + BLOCK_PX
+    whole = cv2.copyMakeBorder(image, above, BLOCK_PX, BLOCK_PX, right, cv2.BORDER_CONSTANT)
+    size = whole.shape[1] // BLOCK_PX, whole.shape[0] // BLOCK_PX
     return np.asarray(cv2.resize(whole, size, interpolation=cv2.INTER_AREA), np.float32)
 
 

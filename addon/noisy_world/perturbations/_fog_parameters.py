@@ -1,18 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Parameters of fog by depth."""
 
-import math
 from dataclasses import dataclass
 from typing import Literal
 
 from ..core.schema import Choice, key
 from ._lamp_light import lamps_key
-
-# The contrast of a black object that is left at the distance called visibility (WMO's meteorological optical range).
-CONTRAST_THRESHOLD = 0.05
-EXTINCTION = -math.log(CONTRAST_THRESHOLD)
-GIVEN_AIR = {f"air_{name}": ("air", "colour") for name in ("red", "green", "blue")} | {"airlight": ("air", "grey")}
-"""What giving a grey or a colour implies."""
 
 
 @dataclass(frozen=True)

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.regular_files import read_bytes
+from ..core.shipped import shipped
 
 # Chosen: a frame of 1200 x 680 and the tenth that frost's crop moves in (1320 x 748) fit without enlarging the ice.
 HEIGHT_PX, WIDTH_PX = 1024, 1536
@@ -39,10 +40,10 @@ EQUALLY_OFTEN = (0, 1, 1, 2, 3)
 
 def picture_file(name: str) -> Path:
     """Return the path of a grey picture."""
-    return Path(__file__).parent / "ice" / f"{name}.jpg"
+    return shipped("perturbations/ice") / f"{name}.jpg"
 
 
-def grey(number: int) -> NDArray[np.uint8]:
+def grey_picture(number: int) -> NDArray[np.uint8]:
     """Return one of PICTURES as it is drawn: (HEIGHT_PX, WIDTH_PX)."""
     import cv2
 
@@ -59,7 +60,7 @@ def tinted(levels: NDArray[np.float32], number: int) -> NDArray[np.float32]:
 
 
 @lru_cache(maxsize=8)
-def ice(number: int) -> NDArray[np.uint8]:
+def ice_picture(number: int) -> NDArray[np.uint8]:
     """Return one of PICTURES, tinted: (HEIGHT_PX, WIDTH_PX, 3) uint8 RGB, read-only."""
     import cv2
 
@@ -68,6 +69,8 @@ def ice(number: int) -> NDArray[np.uint8]:
     shadow, light = np.array(item.shadow_rgb, np.float32), np.array(item.light_rgb, np.float32)
     table = levels * (shadow + (light - shadow) * levels)
     tints = np.rint(np.clip(table, 0, 1) * np.float32(255)).astype(np.uint8)
-    picture = np.asarray(cv2.merge([cv2.LUT(grey(number), tint) for tint in np.ascontiguousarray(tints.T)]), np.uint8)
+    picture = np.asarray(
+        cv2.merge([cv2.LUT(grey_picture(number), tint) for tint in np.ascontiguousarray(tints.T)]), np.uint8
+    )
     picture.flags.writeable = False
     return picture

@@ -9,12 +9,12 @@ from numpy.typing import NDArray
 from ..core.node_graphs.graph import Socket
 from ..core.node_graphs.groups import Canvas, convert
 from ..core.perturbing.kinds import ColourPerturbation, FrameContext
-from ._air_light import sky_in
+from ._air_light import EXTINCTION, GIVEN_AIR, sky_in
 from ._air_light_nodes import air_nodes, kept_sky
 from ._bands import by_bands
 from ._fog_air import air_of, fogged
 from ._fog_nodes import clumps_nodes, distance_nodes, glow_nodes, thinned_nodes
-from ._fog_parameters import EXTINCTION, GIVEN_AIR, FogDepth, is_even
+from ._fog_parameters import FogDepth, is_even
 from ._lamp_light import DROP
 from ._lamp_nodes import lamp_light_nodes
 from ._patterns import three_channels

@@ -17,8 +17,18 @@ from ..core.node_graphs.groups import Canvas
 from ..core.perturbing.kinds import ColourPerturbation, FrameContext
 from ..core.regular_files import read_bytes
 from ..core.schema import key
-from . import _ice
 from ._bands import by_bands
+from ._ice import (
+    EQUALLY_OFTEN,
+    HEIGHT_PX,
+    PICTURES,
+    WIDTH_PX,
+    Ice,
+    grey_picture,
+    ice_picture,
+    picture_file,
+    tinted,
+)
 from ._quantiles import look_up
 from ._white_noise import white_noise
 
@@ -86,11 +96,11 @@ def _crop(size: tuple[int, int], parameters: Frost, context: FrameContext) -> ND
     import cv2
 
     generator = context.pattern_stream()
-    picture = _ice.ice(int(generator.choice(_ice.EQUALLY_OFTEN)))
+    picture = ice_picture(int(generator.choice(EQUALLY_OFTEN)))
     start, angle = generator.random(2), generator.uniform(0, 2 * np.pi)
     # The picture is a tenth larger than the frame at least, as in ImageNet-C, so that the crop can move.
-    scale = max(1.0, 1.1 * size[0] / _ice.HEIGHT_PX, 1.1 * size[1] / _ice.WIDTH_PX)
-    slack = np.array([_ice.HEIGHT_PX - size[0] / scale, _ice.WIDTH_PX - size[1] / scale])
+    scale = max(1.0, 1.1 * size[0] / HEIGHT_PX, 1.1 * size[1] / WIDTH_PX)
+    slack = np.array([HEIGHT_PX - size[0] / scale, WIDTH_PX - size[1] / scale])
     origin = np.floor(start * slack)
     if scale == 1 and not context.drift_frames:
         row, column = origin.astype(int)
@@ -108,17 +118,17 @@ def _lit_crop(size: tuple[int, int], parameters: Frost, context: FrameContext) -
     """Return the part of the ice that covers a lit frame, (H, W, 3) in [0, 1]: as the nodes draw and look it up."""
     noise = white_noise(context)
     right, down, which = noise.numbers(0)
-    shares = np.cumsum([_ice.EQUALLY_OFTEN.count(number) for number in range(len(_ice.PICTURES))])
-    number = int(np.searchsorted(shares[:-1] / len(_ice.EQUALLY_OFTEN), which, side="right"))
-    scale = max(1.0, 1.1 * size[0] / _ice.HEIGHT_PX, 1.1 * size[1] / _ice.WIDTH_PX)
-    full, seen = np.array([_ice.WIDTH_PX, _ice.HEIGHT_PX]), np.array(size[::-1]) / scale
+    shares = np.cumsum([EQUALLY_OFTEN.count(number) for number in range(len(PICTURES))])
+    number = int(np.searchsorted(shares[:-1] / len(EQUALLY_OFTEN), which, side="right"))
+    scale = max(1.0, 1.1 * size[0] / HEIGHT_PX, 1.1 * size[1] / WIDTH_PX)
+    full, seen = np.array([WIDTH_PX, HEIGHT_PX]), np.array(size[::-1]) / scale
     # The nodes count rows from below.
     angle = 2 * np.pi * noise.numbers(1)[0]
     crept = context.drift_frames * parameters.creep_px / scale * np.array([np.cos(angle), np.sin(angle)])
     left, below = _to_and_fro(np.floor(np.array([right, down]) * (full - seen)) + crept, full - seen)
     columns = left + (np.arange(size[1]) + 0.5) / scale - 0.5
-    rows = _ice.HEIGHT_PX - below - seen[1] + (np.arange(size[0]) + 0.5) / scale - 0.5
-    return _ice.tinted(_between(_ice.grey(number), rows, columns), number)
+    rows = HEIGHT_PX - below - seen[1] + (np.arange(size[0]) + 0.5) / scale - 0.5
+    return tinted(_between(grey_picture(number), rows, columns), number)
 
 
 def _between(
@@ -146,10 +156,10 @@ def build(canvas: Canvas, given: Mapping[str, Socket], _served: Mapping[str, flo
     graph = canvas.graph
     with graph.section("Pick a picture"):
         position = canvas.random(0)
-        pictures = [graph.picture(_packed(item)) for item in _ice.PICTURES]
+        pictures = [graph.picture(_packed(item)) for item in PICTURES]
         picture = _pick(position.z, pictures, "color")
-        shadow = _pick(position.z, [item.shadow_rgb for item in _ice.PICTURES], "vector")
-        light = _pick(position.z, [item.light_rgb for item in _ice.PICTURES], "vector")
+        shadow = _pick(position.z, [item.shadow_rgb for item in PICTURES], "vector")
+        light = _pick(position.z, [item.light_rgb for item in PICTURES], "vector")
     with graph.section("Crop"):
         inputs = {"Image": picture, "UV": _uv(canvas, position, given["creep_px"] / canvas.scale)}
         inputs |= {"Interpolation": "Bilinear", "Extension X": "Extend", "Extension Y": "Extend"}
@@ -161,14 +171,14 @@ def build(canvas: Canvas, given: Mapping[str, Socket], _served: Mapping[str, flo
         return graph.math("MULTIPLY_ADD", canvas.image, graph.vector(*[given["intensity"]] * 3), frosted)
 
 
-def _packed(item: _ice.Ice) -> BroughtImage:
-    path = _ice.picture_file(item.name)
+def _packed(item: Ice) -> BroughtImage:
+    path = picture_file(item.name)
     return BroughtImage(f"Ice: {item.name}", hashlib.sha256(read_bytes(path)).hexdigest()[:16], lambda: path)
 
 
 def _pick(uniform: Socket, items: Sequence[Value], kind: Kind) -> Socket:
     """Return one of the items, each equally likely, by a uniform number in [0, 1]."""
-    shares = np.cumsum([_ice.EQUALLY_OFTEN.count(number) for number in range(len(items))]) / len(_ice.EQUALLY_OFTEN)
+    shares = np.cumsum([EQUALLY_OFTEN.count(number) for number in range(len(items))]) / len(EQUALLY_OFTEN)
     chosen = items[-1]
     for item, share in reversed(list(zip(items[:-1], shares, strict=False))):
         chosen = uniform.graph.choose(uniform < share, item, chosen, kind)
@@ -178,7 +188,7 @@ def _pick(uniform: Socket, items: Sequence[Value], kind: Kind) -> Socket:
 
 def _uv(canvas: Canvas, position: Socket, creep_px: Socket) -> Socket:
     """Return which point of the picture each pixel shows, as `_crop` does, from 0 to 1 along the picture's sides."""
-    graph, full_px = canvas.graph, (float(_ice.WIDTH_PX), float(_ice.HEIGHT_PX), 1.0)
+    graph, full_px = canvas.graph, (float(WIDTH_PX), float(HEIGHT_PX), 1.0)
     frame_px = graph.vector(canvas.width_px, canvas.height_px) / graph.vector(canvas.scale, canvas.scale, 1.0)
     room = frame_px * (1.1 / full_px[0], 1.1 / full_px[1], 0.0)
     enlarged = graph.math("MAXIMUM", graph.math("MAXIMUM", room.x, room.y), 1.0, label="Enlarged")

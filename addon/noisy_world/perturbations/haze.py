@@ -13,10 +13,9 @@ from ..core.node_graphs.graph import Socket
 from ..core.node_graphs.groups import Canvas, convert
 from ..core.perturbing.kinds import ColourPerturbation, FrameContext
 from ..core.schema import Choice, key
-from ._air_light import air_light, colour_of, sky_in
+from ._air_light import EXTINCTION, GIVEN_AIR, air_light, colour_of, sky_in
 from ._air_light_nodes import air_nodes, kept_sky
 from ._bands import by_bands
-from ._fog_parameters import EXTINCTION, GIVEN_AIR
 from ._lamp_light import DROP, lamps_key
 from ._lamp_nodes import lamp_light_nodes
 from ._view import by_camera
