@@ -19,9 +19,9 @@ from installation import end_with, entry
 
 def main(arguments: list[str]) -> int:
     """Run the command line and return the exit status."""
-    from noisy_world.cli import export_mesh  # noqa: PLC0415 - importable only now
+    from noisy_world.cli import command  # noqa: PLC0415 - importable only now
 
-    return export_mesh.main(arguments, entry(SCRIPT))
+    return command.run("export", arguments, entry(SCRIPT))
 
 
 if __name__ == "__main__":

@@ -19,9 +19,9 @@ from installation import end_with, entry
 
 def main(arguments: list[str]) -> int:
     """Run the command line and return the exit status."""
-    from noisy_world.cli import generate  # noqa: PLC0415 - importable only now
+    from noisy_world.cli import command  # noqa: PLC0415 - importable only now
 
-    return generate.main(arguments, entry(SCRIPT))
+    return command.run("generate", arguments, entry(SCRIPT))
 
 
 if __name__ == "__main__":

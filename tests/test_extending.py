@@ -23,7 +23,7 @@ for package in ("embreex", "tabulate", "pandas", "jinja2", "matplotlib"):
     pytest.importorskip(package, reason=f"{package} comes with the extra evaluate")
 
 PAGE = (ROOT / "docs/extend.md").read_text(encoding="utf-8")
-CORRIDOR, FLAT, PHONE, FACING, UPWARD, STRAYS, STILL, TESTS = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
+CORRIDOR, FLAT, PHONE, FACING, UPWARD, STRAYS, HOLES, STILL, TESTS = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
 PROJECT = tomllib.loads(re.search(r"```toml\n(.*?)```", PAGE, re.DOTALL)[1])["project"]
 MODULES = {
     "__init__.py": "",
@@ -33,6 +33,7 @@ MODULES = {
     "facing.py": FACING,
     "strays.py": STRAYS,
     "upward.py": UPWARD,
+    "holes.py": HOLES,
     "systems/__init__.py": "",
     "systems/still.yaml": re.search(r"```yaml\n(.*?)```", PAGE, re.DOTALL)[1],
     "systems/still.py": STILL,
@@ -56,6 +57,7 @@ for words in (
     ["generate", "made/preset.yaml", "--out", "flat"],
     ["generate", "read/preset.yaml", "--out", "tum"],
     ["evaluate", "flat", "--systems", "still", "--out", "results"],
+    ["holes", "flat"],
 ):
     print(">", *words, flush=True)
     if command.main(words):
@@ -64,6 +66,10 @@ for change in ("width_m=5", "widht_m=5"):
     words = ["generate", "hall/preset.yaml", "--out", "hall_out", "--set", f"scenes.0.corridor.{change}"]
     if command.main(words) != 1:
         sys.exit(f"{words} was not refused")
+if command.main(["hole"]) != 2:
+    sys.exit("there is no subcommand hole")
+print("> help")
+print(command.help_text())
 import os, pathlib, my_lab_tests
 os.chdir("tested")
 for name in ("corridor", "flat", "upward", "still"):
@@ -138,6 +144,16 @@ def test_lists_have_them(worked):
     assert "phone  Our phone: what our phone records; depth in mm; from my-lab 1.0\n" in alone
     assert "map.accuracy_max_m  accuracy, max [m], lower is better; from my-lab 1.0\n" in said["list metrics"]
     assert "still (from my-lab 1.0): can be run here\n" in said["systems"]
+
+
+def test_a_subcommand_is_run_and_told(worked):
+    folder, said = worked
+    holes = {line.partition(": ")[0]: line for line in said["holes flat"].splitlines()}
+    depths = [depth_steps(folder / f"flat/clean/box/{k:06d}_depth.png") for k in range(FRAMES)]
+    assert holes["clean/box"] == f"clean/box: {np.mean([(depth == 0).mean() for depth in depths]):.1%} void"
+    group = said["help"].partition("look at what there is:\n")[2].partition("\n\n")[0]
+    assert re.search(r"^  holes +say how much of a dataset's depth is void; from my-lab 1.0$", group, re.MULTILINE)
+    assert "'hole' is no subcommand; did you mean 'holes'?" in said["refused"]
 
 
 def corridor_depth_m(c2w, half_m=1.5):

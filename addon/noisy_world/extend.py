@@ -1,14 +1,17 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The public names for authors of packages that bring perturbations, layouts, channels, sources or metrics.
+"""The public names for authors of packages that bring perturbations, layouts, channels, sources, metrics, subcommands.
 
     from noisy_world.extend import DepthPerturbation, FrameContext, key
 
-Each is one file with a `PERTURBATION`, a `SOURCE`, a `LAYOUT`, a `CHANNEL` or a `METRIC`; an installed package brings
-it by an entry point of the group `noisy_world.perturbations`, `noisy_world.sources`, `noisy_world.layouts`,
-`noisy_world.channels`, `noisy_world.metrics` or `noisy_world.map_metrics`. docs/extend.md has examples, and
-`noisy_world.testing` tells whether one keeps its contract. Importing this needs no Blender.
+Each is one file with a `PERTURBATION`, a `SOURCE`, a `LAYOUT`, a `CHANNEL`, a `METRIC` or a `COMMAND`; an installed
+package brings it by an entry point of the group `noisy_world.perturbations`, `noisy_world.sources`,
+`noisy_world.layouts`, `noisy_world.channels`, `noisy_world.metrics`, `noisy_world.map_metrics` or
+`noisy_world.commands`. docs/extend.md has examples, and `noisy_world.testing` tells whether one keeps its contract.
+Importing this needs no Blender.
 """
 
+from .cli.command import Command
+from .cli.entry import Entry
 from .core.channels.pair import PairChannel, View
 from .core.channels.surface import Surface, SurfaceChannel
 from .core.datasets.frame_times import read_frame_times
@@ -49,10 +52,12 @@ __all__ = [
     "PINHOLE",
     "Canvas",
     "ColourPerturbation",
+    "Command",
     "Compared",
     "ComparedMap",
     "ComputedSource",
     "DepthPerturbation",
+    "Entry",
     "ExposurePerturbation",
     "FrameContext",
     "FrameRequest",

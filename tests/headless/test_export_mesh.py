@@ -10,7 +10,7 @@ import pytest
 from cases import cases
 from worlds import ROOT, write_box_ply
 
-from noisy_world.cli import export_mesh
+from noisy_world.cli import command
 from noisy_world.cli.entry import Entry
 from noisy_world.core.scenes.ply import read_ply
 
@@ -36,7 +36,7 @@ def test_a_room_that_is_not_one_is_an_error(tmp_path, mesh, problem):
 
 @pytest.mark.parametrize("name", ["k.txt", "room", "room.obj"])
 def test_only_ply_is_written(tmp_path, name, capsys):
-    assert export_mesh.main(["embedded:room", str(tmp_path / name)], Entry("export_mesh.py", ())) == 1
+    assert command.run("export", ["embedded:room", str(tmp_path / name)], Entry("export_mesh.py", ())) == 1
     told = capsys.readouterr().err
     assert f"{name}: its ending is not .ply, and PLY is what is written; write {name.partition('.')[0]}.ply\n" in told
     assert list(tmp_path.iterdir()) == []
@@ -44,7 +44,7 @@ def test_only_ply_is_written(tmp_path, name, capsys):
 
 def test_the_room_comes_back_as_it_is(tmp_path, monkeypatch, room):
     monkeypatch.setattr("noisy_world.rooms.build_room", lambda seed: room)
-    assert export_mesh.main(["embedded:room", str(tmp_path / "room.ply")], Entry("export_mesh.py", ())) == 0
+    assert command.run("export", ["embedded:room", str(tmp_path / "room.ply")], Entry("export_mesh.py", ())) == 0
     header = (tmp_path / "room.ply").read_bytes()[:400].split(b"end_header")[0].decode().splitlines()
     assert header[:2] == ["ply", "format binary_little_endian 1.0"]
     assert "property list uchar int vertex_indices" in header
@@ -65,7 +65,7 @@ def test_quads_become_triangles(tmp_path):
 
 
 def exported(capsys, *arguments):
-    status = export_mesh.main([str(item) for item in arguments], Entry("export_mesh.py", ()))
+    status = command.run("export", [str(item) for item in arguments], Entry("export_mesh.py", ()))
     told = capsys.readouterr()
     return status, told.out, told.err
 

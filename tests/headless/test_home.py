@@ -9,7 +9,7 @@ from refusals import refused
 from stored_sequences import write_euroc
 from worlds import generate_here, write_box_ply, write_world
 
-from noisy_world.cli import command, export_mesh
+from noisy_world.cli import command
 from noisy_world.cli.entry import Entry
 from noisy_world.core.home import split_home, with_home
 from noisy_world.core.presets.preset import read_preset
@@ -93,5 +93,5 @@ def test_what_the_command_line_names(home, tmp_path, capsys):
         assert "there is no user 'nobody-of-this-name' here" in capsys.readouterr().err.splitlines()[-1]
     assert sorted(tmp_path.rglob("*")) == before
     write_box_ply(home / "box.ply")
-    assert export_mesh.main(["~/box.ply", "~/copy.ply"], Entry("export_mesh.py", ())) == 0
+    assert command.run("export", ["~/box.ply", "~/copy.ply"], Entry("export_mesh.py", ())) == 0
     assert (home / "copy.ply").is_file()

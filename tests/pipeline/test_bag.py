@@ -8,7 +8,7 @@ from cases import cases
 from inertial_paths import GRAVITY_M_S2
 from written import RIG, rows_of, run, world
 
-from noisy_world.cli import bag_command
+from noisy_world.cli import command
 from noisy_world.cli.entry import Entry
 from noisy_world.core.datasets.layouts import find_sequence
 
@@ -44,7 +44,7 @@ def test_a_bag_holds_the_sequence(tmp_path, storage):
     pytest.importorskip("rosbags", reason="rosbags is not installed")
     folder = sequence(tmp_path / storage)
     out = tmp_path / storage / "bag"
-    assert bag_command.main([str(folder), str(out), "--storage", storage], ENTRY) == 0
+    assert command.run("bag", [str(folder), str(out), "--storage", storage], ENTRY) == 0
     found, stored = messages(out), find_sequence(folder)
     assert (
         yaml.safe_load((out / "metadata.yaml").read_text())["rosbag2_bagfile_information"]["storage_identifier"]
@@ -95,7 +95,7 @@ def matrix(transform):
 def test_without_an_imu_and_in_colour(tmp_path):
     pytest.importorskip("rosbags", reason="rosbags is not installed")
     folder = sequence(tmp_path, imu=False, colour="rgb")
-    assert bag_command.main([str(folder), str(tmp_path / "bag")], ENTRY) == 0
+    assert command.run("bag", [str(folder), str(tmp_path / "bag")], ENTRY) == 0
     found = messages(tmp_path / "bag")
     assert "/imu0" not in found
     assert found["/cam0/image_raw"][0][1].encoding == "rgb8"
@@ -104,8 +104,8 @@ def test_without_an_imu_and_in_colour(tmp_path):
 def test_what_cannot_be_is_refused_in_a_line(tmp_path, capsys):
     pytest.importorskip("rosbags", reason="rosbags is not installed")
     (tmp_path / "there").mkdir()
-    assert bag_command.main([str(tmp_path), str(tmp_path / "there")], ENTRY) != 0
+    assert command.run("bag", [str(tmp_path), str(tmp_path / "there")], ENTRY) != 0
     assert "there: is there already" in capsys.readouterr().err
-    assert bag_command.main([str(tmp_path / "there"), str(tmp_path / "bag")], ENTRY) != 0
+    assert command.run("bag", [str(tmp_path / "there"), str(tmp_path / "bag")], ENTRY) != 0
     assert "holds no mav0; name a sequence of the layout euroc" in capsys.readouterr().err
     assert [item.name for item in tmp_path.iterdir()] == ["there"]

@@ -22,7 +22,7 @@ from written import run
 pytest.importorskip("embreex", reason="embreex is not installed: make .venv/.extras brings it")
 
 from noisy_world import open as open_dataset
-from noisy_world.cli import publish_command, recipe_command, verify_command
+from noisy_world.cli import command
 from noisy_world.cli.entry import Entry
 from noisy_world.core.datasets.layouts import EVERY
 from noisy_world.core.errors import StorageError
@@ -389,9 +389,9 @@ def test_fog_thickens_with_the_depth_that_colour_sees(tmp_path):
 def test_a_recipe_and_a_packed_copy_give_the_same_frames(raw, tmp_path):
     preset, out = raw
     recipe, entry = tmp_path / "recipe.json", Entry("noisy-world", ("noisy-world",))
-    assert recipe_command.main([str(out), "--out", str(recipe)], entry) == 0
-    assert verify_command.main([str(recipe), str(out)], entry) == 0
-    assert publish_command.main([str(out), str(tmp_path / "packed")], entry) == 0
+    assert command.run("recipe", [str(out), "--out", str(recipe)], entry) == 0
+    assert command.run("verify", [str(recipe), str(out)], entry) == 0
+    assert command.run("publish", [str(out), str(tmp_path / "packed")], entry) == 0
     files = open_dataset(out)
     for other in (open_dataset(recipe, data=preset.parent), open_dataset(tmp_path / "packed")):
         for name in ("clean/box", "fast/box"):

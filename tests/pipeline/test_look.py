@@ -13,7 +13,7 @@ from cases import cases
 from written import RIG, SIZE, read, rows_of, run, world
 
 import noisy_world
-from noisy_world.cli import video_command, view_command
+from noisy_world.cli import command
 from noisy_world.cli.entry import Entry
 from noisy_world.cli.shown_frames import clean_beside, planned_pose, words_of
 from noisy_world.core.datasets.layouts import LAYOUTS
@@ -53,7 +53,7 @@ def values(store, path, component):
 
 def recorded(out, *words):
     chunk = pytest.importorskip("rerun.chunk", reason="rerun is not installed")
-    assert view_command.main([*map(str, words), "--save", str(out)], VIEW) == 0
+    assert command.run("view", [*map(str, words), "--save", str(out)], VIEW) == 0
     return chunk.RrdReader(out).store()
 
 
@@ -103,10 +103,8 @@ def test_a_recording_holds_the_rig_and_the_imu(tmp_path):
 
 def test_packed_datasets_give_the_same(tmp_path):
     pytest.importorskip("pyarrow", reason="pyarrow is not installed")
-    from noisy_world.cli import publish_command
-
     out, packed = dataset(tmp_path), tmp_path / "packed"
-    assert publish_command.main([str(out), str(packed)], Entry("noisy-world publish", ("noisy-world", "publish"))) == 0
+    assert command.run("publish", [str(out), str(packed)]) == 0
     opened = noisy_world.open(packed)
     for name, sequence in noisy_world.open(out).items():
         for file in ("mav0/imu0/data.csv", "frames.jsonl", "mav0/none.csv"):
@@ -135,7 +133,7 @@ def frames_of(path):
 def test_videos_of_each_layout(tmp_path, capsys, layout):
     folder = tmp_path / layout
     out = dataset(folder, layout)
-    assert video_command.main([str(out), str(folder / "seen.avi")], VIDEO) == 0
+    assert command.run("video", [str(out), str(folder / "seen.avi")], VIDEO) == 0
     said = capsys.readouterr().out
     assert "Motion JPEG (MJPG)" in said
     for name, sequence in noisy_world.open(out).items():
@@ -154,10 +152,10 @@ def test_videos_of_each_layout(tmp_path, capsys, layout):
 def test_mp4_of_one_sequence_and_a_sheet(tmp_path, capsys):
     out = dataset(tmp_path, "replica", camera={"width": 64, "height": 48, "fx": 32, "fy": 32, "cx": 31.5, "cy": 23.5})
     words = [str(out), str(tmp_path / "walk.mp4"), "--only", "noisy/box", "--frames", "1:4"]
-    assert video_command.main(words, VIDEO) == 0
+    assert command.run("video", words, VIDEO) == 0
     assert re.search(r"wrote .*walk.mp4: 3 frames of noisy/box, .*, MPEG-4 part 2 \(mp4v\)", capsys.readouterr().out)
     assert len(frames_of(tmp_path / "walk.mp4")[1]) == 3
-    assert video_command.main([str(out), str(tmp_path / "sheet.png"), "--sheet", "2"], VIDEO) == 0
+    assert command.run("video", [str(out), str(tmp_path / "sheet.png"), "--sheet", "2"], VIDEO) == 0
     sheet = read(tmp_path / "sheet.png")
     assert sheet.shape == (3 * (26 + 2 * 180), 2 * 240, 3)
     first = noisy_world.open(out)["clean/box"][0].rgb
@@ -177,22 +175,17 @@ def test_the_clean_frame_beside_is_that_of_the_same_pose(tmp_path):
 def test_what_cannot_be_is_refused_in_a_line(tmp_path, capsys, monkeypatch):
     out = dataset(tmp_path, "replica")
     (tmp_path / "there.rrd").write_bytes(b"mine")
-    for main, entry, words, line in (
-        (video_command.main, VIDEO, [out, tmp_path / "walk.gif"], "walk.gif: ends in .gif; name a file that ends in"),
-        (
-            video_command.main,
-            VIDEO,
-            [out, tmp_path / "a.mp4", "--sheet", "3"],
-            "ends in .mp4; name a file that ends in .png",
-        ),
-        (video_command.main, VIDEO, [out, tmp_path / "a.mp4", "--only", "nosy/box"], "nosy/box"),
-        (video_command.main, VIDEO, [out, tmp_path / "a.mp4", "--frames", "40:50"], "has no such frames"),
-        (video_command.main, VIDEO, [tmp_path / "none", tmp_path / "a.mp4"], "none: no such folder or recipe"),
+    for words, line in (
+        ([out, tmp_path / "walk.gif"], "walk.gif: ends in .gif; name a file that ends in"),
+        ([out, tmp_path / "a.mp4", "--sheet", "3"], "ends in .mp4; name a file that ends in .png"),
+        ([out, tmp_path / "a.mp4", "--only", "nosy/box"], "nosy/box"),
+        ([out, tmp_path / "a.mp4", "--frames", "40:50"], "has no such frames"),
+        ([tmp_path / "none", tmp_path / "a.mp4"], "none: no such folder or recipe"),
     ):
-        assert main([*map(str, words)], entry) != 0
+        assert command.run("video", [*map(str, words)], VIDEO) != 0
         assert line in capsys.readouterr().err.replace("\n", " ")
     monkeypatch.setitem(sys.modules, "rerun", None)
-    assert view_command.main([str(out), "--save", str(tmp_path / "x.rrd")], VIEW) != 0
+    assert command.run("view", [str(out), "--save", str(tmp_path / "x.rrd")], VIEW) != 0
     said = capsys.readouterr().err
     assert "rerun" in said
     assert "[view]" in said
@@ -202,7 +195,7 @@ def test_what_cannot_be_is_refused_in_a_line(tmp_path, capsys, monkeypatch):
         ("there.rrd", "there.rrd: is there already; --overwrite replaces it"),
         ("a.txt", "let it end in"),
     ):
-        assert view_command.main([str(out), "--save", str(tmp_path / name)], VIEW) != 0
+        assert command.run("view", [str(out), "--save", str(tmp_path / name)], VIEW) != 0
         assert line in capsys.readouterr().err
     assert (tmp_path / "there.rrd").read_bytes() == b"mine"
     assert not list(tmp_path.glob("*.mp4"))
@@ -214,12 +207,12 @@ def test_what_cannot_be_written_is_refused_in_a_line(tmp_path, capsys):
     (tmp_path / "file").write_text("mine")
     capsys.readouterr()
     before = sorted(tmp_path.rglob("*"))
-    for main, entry, words in (
-        (video_command.main, VIDEO, [out, tmp_path / "file/walk.mp4", "--only", "noisy/box"]),
-        (video_command.main, VIDEO, [out, tmp_path / "file/sheet.png", "--sheet", "1"]),
-        (view_command.main, VIEW, [out, "--save", tmp_path / "file/walk.rrd"]),
+    for name, entry, words in (
+        ("video", VIDEO, [out, tmp_path / "file/walk.mp4", "--only", "noisy/box"]),
+        ("video", VIDEO, [out, tmp_path / "file/sheet.png", "--sheet", "1"]),
+        ("view", VIEW, [out, "--save", tmp_path / "file/walk.rrd"]),
     ):
-        assert main([*map(str, words)], entry) != 0
+        assert command.run(name, [*map(str, words)], entry) != 0
         said = capsys.readouterr().err
         assert re.search(r"file/\w+\.\w+: cannot be written: .+; mend that, or name another place\n$", said)
         assert said.count("\n") == 1
@@ -232,7 +225,7 @@ def test_a_viewer_needs_a_display_and_is_found_beside_this_python(tmp_path, caps
     monkeypatch.setattr(sys, "platform", "linux")
     for name in ("DISPLAY", "WAYLAND_DISPLAY"):
         monkeypatch.delenv(name, raising=False)
-    assert view_command.main([str(out)], VIEW) == 1
+    assert command.run("view", [str(out)], VIEW) == 1
     assert "needs a display, and there is none here; set DISPLAY, or write a recording by --save" in (
         capsys.readouterr().err
     )
@@ -246,7 +239,7 @@ def test_a_viewer_needs_a_display_and_is_found_beside_this_python(tmp_path, caps
 
     monkeypatch.setattr(rerun.RecordingStream, "spawn", spawn)
     capsys.readouterr()
-    assert view_command.main([str(out)], VIEW) == 1
+    assert command.run("view", [str(out)], VIEW) == 1
     said = capsys.readouterr().err
     assert "Rerun cannot open its viewer: it is tired; mend that, or write a recording by --save" in said
     assert said.count("\n") == 1

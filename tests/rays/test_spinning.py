@@ -13,7 +13,7 @@ from worlds import HIGH, LOW, WALLS, write_replica, write_world
 
 pytest.importorskip("embreex", reason="embreex is not installed: make .venv/.extras brings it")
 
-from noisy_world.cli import scan_command
+from noisy_world.cli import command
 from noisy_world.cli.entry import Entry
 from noisy_world.core.datasets.scan_files import CV_FROM_LIDAR
 from noisy_world.core.geometry import pose
@@ -41,7 +41,7 @@ def world(folder, **keys):
 
 
 def scan(preset, out, *words):
-    return scan_command.main([str(preset), str(out), *map(str, words)], Entry("scan", ("scan",)))
+    return command.run("scan", [str(preset), str(out), *map(str, words)], Entry("scan", ("scan",)))
 
 
 def cloud(out, number):

@@ -10,7 +10,7 @@ import pytest
 from packed import destination_of, pack_to, put_shard, run_of, write_preset
 from refusals import refused
 
-from noisy_world.cli import generate
+from noisy_world.cli import command
 from noisy_world.cli.entry import Entry
 from noisy_world.cli.shard_tasks import ShardOrder, ready_for_shards
 from noisy_world.core.errors import InterruptedRunError, MissingDependencyError, StorageError
@@ -212,7 +212,7 @@ def test_without_what_writes_the_table_nothing_is_begun(preset, dataset, place, 
     named = ("needs pyarrow", "[cloud]")
     refused(run_of(preset, address, scratch).make_dataset, names=named, error=MissingDependencyError)
     refused(pack_to, dataset, address, names=named, error=MissingDependencyError)
-    assert generate.main([str(preset), "--out", address, "--dry-run"], Entry("generate", ("generate",))) == 1
+    assert command.run("generate", [str(preset), "--out", address, "--dry-run"], Entry("generate", ("generate",))) == 1
     said = capsys.readouterr().err
     assert all(name in said for name in named)
     assert not folder.exists() or not list(folder.rglob("*"))

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from packed import pack_to
 
-from noisy_world.cli import publish_command
+from noisy_world.cli import command
 from noisy_world.cli.entry import Entry
 from noisy_world.core.errors import InputError, MissingDependencyError, StorageError
 from noisy_world.storage.open_store import open_store
@@ -27,14 +27,14 @@ def refusal(text, dataset):
 
 def test_publish_puts_what_a_folder_would_hold(store, dataset, packed, capfd):
     address = store.bucket("published")
-    assert publish_command.main([str(dataset), address], ENTRY) == 0
+    assert command.run("publish", [str(dataset), address], ENTRY) == 0
     assert capfd.readouterr().out == f"wrote {address}: 8 tars, 38 frames\n"
     there = open_store(address)
     names = {str(path.relative_to(packed)) for path in packed.rglob("*") if path.is_file()}
     assert set(there.sizes("")) == names
     for name in names:
         assert there.read(name) == (packed / name).read_bytes(), name
-    assert publish_command.main([str(dataset), address], ENTRY) == 0
+    assert command.run("publish", [str(dataset), address], ENTRY) == 0
     assert capfd.readouterr().out == f"{address}: holds this dataset already; nothing to do\n"
 
 

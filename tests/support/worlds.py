@@ -105,7 +105,7 @@ def generate(*arguments, check=True, **options):
 
 def generate_here(*arguments, check=True):
     """Run the command line in this process, which has Blender loaded; return what a process would have left."""
-    from noisy_world.cli import generate as command
+    from noisy_world.cli import command
     from noisy_world.cli.entry import Entry
 
     handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
@@ -113,7 +113,7 @@ def generate_here(*arguments, check=True):
     with tempfile.TemporaryFile("w+") as out, tempfile.TemporaryFile("w+") as err:
         try:
             with _streams_to(out, err):
-                status = command.main([str(argument) for argument in arguments], entry)
+                status = command.run("generate", [str(argument) for argument in arguments], entry)
         except SystemExit as usage:  # argparse's
             status = usage.code
         finally:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The command line of `generate`."""
+"""The options that subcommands share, and the words that repeat them."""
 
 import argparse
 import math
@@ -7,45 +7,9 @@ from collections.abc import Callable
 from pathlib import Path
 
 from ..core.errors import StorageError
-from .entry import Entry
-from .listing import HELD, KNOWN
-from .parser import Parser
 from .part import add_part_options, part_words
 from .places import path, place
 from .shipped import found_preset
-
-
-def parse_arguments(arguments: list[str], entry: Entry) -> argparse.Namespace:
-    """Parse the command line; exit with a usage line if it is wrong."""
-    parser = Parser(
-        prog=entry.name,
-        description="Make the RGB-D dataset that a preset describes.",
-        epilog="The same command again resumes a run that was stopped: finished frames are kept, and the result is the "
-        "same to the byte. In a Blender program: blender -b -P headless/generate.py -- PRESET [options].",
-    )
-    add_preset_options(parser)
-    parser.add_argument("--overwrite", action="store_true", help="replace the dataset that is in DIR")
-    parser.add_argument("--dry-run", action="store_true", help="print what would be done, and do nothing")
-    parser.add_argument(
-        "--list",
-        metavar="WHAT",
-        nargs="?",
-        const="sequences",
-        choices=[*KNOWN, *HELD],
-        help="list keys (all that a preset may have), layouts (of the files), channels (the images of a frame), "
-        "perturbations (with their parameters and severities), presets (those shipped), or this preset's scenes, "
-        "settings or sequences (default); then end",
-    )
-    message = "processes that render (default: 1); no more than there are processors and frames"
-    add_executor_options(parser, "shard", 1, message, cpus=2)
-    parser.add_argument(
-        "--shards",
-        metavar="N",
-        type=positive,
-        help="with --ray: about how many shards, at least one a render (default: of two minutes each, by the estimate)",
-    )
-    add_progress_option(parser)
-    return settled(parser, parser.parse_args(arguments), known=lambda options: options.list in KNOWN or options.worker)
 
 
 def add_preset_options(parser: argparse.ArgumentParser) -> None:
@@ -150,16 +114,17 @@ def settle_overrides(parser: argparse.ArgumentParser, options: argparse.Namespac
 def settled(
     parser: argparse.ArgumentParser,
     options: argparse.Namespace,
-    known: Callable[[argparse.Namespace], bool] = lambda _: False,
+    *,
+    known: bool = False,
 ) -> argparse.Namespace:
     """Return the options with the overrides in one list and the preset's file found.
 
-    known: tells whether no preset is needed. Exits with a usage line where one is needed and none is named.
+    known: whether no preset is needed. Exits with a usage line where one is needed and none is named.
     """
     settle_overrides(parser, options, "preset")
     if options.preset is None and getattr(options, "ray", None) not in (None, "auto"):
         options.preset, options.ray = path(options.ray), "auto"  # --ray PRESET: the word after it is the preset
-    if options.preset is None and not known(options):
+    if options.preset is None and not known:
         parser.error("name a preset, presets/demo.yaml for instance")
     if options.preset is not None:
         options.preset = found_preset(options.preset)

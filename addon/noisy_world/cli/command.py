@@ -1,76 +1,56 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The installed command `noisy-world`, also `python -m noisy_world`: a subcommand's name, then its own arguments.
+"""The installed command `noisy-world`, also `python -m noisy_world`, and the registry of its subcommands.
 
-A subcommand is a module of this package with `main(arguments, entry)`, which returns the exit status, and an entry in
-GROUPS. It is imported only when it is used.
+A subcommand is a `Command`: all that is said of it stands there, and help, docs and completion are made from it. Ours
+are in modules of this package, which MODULES names; those of installed packages come by entry points.
 """
 
 import argparse
 import importlib
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, NoReturn
 
+from ..core.installed import Door, Registry
 from ..core.near import did_you_mean
-from .ending import exit_status
+from ..core.requirements import NEEDED
+from .ending import CONTINUES, ended, exit_status
 from .entry import Entry, say
 from .parser import Parser
 
 COMMAND = "noisy-world"
 
-
-@dataclass(frozen=True)
-class Subcommand:
-    """A subcommand: its module, and its description in `noisy-world --help`."""
-
-    module: str
-    meaning: str
-
-
-GROUPS = {
-    "make a dataset": {
-        "generate": Subcommand("generate", "make the RGB-D dataset that a preset describes"),
-        "plan": Subcommand("plan_command", "print what a preset comes to, or the commands that make it in shards"),
-        "shard": Subcommand("shard_command", "make one shard of a dataset, on any machine that sees its folder"),
-        "merge": Subcommand("merge_command", "merge the shards of a dataset, and complete it"),
-    },
-    "look at what there is": {
-        "list": Subcommand("list_command", "list what a preset may say and what is shipped, or what a preset holds"),
-        "status": Subcommand("status", "say how far a dataset has come, and what of it is missing or damaged"),
-        "view": Subcommand("view_command", "open a dataset's images, paths, IMU and perturbations in Rerun's viewer"),
-        "video": Subcommand("video_command", "write a dataset's sequences as videos to look at, or as one sheet"),
-    },
-    "share a dataset, and make it again": {
-        "publish": Subcommand("publish_command", "pack a finished dataset as tars, in an object store or a folder"),
-        "recipe": Subcommand("recipe_command", "write what makes a dataset, and the digests of its files"),
-        "verify": Subcommand("verify_command", "hash a dataset's files and compare them with a recipe"),
-        "remake": Subcommand("remake", "make a recipe's dataset again, or a part of it, and verify it"),
-        "render-clean": Subcommand(
-            "render_clean", "render the clean frames that noisy_world.open makes a recipe's frames of"
-        ),
-    },
-    "evaluate SLAM systems": {
-        "evaluate": Subcommand(
-            "evaluate_command", "run SLAM systems on the sequences of a preset or a dataset, and score them"
-        ),
-        "threshold": Subcommand(
-            "threshold_command", "search for the value of a perturbation at which a system's success falls to one half"
-        ),
-        "report": Subcommand("report_command", "write the report of a study anew"),
-        "run-odometry": Subcommand("run_odometry", "follow the camera through a dataset with rgbd_odometry"),
-        "systems": Subcommand("systems_command", "list the systems and whether they can be run here; install one"),
-        "score": Subcommand("score_command", "compare an estimated trajectory with the true one"),
-        "score-map": Subcommand("score_map_command", "compare the map of a SLAM system with the true scene"),
-    },
-    "prepare and convert": {
-        "simulate": Subcommand("simulate_command", "let a robot's body follow a scene's path, by physics: a path file"),
-        "scan": Subcommand("scan_command", "spin a lidar along the paths of meshes: point clouds with times"),
-        "bag": Subcommand("bag_command", "write a sequence of the layout euroc as a bag of ROS 2"),
-        "export": Subcommand("export_mesh", "write a mesh as PLY in Replica's layout"),
-    },
+MODULES = {
+    "generate": "generate",
+    "plan": "plan_command",
+    "shard": "shard_command",
+    "merge": "merge_command",
+    "list": "list_command",
+    "status": "status",
+    "view": "view_command",
+    "video": "video_command",
+    "publish": "publish_command",
+    "recipe": "recipe_command",
+    "verify": "verify_command",
+    "remake": "remake",
+    "render-clean": "render_clean",
+    "evaluate": "evaluate_command",
+    "threshold": "threshold_command",
+    "report": "report_command",
+    "run-odometry": "run_odometry",
+    "systems": "systems_command",
+    "score": "score_command",
+    "score-map": "score_map_command",
+    "simulate": "simulate_command",
+    "scan": "scan_command",
+    "bag": "bag_command",
+    "export": "export_mesh",
 }
-SUBCOMMANDS = {name: item for group in GROUPS.values() for name, item in group.items()}
+"""Our subcommands in the order of --help, and the module of each, which holds it under its name: RENDER_CLEAN.
+
+A module is imported when one of its subcommands is used, or asked what it is.
+"""
 # What people look for under another word, and under the names that there were before 0.1.0.
 OTHER_WORDS = {
     "clean": "render-clean",
@@ -83,6 +63,95 @@ OTHER_WORDS = {
 }
 
 
+def _as_they_are(_: Parser, options: argparse.Namespace) -> argparse.Namespace:
+    return options
+
+
+@dataclass(frozen=True)
+class Command:
+    """A subcommand of `noisy-world`.
+
+    name: the word for it. group: the heading that it stands under in `noisy-world --help`. help: its line there.
+    description, epilog: what its own --help says before and after its options.
+    options: adds its options to a parser. settle: returns the parsed options as `run` takes them; for what is wrong in
+    several together it calls the parser's `error`.
+    run: does the work and returns the exit status: 0 where it was done. What a user can mend it raises as
+    NoisyWorldError.
+    needs: the modules without which nothing is begun.
+    stopped: what follows "stopped; " where a signal ended it. again: returns the arguments that go on from there, of
+    the options and the arguments that were given; None for none.
+    busy: the exit status where another process does the same.
+    """
+
+    name: str
+    group: str
+    help: str
+    description: str
+    options: Callable[[Parser], None]
+    run: Callable[[argparse.Namespace, Entry], int]
+    epilog: str | None = None
+    settle: Callable[[Parser, argparse.Namespace], argparse.Namespace] = _as_they_are
+    needs: Sequence[str] = tuple(NEEDED)
+    stopped: str = CONTINUES
+    again: Callable[[argparse.Namespace, list[str]], Sequence[str] | None] = lambda _options, _arguments: None
+    busy: int = 1
+
+    def parse(self, arguments: Sequence[str], entry: Entry) -> argparse.Namespace:
+        """Parse the command line; exit with a usage line if it is wrong."""
+        parser = Parser(prog=entry.name, description=self.description, epilog=self.epilog)
+        self.options(parser)
+        return self.settle(parser, parser.parse_args(arguments))
+
+    def main(self, arguments: list[str], entry: Entry) -> int:
+        """Run the command line and return the exit status."""
+        options = self.parse(arguments, entry)
+        again = self.again(options, arguments)
+        stopped = self.stopped if again is None else f"{self.stopped}:\n  {entry.pasteable(again)}"
+        work = lambda: self.run(options, entry)  # noqa: E731
+        return ended(work, entry, needs=self.needs, stopped=stopped, busy=self.busy, options=options)
+
+
+def as_given(_: argparse.Namespace, arguments: list[str]) -> list[str]:
+    """Return the arguments that were given: for `Command.again` where the same command goes on."""
+    return arguments
+
+
+def _problem(command: Command) -> str:
+    """Return what is wrong with a package's subcommand; "" where nothing is."""
+    words = command.name.split("-")
+    if not all(word.isascii() and word.isalnum() and word.islower() for word in words):
+        return f"its subcommand has the name {command.name!r}; use small letters, digits and hyphens"
+    return "" if command.group and command.help else f"its subcommand {command.name} needs a group and a line of help"
+
+
+def _own() -> Iterable[Command]:
+    return map(_own_command, MODULES)
+
+
+def _own_command(name: str) -> Command:
+    module = importlib.import_module(f".{MODULES[name]}", __package__)
+    return getattr(module, name.upper().replace("-", "_"))
+
+
+COMMANDS: Registry[Command] = Registry(
+    Door("noisy_world.commands", "subcommand", "COMMAND", (Command,), _problem), _own
+)
+"""All subcommands by name, ours first; those that packages bring come by entry points."""
+
+
+def find_command(name: str) -> Command | None:
+    """Return a subcommand, for which no other is imported if it is ours; None where there is no such one.
+
+    Raises NoisyWorldError where a package's subcommand cannot be loaded.
+    """
+    return _own_command(name) if name in MODULES else COMMANDS.get(name)
+
+
+def run(name: str, arguments: list[str], entry: Entry | None = None) -> int:
+    """Run one of our subcommands and return its exit status. entry: how it was started, if not by `noisy-world`."""
+    return _own_command(name).main(arguments, entry or own_entry(name))
+
+
 def main(arguments: list[str] | None = None) -> int:
     """Run the command line and return the exit status. arguments: by default the process's own."""
     words = sys.argv[1:] if arguments is None else arguments
@@ -90,18 +159,25 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def _carry_out(words: Sequence[str]) -> int:
-    if not words:
-        print(help_text())
-        return 2
-    if words[0].startswith("-"):
-        _parser().parse_args(words[:1])  # ends with --help and --version, and for what is neither
-    name, *rest = words
-    if name not in SUBCOMMANDS:
-        meant = OTHER_WORDS.get(name.casefold())
-        asked = did_you_mean(name, SUBCOMMANDS) if meant is None else f"did you mean {meant!r}?"
-        say(f"{COMMAND}: {name!r} is no subcommand; {asked or 'there are ' + ', '.join(SUBCOMMANDS)}")
-        return 2
-    return importlib.import_module(f".{SUBCOMMANDS[name].module}", __package__).main(rest, own_entry(name))
+    from ..core.errors import NoisyWorldError
+
+    try:
+        if not words:
+            print(help_text())
+            return 2
+        if words[0].startswith("-"):
+            _parser().parse_args(words[:1])  # ends with --help and its like, and for what is none of them
+        name, *rest = words
+        command = find_command(name)
+    except NoisyWorldError as error:  # of a package's subcommand
+        say(f"{COMMAND}: {error.message}")
+        return 1
+    if command is not None:
+        return command.main(rest, own_entry(name))
+    meant = OTHER_WORDS.get(name.casefold())
+    asked = did_you_mean(name, COMMANDS) if meant is None else f"did you mean {meant!r}?"
+    say(f"{COMMAND}: {name!r} is no subcommand; {asked or 'there are ' + ', '.join(COMMANDS)}")
+    return 2
 
 
 def own_entry(subcommand: str) -> Entry:
@@ -114,39 +190,50 @@ def own_entry(subcommand: str) -> Entry:
 
 
 def help_text() -> str:
-    """Return what `noisy-world --help` prints."""
-    return _parser().format_help().rstrip("\n")
+    """Return what `noisy-world --help` prints: the subcommands in their groups, each with its line."""
+    parser = _parser()
+    parser.epilog = f"{groups_text()}\n\n'{COMMAND} SUBCOMMAND --help' tells more."
+    return parser.format_help().rstrip("\n")
 
 
-class _PrintVersion(argparse.Action):
-    """Print the version, which is looked up only then."""
+def groups_text() -> str:
+    """Return the subcommands in their groups, each with its line of help."""
+    width = max(map(len, COMMANDS))
+    groups: dict[str, list[str]] = {}
+    for name, command in COMMANDS.items():
+        groups.setdefault(command.group, []).append(f"  {name:<{width}}  {command.help}{COMMANDS.origin(name)}")
+    return "\n\n".join("\n".join([f"{group}:", *lines]) for group, lines in groups.items())
 
-    def __call__(self, parser: argparse.ArgumentParser, *_: Any, **__: Any) -> NoReturn:
-        from ..core.datasets.provenance import package_version
 
-        print(f"{COMMAND} {package_version()}")
-        parser.exit()
+def _version() -> str:
+    from ..core.datasets.provenance import package_version
+
+    return f"{COMMAND} {package_version()}"
 
 
 def _parser() -> Parser:
-    """Return the parser of what stands before a subcommand, whose help tells the subcommands in their groups."""
+    """Return the parser of what stands before a subcommand."""
     parser = Parser(
         prog=COMMAND,
         usage=f"{COMMAND} SUBCOMMAND ...",
         description="Clean 3D scenes in, noisy RGB-D worlds out.",
-        epilog=_format_groups() + f"\n\n'{COMMAND} SUBCOMMAND --help' tells more.",
         formatter_class=argparse.RawDescriptionHelpFormatter,
         allow_abbrev=False,
+        add_help=False,
     )
-    parser.add_argument("--version", action=_PrintVersion, nargs=0, help="print the version and end")
+    _add_answer(parser, ("-h", "--help"), "show this help message and exit", help_text)
+    _add_answer(parser, ("--version",), "print the version and end", _version)
+    names = "print the names of the subcommands and end, for a shell that completes words"
+    _add_answer(parser, ("--commands",), names, lambda: "\n".join(COMMANDS))
     return parser
 
 
-def _format_groups() -> str:
-    """Return the subcommands in their groups, each with its meaning."""
-    width = max(map(len, SUBCOMMANDS))
-    groups = (
-        "\n".join([f"{title}:", *(f"  {name:<{width}}  {item.meaning}" for name, item in group.items())])
-        for title, group in GROUPS.items()
-    )
-    return "\n\n".join(groups)
+def _add_answer(parser: Parser, options: tuple[str, ...], meaning: str, answer: Callable[[], str]) -> None:
+    """Add an option that prints a text, worked out only then, and ends."""
+
+    class Answer(argparse.Action):
+        def __call__(self, parser: argparse.ArgumentParser, *_: Any, **__: Any) -> NoReturn:
+            print(answer())
+            parser.exit()
+
+    parser.add_argument(*options, action=Answer, nargs=0, help=meaning)

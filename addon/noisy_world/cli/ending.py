@@ -28,12 +28,13 @@ def ended(
     """Do a command's work and return the exit status.
 
     needs: the packages without which nothing is begun. stopped: what follows "stopped; " where a signal ended it.
-    busy: the exit status where another process does the same. options: say in --progress json too what is wrong.
+    busy: the exit status where another process does the same. options: where they say --progress json, what is wrong is
+    said in that form too.
     """
 
     def wrong(text: str) -> None:
         entry.complain(text)
-        if options is not None and options.progress == "json":
+        if getattr(options, "progress", "text") == "json":
             from .running import machine_listener
 
             machine_listener().tell({"error": text})

@@ -13,7 +13,7 @@ from .arguments import (
     positive,
     settle_overrides,
 )
-from .ending import ended
+from .command import Command, as_given
 from .entry import Entry
 from .parser import Parser
 from .part import add_part_options
@@ -24,25 +24,10 @@ from .shipped import found_preset, no_such_preset
 if TYPE_CHECKING:
     from ..evaluation.study.order import StudyOrder
 
-CONTINUES = "what has ended stays, and the same command continues from there"
+STUDY_CONTINUES = "what has ended stays, and the same command continues from there"
 
 
-def main(arguments: list[str], entry: Entry) -> int:
-    """Run the command line and return the exit status."""
-    options = parse_arguments(arguments, entry)
-    stopped = f"{CONTINUES}:\n  {entry.pasteable(arguments)}"
-    return ended(lambda: do(options, entry), entry, stopped=stopped, options=options)
-
-
-def parse_arguments(arguments: list[str], entry: Entry) -> argparse.Namespace:
-    """Parse the command line; exit with a usage line if it is wrong."""
-    parser = Parser(
-        prog=entry.name,
-        description="Run SLAM systems on the sequences of a preset, each made when it is needed and removed after, or "
-        "on those of a dataset or recording; score them, and report.",
-        epilog="The same command again resumes a study that was stopped; more systems, scenes, settings, seeds and "
-        "repeats can be added to it.",
-    )
+def _evaluate_options(parser: Parser) -> None:
     parser.add_argument(
         "subject", metavar="PRESET_OR_DATASET", nargs="?", type=path, help="a preset, or a folder of sequences"
     )
@@ -95,7 +80,9 @@ def parse_arguments(arguments: list[str], entry: Entry) -> argparse.Namespace:
     )
     parser.add_argument("--dry-run", action="store_true", help="print what would be evaluated, and do nothing")
     add_progress_option(parser)
-    options = parser.parse_args(arguments)
+
+
+def _settle_study(parser: Parser, options: argparse.Namespace) -> argparse.Namespace:
     settle_overrides(parser, options, "subject")
     if not options.worker:
         if options.subject is None:
@@ -114,7 +101,7 @@ def whole_numbers(text: str) -> tuple[int, ...]:
     return tuple(dict.fromkeys(map(int, parts)))
 
 
-def do(options: argparse.Namespace, entry: Entry) -> int:
+def _evaluate(options: argparse.Namespace, entry: Entry) -> int:
     """Carry out the options."""
     from .study_tasks import evaluate, ready_for_cases
 
@@ -171,3 +158,19 @@ def _refuse_for_folder(options: argparse.Namespace) -> None:
 def _found_system(name: str) -> str:
     """Return a system's name, or the whole path of the file that defines it: other processes read it from elsewhere."""
     return str(Path(name).resolve()) if name.endswith((".yaml", ".yml")) or "/" in name else name
+
+
+EVALUATE = Command(
+    name="evaluate",
+    group="evaluate SLAM systems",
+    help="run SLAM systems on the sequences of a preset or a dataset, and score them",
+    description="Run SLAM systems on the sequences of a preset, each made when it is needed and removed after, or "
+    "on those of a dataset or recording; score them, and report.",
+    epilog="The same command again resumes a study that was stopped; more systems, scenes, settings, seeds and "
+    "repeats can be added to it.",
+    options=_evaluate_options,
+    settle=_settle_study,
+    run=_evaluate,
+    stopped=STUDY_CONTINUES,
+    again=as_given,
+)

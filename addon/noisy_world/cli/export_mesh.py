@@ -10,7 +10,7 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
-from .ending import ended
+from .command import Command
 from .entry import Entry
 from .parser import Parser
 from .places import out_path, path
@@ -18,16 +18,9 @@ from .places import out_path, path
 ENDING = ".ply"
 
 
-def main(arguments: list[str], entry: Entry) -> int:
-    """Run the command line and return the exit status."""
-    return ended(lambda: write(parse(arguments, entry)), entry, needs=["numpy", "cv2"])
-
-
-def parse(arguments: list[str], entry: Entry) -> argparse.Namespace:
-    """Parse the command line; exit with a usage line if it is wrong."""
+def _export_options(parser: Parser) -> None:
     from ..core.scenes.embedded import EMBEDDED_ROOM, ROOMS
 
-    parser = Parser(prog=entry.name, description="Write a mesh as PLY in Replica's layout.")
     known = f"a PLY, glTF, OBJ, USD, FBX or STL file, or {EMBEDDED_ROOM}?seed=0 to {ROOMS - 1}"
     parser.add_argument("mesh", metavar="MESH", type=path, help=known)
     parser.add_argument(
@@ -36,10 +29,9 @@ def parse(arguments: list[str], entry: Entry) -> argparse.Namespace:
     up = "the axis of the file that points up, where that is not what the file declares; y is turned to Z up"
     parser.add_argument("--up", choices=("y", "z"), help=up)
     parser.add_argument("--triangulate", action="store_true", help="cut every polygon into triangles")
-    return parser.parse_args(arguments)
 
 
-def write(options: argparse.Namespace) -> int:
+def _export(options: argparse.Namespace, _: Entry) -> int:
     """Write the mesh, and print what was written."""
     from ..core.errors import InputError
     from ..core.scenes.embedded import is_embedded
@@ -82,3 +74,14 @@ def _one_room(mesh: str) -> int:
     if len(seeds) > 1:
         raise NoisyWorldError(f"{mesh} is {len(seeds)} rooms, and a file holds one; name one of them")
     return seeds[0]
+
+
+EXPORT = Command(
+    name="export",
+    group="prepare and convert",
+    help="write a mesh as PLY in Replica's layout",
+    description="Write a mesh as PLY in Replica's layout.",
+    options=_export_options,
+    run=_export,
+    needs=("numpy", "cv2"),
+)

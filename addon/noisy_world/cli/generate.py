@@ -5,12 +5,22 @@ import argparse
 from typing import TYPE_CHECKING
 
 from ..core.extras import need
-from .arguments import out_address, out_folder, parse_arguments, preset_words
-from .ending import CONTINUES, ended
+from .arguments import (
+    add_executor_options,
+    add_preset_options,
+    add_progress_option,
+    out_address,
+    out_folder,
+    positive,
+    preset_words,
+    settled,
+)
+from .command import Command
 from .entry import Entry
-from .listing import KNOWN, list_known, list_plan, print_plan
+from .listing import HELD, KNOWN, list_known, list_plan, print_plan
 from .missing import blender_lacks, blender_problem
 from .outcome import tell_outcome
+from .parser import Parser
 from .part import planned
 from .running import work_on
 
@@ -23,14 +33,36 @@ if TYPE_CHECKING:
     from ..pipeline.report import Report
 
 
-def main(arguments: list[str], entry: Entry) -> int:
-    """Run the command line and return the exit status."""
-    options = parse_arguments(arguments, entry)
-    again = "" if options.preset is None or options.out is None else f":\n  {entry.pasteable(own_arguments(options))}"
-    return ended(lambda: do(options, entry), entry, stopped=CONTINUES + again, options=options)
+def _generate_options(parser: Parser) -> None:
+    add_preset_options(parser)
+    parser.add_argument("--overwrite", action="store_true", help="replace the dataset that is in DIR")
+    parser.add_argument("--dry-run", action="store_true", help="print what would be done, and do nothing")
+    parser.add_argument(
+        "--list",
+        metavar="WHAT",
+        nargs="?",
+        const="sequences",
+        choices=[*KNOWN, *HELD],
+        help="list keys (all that a preset may have), layouts (of the files), channels (the images of a frame), "
+        "perturbations (with their parameters and severities), presets (those shipped), or this preset's scenes, "
+        "settings or sequences (default); then end",
+    )
+    message = "processes that render (default: 1); no more than there are processors and frames"
+    add_executor_options(parser, "shard", 1, message, cpus=2)
+    parser.add_argument(
+        "--shards",
+        metavar="N",
+        type=positive,
+        help="with --ray: about how many shards, at least one a render (default: of two minutes each, by the estimate)",
+    )
+    add_progress_option(parser)
 
 
-def do(options: argparse.Namespace, entry: Entry) -> int:
+def _settle_generate(parser: Parser, options: argparse.Namespace) -> argparse.Namespace:
+    return settled(parser, options, known=options.list in KNOWN or options.worker)
+
+
+def _generate(options: argparse.Namespace, entry: Entry) -> int:
     """Carry out the options."""
     if options.worker:
         from .shard_tasks import ready_for_shards
@@ -133,11 +165,27 @@ def need_packages(plan: "Plan", options: argparse.Namespace, entry: Entry) -> No
         need(["ray"], "cluster", for_what="--ray")
 
 
-def own_arguments(options: argparse.Namespace) -> list[str]:
-    """Return the arguments that repeat this run."""
+def _again(options: argparse.Namespace, _: list[str]) -> list[str] | None:
+    """Return the arguments that repeat a run whose preset and folder are named."""
+    if options.preset is None or options.out is None:
+        return None
     words = preset_words(options)
     words += ["--jobs", str(options.jobs)] if options.jobs > 1 else []
     if options.ray is not None:
         words += ["--ray", options.ray, "--cpus", str(options.cpus)]
         words += ["--shards", str(options.shards)] if options.shards is not None else []
     return words
+
+
+GENERATE = Command(
+    name="generate",
+    group="make a dataset",
+    help="make the RGB-D dataset that a preset describes",
+    description="Make the RGB-D dataset that a preset describes.",
+    epilog="The same command again resumes a run that was stopped: finished frames are kept, and the result is the "
+    "same to the byte. In a Blender program: blender -b -P headless/generate.py -- PRESET [options].",
+    options=_generate_options,
+    settle=_settle_generate,
+    run=_generate,
+    again=_again,
+)

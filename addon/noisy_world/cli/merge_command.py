@@ -6,9 +6,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from .arguments import add_preset_options, add_progress_option, positive, settled
+from .command import Command
 from .command_lines import shard_lines
 from .destinations import destination_of
-from .ending import ended
 from .entry import Entry
 from .outcome import tell_outcome
 from .parser import Parser
@@ -21,21 +21,7 @@ if TYPE_CHECKING:
     from ..pipeline.destination import Work
 
 
-def main(arguments: list[str], entry: Entry) -> int:
-    """Run the command line and return the exit status."""
-    options = parse(arguments, entry)
-    stopped = "what was merged stays, and the same command continues from there"
-    return ended(lambda: do(options), entry, stopped=stopped, options=options)
-
-
-def parse(arguments: list[str], entry: Entry) -> argparse.Namespace:
-    """Parse the command line; exit with a usage line if it is wrong."""
-    parser = Parser(
-        prog=entry.name,
-        description="Merge the finished shards of a dataset, check every file, and complete the dataset. Where frames "
-        "are missing, the commands that make them are printed, and the exit status is 1.",
-        epilog="Nothing is lost when it is stopped; the same command again continues.",
-    )
+def _merge_options(parser: Parser) -> None:
     add_preset_options(parser)
     parser.add_argument(
         "--shards",
@@ -44,10 +30,9 @@ def parse(arguments: list[str], entry: Entry) -> argparse.Namespace:
         help="into how many shards the plan was cut; missing ones are named so",
     )
     add_progress_option(parser)
-    return settled(parser, parser.parse_args(arguments))
 
 
-def do(options: argparse.Namespace) -> int:
+def _merge(options: argparse.Namespace, _: Entry) -> int:
     """Merge, and print the outcome."""
     from ..pipeline.run import Run
     from .running import listener
@@ -99,3 +84,17 @@ def _error(plan: "Plan", out: str, work: "Work", shards: tuple["Shard", ...], le
         file=out,
         remedy=f"make the shards {names} (the commands are on standard output), and merge again",
     )
+
+
+MERGE = Command(
+    name="merge",
+    group="make a dataset",
+    help="merge the shards of a dataset, and complete it",
+    description="Merge the finished shards of a dataset, check every file, and complete the dataset. Where frames "
+    "are missing, the commands that make them are printed, and the exit status is 1.",
+    epilog="Nothing is lost when it is stopped; the same command again continues.",
+    options=_merge_options,
+    settle=settled,
+    run=_merge,
+    stopped="what was merged stays, and the same command continues from there",
+)

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 
 from ..core.progress import duration_text
 from .arguments import add_preset_options, out_address, out_folder, positive, settled
+from .command import Command
 from .command_lines import merge_words, shard_beginning, shard_words
-from .ending import ended
 from .entry import Entry
 from .listing import print_plan
 from .parser import Parser
@@ -24,28 +24,16 @@ if TYPE_CHECKING:
     from ..executors.jobs import Task
 
 
-def main(arguments: list[str], entry: Entry) -> int:
-    """Run the command line and return the exit status."""
-    options = parse(arguments, entry)
-    return ended(lambda: do(options), entry)
-
-
-def do(options: argparse.Namespace) -> int:
+def _plan(options: argparse.Namespace, _: Entry) -> int:
     """Plan, and print what was asked for."""
     plan = planned(options)
     if options.shards is None:
         print_plan(plan, out_address(options) or out_folder(options))
         return 0
-    return print_shards(plan, options)
+    return _print_shards(plan, options)
 
 
-def parse(arguments: list[str], entry: Entry) -> argparse.Namespace:
-    """Parse the command line; exit with a usage line if it is wrong."""
-    parser = Parser(
-        prog=entry.name,
-        description="Print what a preset comes to; with --shards the commands that make its dataset in shards, one a "
-        "line, in any order and on any machines that see the dataset's folder, and last the one that merges them.",
-    )
+def _plan_options(parser: Parser) -> None:
     add_preset_options(parser)
     parser.add_argument(
         "--shards", metavar="N", type=positive, help="about how many shards, of equal cost; at least one a render"
@@ -59,13 +47,15 @@ def parse(arguments: list[str], entry: Entry) -> argparse.Namespace:
     parser.add_argument(
         "--cpus", metavar="N", type=positive, default=2, help="with --slurm: processors for each shard (default: 2)"
     )
-    options = settled(parser, parser.parse_args(arguments))
+
+
+def _settle_plan(parser: Parser, options: argparse.Namespace) -> argparse.Namespace:
     if options.slurm and options.shards is None:
         parser.error("--slurm needs --shards N")
-    return options
+    return settled(parser, options)
 
 
-def print_shards(plan: "Plan", options: argparse.Namespace) -> int:
+def _print_shards(plan: "Plan", options: argparse.Namespace) -> int:
     """Print the shards, each with its command, and the command that merges them."""
     from ..core.planning.shards import shards_of
     from .shard_tasks import tasks_of
@@ -105,3 +95,15 @@ def _slurm(plan: "Plan", options: argparse.Namespace, tasks: "tuple[Task, ...]")
         cpus=options.cpus,
     )
     return slurm_script(job)
+
+
+PLAN = Command(
+    name="plan",
+    group="make a dataset",
+    help="print what a preset comes to, or the commands that make it in shards",
+    description="Print what a preset comes to; with --shards the commands that make its dataset in shards, one a "
+    "line, in any order and on any machines that see the dataset's folder, and last the one that merges them.",
+    options=_plan_options,
+    settle=_settle_plan,
+    run=_plan,
+)

@@ -3,19 +3,13 @@
 
 import argparse
 
-from .ending import ended
+from .command import Command
 from .entry import Entry
 from .parser import Parser
 from .places import path, place
 
 
-def main(arguments: list[str], entry: Entry) -> int:
-    """Run the command line and return the exit status."""
-    options = parse_arguments(arguments, entry)
-    return ended(lambda: pack(options), entry, stopped="finished tars stay, and the same command continues from there")
-
-
-def pack(options: argparse.Namespace) -> int:
+def _publish(options: argparse.Namespace, _: Entry) -> int:
     """Pack the dataset, and print what was written."""
     from ..storage.finished import read_content
     from ..storage.open_store import open_store
@@ -36,14 +30,7 @@ def pack(options: argparse.Namespace) -> int:
     return 0
 
 
-def parse_arguments(arguments: list[str], entry: Entry) -> argparse.Namespace:
-    """Parse the command line; exit with a usage line if it is wrong."""
-    parser = Parser(
-        prog=entry.name,
-        description="Pack a finished dataset: a tar for each sequence, a table of all frames, metadata and a card.",
-        epilog="The same command again goes on where it was stopped. Packing needs the extra 'cloud', into a folder "
-        "too.",
-    )
+def _publish_options(parser: Parser) -> None:
     parser.add_argument("dataset", metavar="DATASET", type=path, help="the folder that generate wrote")
     parser.add_argument(
         "address",
@@ -51,4 +38,15 @@ def parse_arguments(arguments: list[str], entry: Entry) -> argparse.Namespace:
         type=place,
         help="where to: s3://bucket/name, another address of fsspec's, or a folder",
     )
-    return parser.parse_args(arguments)
+
+
+PUBLISH = Command(
+    name="publish",
+    group="share a dataset, and make it again",
+    help="pack a finished dataset as tars, in an object store or a folder",
+    description="Pack a finished dataset: a tar for each sequence, a table of all frames, metadata and a card.",
+    epilog="The same command again goes on where it was stopped. Packing needs the extra 'cloud', into a folder too.",
+    options=_publish_options,
+    run=_publish,
+    stopped="finished tars stay, and the same command continues from there",
+)

@@ -4,33 +4,25 @@
 import argparse
 import sys
 
-from .ending import ended
+from .command import Command
 from .entry import Entry, say
 from .parser import Parser
 from .places import out_path, place
 
 
-def main(arguments: list[str], entry: Entry) -> int:
-    """Run the command line and return the exit status."""
-    parser = Parser(
-        prog=entry.name,
-        description="Write the recipe of a finished dataset: its preset, versions, the hashes of its inputs, and "
-        "digests of its files. Images are not read; 'noisy-world verify' hashes them.",
-    )
+def _recipe_options(parser: Parser) -> None:
     parser.add_argument("dataset", metavar="DATASET", type=place, help="the dataset's folder or address")
     parser.add_argument("--out", metavar="FILE", type=out_path, help="the file to write (default: standard output)")
-    options = parser.parse_args(arguments)
-    return ended(lambda: write(options), entry)
 
 
-def write(options: argparse.Namespace) -> int:
+def _write_recipe(options: argparse.Namespace, _: Entry) -> int:
     """Write the recipe."""
     from ..core.datasets.storage import ELSEWHERE, storage_errors
     from ..recipes.making import unnamed_sequences
     from ..recipes.of_dataset import recipe_of
     from .running import listener
 
-    progress, _ = listener("text")
+    progress, _stop = listener("text")
     recipe = recipe_of(options.dataset, progress)
     text = recipe.text()
     if options.out is None:
@@ -44,3 +36,14 @@ def write(options: argparse.Namespace) -> int:
             "but cannot make it again"
         )
     return 0
+
+
+RECIPE = Command(
+    name="recipe",
+    group="share a dataset, and make it again",
+    help="write what makes a dataset, and the digests of its files",
+    description="Write the recipe of a finished dataset: its preset, versions, the hashes of its inputs, and "
+    "digests of its files. Images are not read; 'noisy-world verify' hashes them.",
+    options=_recipe_options,
+    run=_write_recipe,
+)

@@ -5,26 +5,14 @@ import argparse
 from dataclasses import replace
 
 from .arguments import frame_slice, positive
-from .ending import CONTINUES, ended
+from .command import Command, as_given, own_entry
 from .entry import Entry
 from .parser import Parser
 from .part import add_part_options, recipe_part
 from .places import folder, path
 
 
-def main(arguments: list[str], entry: Entry) -> int:
-    """Run the command line and return the exit status."""
-    options = parse_arguments(arguments, entry)
-    return ended(lambda: make(options, entry), entry, stopped=f"{CONTINUES}:\n  {entry.pasteable(arguments)}")
-
-
-def parse_arguments(arguments: list[str], entry: Entry) -> argparse.Namespace:
-    """Parse the command line; exit with a usage line if it is wrong."""
-    parser = Parser(
-        prog=entry.name,
-        description="Make a recipe's dataset again, or a part of it, from the inputs that the recipe names, and verify "
-        "every file. The same command again resumes, and other parts can be added to the same folder.",
-    )
+def _remake_options(parser: Parser) -> None:
     parser.add_argument("recipe", metavar="RECIPE", type=path, help="the recipe, from 'noisy-world recipe'")
     parser.add_argument("--out", metavar="DIR", type=folder, required=True, help="the dataset's folder")
     add_part_options(parser)
@@ -32,14 +20,12 @@ def parse_arguments(arguments: list[str], entry: Entry) -> argparse.Namespace:
         "--frames", metavar="A:B", type=frame_slice, help="only frames A to B-1; they keep their numbers"
     )
     parser.add_argument("--jobs", metavar="N", type=positive, default=1, help="processes that render (default: 1)")
-    return parser.parse_args(arguments)
 
 
-def make(options: argparse.Namespace, entry: Entry) -> int:
+def _remake(options: argparse.Namespace, entry: Entry) -> int:
     """Make the dataset, verify it, and return the exit status: 0 where all is as it can be here."""
     from ..recipes.recipe import read_recipe
     from ..recipes.verifying import verify
-    from .command import own_entry
     from .generate import generate
     from .running import listener
 
@@ -57,7 +43,19 @@ def make(options: argparse.Namespace, entry: Entry) -> int:
 
 def _generate_options(options: argparse.Namespace, entry: Entry) -> argparse.Namespace:
     """Return the options that `generate` has for this."""
-    from .arguments import parse_arguments as generates
+    from .generate import GENERATE
 
     words = [str(options.recipe.absolute()), "--out", str(options.out.absolute()), "--jobs", str(options.jobs)]
-    return argparse.Namespace(**{**vars(generates(words, entry)), **vars(options)})
+    return argparse.Namespace(**{**vars(GENERATE.parse(words, entry)), **vars(options)})
+
+
+REMAKE = Command(
+    name="remake",
+    group="share a dataset, and make it again",
+    help="make a recipe's dataset again, or a part of it, and verify it",
+    description="Make a recipe's dataset again, or a part of it, from the inputs that the recipe names, and verify "
+    "every file. The same command again resumes, and other parts can be added to the same folder.",
+    options=_remake_options,
+    run=_remake,
+    again=as_given,
+)

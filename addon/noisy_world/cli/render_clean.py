@@ -4,7 +4,7 @@
 import argparse
 
 from .arguments import frame_slice
-from .ending import CONTINUES, ended
+from .command import Command, as_given
 from .entry import Entry
 from .generate import need_blender
 from .parser import Parser
@@ -12,25 +12,16 @@ from .part import add_part_options, recipe_part
 from .places import folder, path
 
 
-def main(arguments: list[str], entry: Entry) -> int:
-    """Run the command line and return the exit status."""
-    parser = Parser(
-        prog=entry.name,
-        description="Render the clean frames of a recipe into a folder, lossless, for noisy_world.open(RECIPE, "
-        "clean=DIR). A frame of 1200 x 680 takes 13 MB, so a part is chosen as a rule: settings that move the camera "
-        "have frames of their own. The same command again resumes, and other parts can be added.",
-    )
+def _clean_options(parser: Parser) -> None:
     parser.add_argument("recipe", metavar="RECIPE", type=path, help="the recipe, from 'noisy-world recipe'")
     parser.add_argument("--out", metavar="DIR", type=folder, required=True, help="the folder of clean frames")
     add_part_options(parser)
     parser.add_argument(
         "--frames", metavar="A:B", type=frame_slice, help="only what frames A to B-1 of each sequence show"
     )
-    options = parser.parse_args(arguments)
-    return ended(lambda: render(options, entry), entry, stopped=f"{CONTINUES}:\n  {entry.pasteable(arguments)}")
 
 
-def render(options: argparse.Namespace, entry: Entry) -> int:
+def _render(options: argparse.Namespace, entry: Entry) -> int:
     """Render the frames, and print how many."""
     from ..core.errors import InputError
     from ..recipes.clean_making import make_store, rendered
@@ -46,3 +37,16 @@ def render(options: argparse.Namespace, entry: Entry) -> int:
     made = make_store(plan, options.out, progress, stop)
     print(f"{options.out}: {made} frames rendered, {rendered(plan).frame_count - made} kept")
     return 0
+
+
+RENDER_CLEAN = Command(
+    name="render-clean",
+    group="share a dataset, and make it again",
+    help="render the clean frames that noisy_world.open makes a recipe's frames of",
+    description="Render the clean frames of a recipe into a folder, lossless, for noisy_world.open(RECIPE, "
+    "clean=DIR). A frame of 1200 x 680 takes 13 MB, so a part is chosen as a rule: settings that move the camera "
+    "have frames of their own. The same command again resumes, and other parts can be added.",
+    options=_clean_options,
+    run=_render,
+    again=as_given,
+)

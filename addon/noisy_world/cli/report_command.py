@@ -4,21 +4,13 @@
 import argparse
 from pathlib import Path
 
-from .ending import ended
+from .command import Command
 from .entry import Entry
 from .parser import Parser
 from .places import folder
 
-NEEDED = ("numpy", "yaml")
 
-
-def main(arguments: list[str], entry: Entry) -> int:
-    """Run the command line and return the exit status."""
-    options = _parse(arguments, entry)
-    return ended(lambda: report(options), entry, needs=NEEDED, stopped="what was written before stays")
-
-
-def report(options: argparse.Namespace) -> int:
+def _report(options: argparse.Namespace, _: Entry) -> int:
     """Write the tables of runs and sequences from the folders' files, and the report."""
     from ..evaluation.study.results import STUDY, ResultsFolder
     from ..evaluation.study.tables import write_tables
@@ -73,13 +65,7 @@ def tell_report(results: Path) -> None:
     print(f"wrote {results / 'report.html'}, and beside it report.md, figures/ and tables/")
 
 
-def _parse(arguments: list[str], entry: Entry) -> argparse.Namespace:
-    parser = Parser(
-        prog=entry.name,
-        description="Write the report of a study into its folder of results, from what is there: report.html, one page "
-        "that opens offline, report.md, figures/ and tables/ as CSV, Parquet (where pyarrow is installed) and LaTeX. "
-        "docs/report.md says what each part of it means. With --out, put a study together that was run in pieces.",
-    )
+def _report_options(parser: Parser) -> None:
     parser.add_argument(
         "results",
         metavar="RESULTS",
@@ -94,7 +80,24 @@ def _parse(arguments: list[str], entry: Entry) -> argparse.Namespace:
         help="the folder of the record of all of it: study.json and the tables of runs and sequences; the report too",
     )
     parser.add_argument("--tables", action="store_true", help="end with the tables of runs and sequences")
-    options = parser.parse_args(arguments)
+
+
+def _settle_report(parser: Parser, options: argparse.Namespace) -> argparse.Namespace:
     if len(options.results) > 1 and options.out is None:
         parser.error("several folders are put together in another one: name it with --out")
     return options
+
+
+REPORT = Command(
+    name="report",
+    group="evaluate SLAM systems",
+    help="write the report of a study anew",
+    description="Write the report of a study into its folder of results, from what is there: report.html, one page "
+    "that opens offline, report.md, figures/ and tables/ as CSV, Parquet (where pyarrow is installed) and LaTeX. "
+    "docs/report.md says what each part of it means. With --out, put a study together that was run in pieces.",
+    options=_report_options,
+    settle=_settle_report,
+    run=_report,
+    needs=("numpy", "yaml"),
+    stopped="what was written before stays",
+)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from ..core.progress import JsonProgress, Progress
 from .arguments import add_progress_option
-from .ending import ended
+from .command import Command
 from .entry import Entry
 from .parser import Parser
 from .places import out_path, path
@@ -18,21 +18,7 @@ if TYPE_CHECKING:
 INDEX = "frames.json"
 
 
-def main(arguments: list[str], entry: Entry) -> int:
-    """Run the command line and return the exit status: 0 where the camera was lost too, as that is a result."""
-    options = _parse(arguments, entry)
-    stopped = "the sequences that were followed to their end are written"
-    return ended(lambda: track(options), entry, needs=("numpy", "cv2", "yaml"), stopped=stopped, options=options)
-
-
-def _parse(arguments: list[str], entry: Entry) -> argparse.Namespace:
-    parser = Parser(
-        prog=entry.name,
-        description="Follow the camera through the sequences of a dataset with rgbd_odometry, which is given the "
-        "frames and never the true poses. Writes estimate.txt, frames.csv and keyframes.txt for each; 'noisy-world "
-        "score' compares them with the truth. Needs nothing but what generating needs; gtsam, where it is installed, "
-        "closes loops.",
-    )
+def _odometry_options(parser: Parser) -> None:
     parser.add_argument("dataset", metavar="DATASET", type=path, help="the folder of a dataset, or of a sequence")
     parser.add_argument("out", metavar="OUT", type=out_path, help="folder for what is found: a folder a sequence")
     parser.add_argument(
@@ -42,11 +28,13 @@ def _parse(arguments: list[str], entry: Entry) -> argparse.Namespace:
         help="only the sequences of this name, SETTING/SCENE in a dataset, * allowed; may be repeated",
     )
     add_progress_option(parser)
-    return parser.parse_args(arguments)
 
 
-def track(options: argparse.Namespace) -> int:
-    """Follow the camera through the sequences that are wanted, and say how far each could be followed."""
+def _track(options: argparse.Namespace, _: Entry) -> int:
+    """Follow the camera through the sequences that are wanted, and say how far each could be followed.
+
+    Where the camera is lost the exit status is 0 too, as that is a result.
+    """
     from ..core.errors import InputError
     from ..core.presets.selection import selected
     from ..core.schema import ConfigPath
@@ -91,3 +79,18 @@ def _tracked(sequence: Path, out: Path, progress: Progress, stop: "threading.Eve
         raise InterruptedRunError("stopped")
     write_results(out, result.frames, result.keyframes)
     return result.summary
+
+
+RUN_ODOMETRY = Command(
+    name="run-odometry",
+    group="evaluate SLAM systems",
+    help="follow the camera through a dataset with rgbd_odometry",
+    description="Follow the camera through the sequences of a dataset with rgbd_odometry, which is given the "
+    "frames and never the true poses. Writes estimate.txt, frames.csv and keyframes.txt for each; 'noisy-world "
+    "score' compares them with the truth. Needs nothing but what generating needs; gtsam, where it is installed, "
+    "closes loops.",
+    options=_odometry_options,
+    run=_track,
+    needs=("numpy", "cv2", "yaml"),
+    stopped="the sequences that were followed to their end are written",
+)

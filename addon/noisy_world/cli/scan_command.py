@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, get_args, get_type_hints
 
 from .arguments import add_set_option, number, settled
-from .ending import ended
+from .command import Command
 from .entry import Entry
 from .parser import Parser
 from .part import add_part_options, planned
@@ -25,14 +25,7 @@ if TYPE_CHECKING:
 LARGEST_HZ = 100.0
 
 
-def main(arguments: list[str], entry: Entry) -> int:
-    """Run the command line and return the exit status."""
-    parser = Parser(
-        prog=entry.name,
-        description="Spin a lidar along the path of each of a preset's meshes, at the place of the rig's depth sensor "
-        "or of the camera, and write a point cloud for each turn as KITTI lays them out: SCENE/velodyne/*.bin, "
-        "times.txt, poses.txt, calib.txt; and SCENE/points/*.ply with the time and the row of each point.",
-    )
+def _scan_options(parser: Parser) -> None:
     parser.add_argument("preset", metavar="PRESET", type=path, help="the preset; its perturbations do not matter")
     parser.add_argument("out", metavar="OUT", type=out_path, help="the folder to write, which is not there yet")
     parser.add_argument("--device", metavar="NAME", default="velodyne_vlp16", help="the lidar (default: %(default)s)")
@@ -56,11 +49,9 @@ def main(arguments: list[str], entry: Entry) -> int:
     add_set_option(parser)
     add_part_options(parser, ("scenes",))
     parser.set_defaults(settings=[], frames=None)
-    options = settled(parser, parser.parse_args(arguments))
-    return ended(lambda: _scan(options), entry, stopped="nothing was written")
 
 
-def _scan(options: argparse.Namespace) -> int:
+def _scan(options: argparse.Namespace, _: Entry) -> int:
     """Write the scans beside their place, and move them there when they are whole."""
     from ..core.datasets.storage import made_beside
     from ..core.errors import NoisyWorldError, StorageError
@@ -156,3 +147,17 @@ def _clouds(
                 later_s[column],
                 ring,
             )
+
+
+SCAN = Command(
+    name="scan",
+    group="prepare and convert",
+    help="spin a lidar along the paths of meshes: point clouds with times",
+    description="Spin a lidar along the path of each of a preset's meshes, at the place of the rig's depth sensor "
+    "or of the camera, and write a point cloud for each turn as KITTI lays them out: SCENE/velodyne/*.bin, "
+    "times.txt, poses.txt, calib.txt; and SCENE/points/*.ply with the time and the row of each point.",
+    options=_scan_options,
+    settle=settled,
+    run=_scan,
+    stopped="nothing was written",
+)

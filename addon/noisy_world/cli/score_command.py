@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from .arguments import number
-from .ending import ended
+from .command import Command
 from .entry import Entry, say
 from .metric_table import metric_lines
 from .parser import Parser
@@ -24,18 +24,7 @@ ALIGNMENTS = ("none", "first_pose", "se3", "sim3")
 PLOTS = ("png", "svg", "pdf")
 
 
-def main(arguments: list[str], entry: Entry) -> int:
-    """Run the command line and return the exit status: 0 for a run that failed too, as that is a result."""
-    options = _parse(arguments, entry)
-    return ended(lambda: score(options), entry, needs=("numpy", "yaml"), stopped="nothing was written")
-
-
-def _parse(arguments: list[str], entry: Entry) -> argparse.Namespace:
-    parser = Parser(
-        prog=entry.name,
-        description="Compare an estimated trajectory with the true one: absolute and relative errors, and how much of "
-        "the path was tracked. docs/metrics.md says what each number means.",
-    )
+def _score_options(parser: Parser) -> None:
     parser.add_argument(
         "estimate", metavar="ESTIMATE", type=path, help="a file of poses in any format, or the folder of a run"
     )
@@ -79,11 +68,10 @@ def _parse(arguments: list[str], entry: Entry) -> argparse.Namespace:
         help="draw the path with its errors there, as .png, .svg or .pdf; needs matplotlib",
     )
     parser.add_argument("--json", action="store_true", help="print one JSON object instead of a table")
-    return parser.parse_args(arguments)
 
 
-def score(options: argparse.Namespace) -> int:
-    """Score, print and write what is asked for."""
+def _score_path(options: argparse.Namespace, _: Entry) -> int:
+    """Score, print and write what is asked for; return 0 for a run that failed too, as that is a result."""
     from ..core.datasets.storage import ELSEWHERE, storage_errors, write_atomic
     from ..core.errors import NoisyWorldError
     from ..core.extras import need
@@ -238,3 +226,16 @@ def _positive(text: str) -> float:
 
 def _not_negative(text: str) -> float:
     return number(text, "a number, 0 or more", lambda value: value >= 0.0)
+
+
+SCORE = Command(
+    name="score",
+    group="evaluate SLAM systems",
+    help="compare an estimated trajectory with the true one",
+    description="Compare an estimated trajectory with the true one: absolute and relative errors, and how much of "
+    "the path was tracked. docs/metrics.md says what each number means.",
+    options=_score_options,
+    run=_score_path,
+    needs=("numpy", "yaml"),
+    stopped="nothing was written",
+)

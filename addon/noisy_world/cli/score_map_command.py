@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from .arguments import number
-from .ending import ended
+from .command import Command
 from .entry import Entry, say
 from .metric_table import metric_lines
 from .parser import Parser
@@ -25,18 +25,7 @@ if TYPE_CHECKING:
 CULLINGS = ("frustum_occlusion", "frustum", "none")  # known before packages are; a test holds them together
 
 
-def main(arguments: list[str], entry: Entry) -> int:
-    """Run the command line and return the exit status: 0 for a map that is bad or empty too, as that is a result."""
-    options = _parse(arguments, entry)
-    return ended(lambda: _score(options), entry, stopped="nothing was written")
-
-
-def _parse(arguments: list[str], entry: Entry) -> argparse.Namespace:
-    parser = Parser(
-        prog=entry.name,
-        description="Compare a map with the true scene, as far as the true cameras saw it: accuracy, completion, depth "
-        "and colour of renders. docs/metrics.md says what each number means.",
-    )
+def _map_options(parser: Parser) -> None:
     parser.add_argument(
         "map",
         metavar="MAP",
@@ -84,10 +73,10 @@ def _parse(arguments: list[str], entry: Entry) -> argparse.Namespace:
     )
     parser.add_argument("--write-map", metavar="OUT.ply", type=path, help="write the map as it was compared")
     parser.add_argument("--json", action="store_true", help="print one JSON object instead of a table")
-    return parser.parse_args(arguments)
 
 
-def _score(options: argparse.Namespace) -> int:
+def _score_map(options: argparse.Namespace, _: Entry) -> int:
+    """Score and print; return 0 for a map that is bad or empty too, as that is a result."""
     from ..core.scenes.ply import check_ply
     from ..core.scenes.ply_writer import write_ply
     from ..evaluation.maps.perceptual import Perceptual
@@ -241,3 +230,15 @@ def _count(text: str) -> int:
 
 def _length(text: str) -> float:
     return number(text, "a number of metres, more than 0", lambda value: value > 0.0)
+
+
+SCORE_MAP = Command(
+    name="score-map",
+    group="evaluate SLAM systems",
+    help="compare the map of a SLAM system with the true scene",
+    description="Compare a map with the true scene, as far as the true cameras saw it: accuracy, completion, depth "
+    "and colour of renders. docs/metrics.md says what each number means.",
+    options=_map_options,
+    run=_score_map,
+    stopped="nothing was written",
+)

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 from ..core.exit_statuses import BUSY
 from .arguments import add_preset_options, add_progress_option, out_address, positive, preset_words, settled
+from .command import Command
 from .destinations import destination_of
-from .ending import CONTINUES, ended
 from .entry import Entry
 from .generate import need_blender
 from .outcome import tell_outcome
@@ -21,30 +21,14 @@ if TYPE_CHECKING:
     from ..core.progress import Progress
 
 
-def main(arguments: list[str], entry: Entry) -> int:
-    """Run the command line and return the exit status."""
-    options = parse(arguments, entry)
-    again = entry.pasteable([*preset_words(options), "--shard", *options.shard])
-    return ended(lambda: do(options, entry), entry, stopped=f"{CONTINUES}:\n  {again}", busy=BUSY, options=options)
-
-
-def parse(arguments: list[str], entry: Entry) -> argparse.Namespace:
-    """Parse the command line; exit with a usage line if it is wrong."""
-    parser = Parser(
-        prog=entry.name,
-        description="Make shards of a dataset, one after another: each is a range of source frames of one render, with "
-        "every image that shows them. 'noisy-world plan PRESET --shards N' prints the commands, 'noisy-world merge' "
-        "puts shards together.",
-        epilog="The same command again resumes a shard that was stopped; of a finished one it checks every file. Where "
-        "one of several cannot be made, the others are.",
-    )
+def _shard_options(parser: Parser) -> None:
     add_preset_options(parser)
     parser.add_argument(
         "--shard",
         metavar="NAME",
         nargs="+",
         required=True,
-        type=shard_name,
+        type=_shard_name,
         help="the shards, such as room0.000000-000100",
     )
     parser.add_argument(
@@ -52,10 +36,9 @@ def parse(arguments: list[str], entry: Entry) -> argparse.Namespace:
     )
     parser.add_argument("--overwrite", action="store_true", help="replace what is finished of the shard")
     add_progress_option(parser)
-    return settled(parser, parser.parse_args(arguments))
 
 
-def shard_name(text: str) -> str:
+def _shard_name(text: str) -> str:
     """Check the name of a shard."""
     from ..core.planning.shards import Shard
 
@@ -65,7 +48,7 @@ def shard_name(text: str) -> str:
         raise argparse.ArgumentTypeError(str(error)) from error
 
 
-def do(options: argparse.Namespace, entry: Entry) -> int:
+def _make_shards(options: argparse.Namespace, entry: Entry) -> int:
     """Make the shards, and print the outcome of each. Of several, the others are made where one cannot be."""
     from ..core.datasets.shard_record import shard_folder
     from ..core.planning.shards import Shard, render_of
@@ -93,3 +76,20 @@ def do(options: argparse.Namespace, entry: Entry) -> int:
     job = Job("shards", "made", "shard", "", tasks_of(plan, shards))
     carry_out(job, InProcess(ready, goes_on=len(shards) > 1), done, progress, stop)
     return 0
+
+
+SHARD = Command(
+    name="shard",
+    group="make a dataset",
+    help="make one shard of a dataset, on any machine that sees its folder",
+    description="Make shards of a dataset, one after another: each is a range of source frames of one render, with "
+    "every image that shows them. 'noisy-world plan PRESET --shards N' prints the commands, 'noisy-world merge' "
+    "puts shards together.",
+    epilog="The same command again resumes a shard that was stopped; of a finished one it checks every file. Where "
+    "one of several cannot be made, the others are.",
+    options=_shard_options,
+    settle=settled,
+    run=_make_shards,
+    again=lambda options, _: [*preset_words(options), "--shard", *options.shard],
+    busy=BUSY,
+)

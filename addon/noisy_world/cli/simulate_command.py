@@ -4,7 +4,7 @@
 import argparse
 
 from .arguments import add_set_option, number, settled
-from .ending import ended
+from .command import Command
 from .entry import Entry
 from .parser import Parser
 from .part import add_part_options, planned
@@ -12,14 +12,7 @@ from .places import out_path, path
 from .video_command import check_free
 
 
-def main(arguments: list[str], entry: Entry) -> int:
-    """Run the command line and return the exit status."""
-    parser = Parser(
-        prog=entry.name,
-        description="Let a quadruped or a rover, the body of a scene's trajectory, follow that path over the floor by "
-        "physics (MuJoCo), and write the path of its camera: a file that a preset's trajectory names, so that "
-        "rendering needs no MuJoCo. The way is checked against the mesh.",
-    )
+def _simulate_options(parser: Parser) -> None:
     parser.add_argument("preset", metavar="PRESET", type=path, help="the preset; one of its scenes, by --scenes")
     written = "the file to write, in TUM's format; one that is there is replaced"
     parser.add_argument("out", metavar="OUT.txt", type=out_path, help=written)
@@ -33,11 +26,9 @@ def main(arguments: list[str], entry: Entry) -> int:
     add_set_option(parser)
     add_part_options(parser, ("scenes",))
     parser.set_defaults(settings=[], frames=None)
-    options = settled(parser, parser.parse_args(arguments))
-    return ended(lambda: _simulate(options), entry, stopped="nothing was written")
 
 
-def _simulate(options: argparse.Namespace) -> int:
+def _simulate(options: argparse.Namespace, _: Entry) -> int:
     """Simulate, and write the file."""
     from ..core.datasets.storage import made_beside
     from ..core.errors import NoisyWorldError
@@ -84,3 +75,17 @@ def _simulate(options: argparse.Namespace) -> int:
         f"{{file: {options.out.name}, resample_hz: 30}}"
     )
     return 0
+
+
+SIMULATE = Command(
+    name="simulate",
+    group="prepare and convert",
+    help="let a robot's body follow a scene's path, by physics: a path file",
+    description="Let a quadruped or a rover, the body of a scene's trajectory, follow that path over the floor by "
+    "physics (MuJoCo), and write the path of its camera: a file that a preset's trajectory names, so that "
+    "rendering needs no MuJoCo. The way is checked against the mesh.",
+    options=_simulate_options,
+    settle=settled,
+    run=_simulate,
+    stopped="nothing was written",
+)

@@ -6,25 +6,14 @@ import json
 import sys
 
 from .arguments import frame_slice
-from .ending import ended
+from .command import Command
 from .entry import Entry
 from .parser import Parser
 from .places import place
 from .status_table import LONGEST_TABLE, content, format_status
 
 
-def main(arguments: list[str], entry: Entry) -> int:
-    """Run the command line; return 0, or 1 where files are lost or damaged or there is no dataset."""
-    options = _parse(arguments, entry)
-    return ended(lambda: _tell(options), entry)
-
-
-def _parse(arguments: list[str], entry: Entry) -> argparse.Namespace:
-    parser = Parser(
-        prog=entry.name,
-        description="Say how far a dataset has come, while a run makes it or after that: a table of settings and "
-        "scenes, what is lost or damaged, and how long the rest takes at the present pace. Nothing is changed.",
-    )
+def _status_options(parser: Parser) -> None:
     parser.add_argument("out", metavar="OUT", type=place, help="the dataset's folder or address")
     parser.add_argument("--check", action="store_true", help="read every file and compare its SHA-256")
     parser.add_argument("--frames", metavar="A:B", type=frame_slice, help="ask for frames A to B-1 of each path alone")
@@ -34,10 +23,10 @@ def _parse(arguments: list[str], entry: Entry) -> argparse.Namespace:
         help=f"a row for each setting, also where there are more than {LONGEST_TABLE}; else severities share a row",
     )
     parser.add_argument("--json", action="store_true", help="print one JSON object instead")
-    return parser.parse_args(arguments)
 
 
-def _tell(options: argparse.Namespace) -> int:
+def _tell_status(options: argparse.Namespace, _: Entry) -> int:
+    """Print it; return 0, or 1 where files are lost or damaged."""
     from ..core.progress import SilentProgress
     from ..perturbations import registry
     from ..pipeline.status import read_status
@@ -47,3 +36,14 @@ def _tell(options: argparse.Namespace) -> int:
     status = read_status(options.out, registry(), listener, chosen=options.frames, check=options.check)
     print(json.dumps(content(status), indent=1) if options.json else format_status(status, every_setting=options.all))
     return 1 if status.lost or status.damaged else 0
+
+
+STATUS = Command(
+    name="status",
+    group="look at what there is",
+    help="say how far a dataset has come, and what of it is missing or damaged",
+    description="Say how far a dataset has come, while a run makes it or after that: a table of settings and "
+    "scenes, what is lost or damaged, and how long the rest takes at the present pace. Nothing is changed.",
+    options=_status_options,
+    run=_tell_status,
+)

@@ -5,7 +5,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from .ending import ended
+from .command import Command
 from .entry import Entry, say
 from .parser import Parser
 from .places import folder
@@ -15,14 +15,11 @@ if TYPE_CHECKING:
     from ..evaluation.systems.definition import System
 
 
-def main(arguments: list[str], entry: Entry) -> int:
-    """Run the command line and return the exit status."""
-    options = _parse(arguments, entry)
-    work = install if options.install else list_systems
-    return ended(lambda: work(options, entry), entry, stopped="the same command again begins anew")
+def _systems(options: argparse.Namespace, entry: Entry) -> int:
+    return _install_system(options, entry) if options.install else _list_systems()
 
 
-def list_systems(_options: argparse.Namespace, _entry: Entry) -> int:
+def _list_systems() -> int:
     """Print each system, what it needs, and whether it can be run here."""
     from ..evaluation.systems.registry import distribution_of, find_system, system_names
 
@@ -37,7 +34,7 @@ def list_systems(_options: argparse.Namespace, _entry: Entry) -> int:
     return 0
 
 
-def install(options: argparse.Namespace, entry: Entry) -> int:
+def _install_system(options: argparse.Namespace, entry: Entry) -> int:
     """Make what a system needs, and say that it can be run."""
     from ..core.errors import InputError, MissingDependencyError
     from ..evaluation.systems.building import CLONED
@@ -120,11 +117,7 @@ def _needs(system: "System") -> str:
     return " and ".join(parts) + f"; {system.remedy}" if parts else "nothing more"
 
 
-def _parse(arguments: list[str], entry: Entry) -> argparse.Namespace:
-    parser = Parser(
-        prog=entry.name,
-        description="List the SLAM systems that come with Noisy World, what each needs, and whether it can run here.",
-    )
+def _systems_options(parser: Parser) -> None:
     parser.set_defaults(install=None)
     actions = parser.add_subparsers(metavar="install", title="to install one")
     installing = actions.add_parser(
@@ -148,4 +141,14 @@ def _parse(arguments: list[str], entry: Entry) -> argparse.Namespace:
         help="of orb_slam2 or orb_slam3_source: its source, which you have cloned",
     )
     installing.add_argument("--python", metavar="PATH", help="a Python 3.12 or 3.11 (default: one that is found)")
-    return parser.parse_args(arguments)
+
+
+SYSTEMS = Command(
+    name="systems",
+    group="evaluate SLAM systems",
+    help="list the systems and whether they can be run here; install one",
+    description="List the SLAM systems that come with Noisy World, what each needs, and whether it can run here.",
+    options=_systems_options,
+    run=_systems,
+    stopped="the same command again begins anew",
+)

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from .arguments import add_isolate_option, add_progress_option, add_set_option, number, positive, settled
-from .ending import ended
+from .command import Command, as_given
 from .entry import Entry
 from .parser import Parser
 from .part import add_part_options, data_folder
@@ -22,22 +22,7 @@ if TYPE_CHECKING:
 WIDTH, MOST = 0.15, 80
 
 
-def main(arguments: list[str], entry: Entry) -> int:
-    """Run the command line and return the exit status."""
-    options = _parse(arguments, entry)
-    stopped = f"the runs that have ended stay, and the same command goes on from there:\n  {entry.pasteable(arguments)}"
-    return ended(lambda: _do(options, entry), entry, stopped=stopped, options=options)
-
-
-def _parse(arguments: list[str], entry: Entry) -> argparse.Namespace:
-    parser = Parser(
-        prog=entry.name,
-        description="Search for the value of a perturbation at which a system's success falls to one half: run after "
-        "run, each with the value that tells most, on a sequence of another scene of the preset, with noise of its "
-        "own.",
-        epilog="The same command again resumes a search that was stopped. The preset's settings are not used; "
-        "docs/thresholds.md says how a threshold is found.",
-    )
+def _threshold_options(parser: Parser) -> None:
     parser.add_argument("preset", metavar="PRESET", nargs="?", type=path, help="the preset whose scenes are used")
     parser.add_argument(
         "--system",
@@ -91,14 +76,13 @@ def _parse(arguments: list[str], entry: Entry) -> argparse.Namespace:
     add_part_options(parser, ("scenes",))  # the preset's settings are not used
     add_isolate_option(parser)
     add_progress_option(parser)
-    return settled(parser, parser.parse_args(arguments))
 
 
 def _share(text: str) -> float:
     return number(text, "a number between 0 and 1, 0.15 for instance", lambda value: 0.0 < value < 1.0)
 
 
-def _do(options: argparse.Namespace, entry: Entry) -> int:
+def _find_thresholds(options: argparse.Namespace, entry: Entry) -> int:
     """Search for each system, write the thresholds of the folder, and print what was found."""
     from ..core.datasets.storage import FolderLock
     from ..core.extras import need
@@ -204,3 +188,20 @@ def _given(texts: list[str], searched: str) -> dict[str, Any]:
             raise NoisyWorldError(f"--with {text}: {name} is what is searched", remedy="leave it out")
         found[name] = read_yaml(value, "--with", name)
     return found
+
+
+THRESHOLD = Command(
+    name="threshold",
+    group="evaluate SLAM systems",
+    help="search for the value of a perturbation at which a system's success falls to one half",
+    description="Search for the value of a perturbation at which a system's success falls to one half: run after "
+    "run, each with the value that tells most, on a sequence of another scene of the preset, with noise of its "
+    "own.",
+    epilog="The same command again resumes a search that was stopped. The preset's settings are not used; "
+    "docs/thresholds.md says how a threshold is found.",
+    options=_threshold_options,
+    settle=settled,
+    run=_find_thresholds,
+    stopped="the runs that have ended stay, and the same command goes on from there",
+    again=as_given,
+)

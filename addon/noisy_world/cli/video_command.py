@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from .arguments import frame_slice, positive
-from .ending import ended
+from .command import Command
 from .entry import Entry, say
 from .parser import Parser
 from .places import out_path, place
@@ -24,13 +24,7 @@ TILE_PX = 180  # the height of a sheet's tiles; chosen
 USUAL_HZ = 30.0
 
 
-def main(arguments: list[str], entry: Entry) -> int:
-    """Run the command line and return the exit status."""
-    parser = Parser(
-        prog=entry.name,
-        description="Write sequences of a dataset as videos to look at: colour beside depth, behind the clean colour "
-        "where the dataset has a clean setting, and under them what was done to each frame; or as a sheet.",
-    )
+def _video_options(parser: Parser) -> None:
     parser.add_argument(
         "dataset", metavar="DATASET", type=place, help="a dataset, a packed one, a sequence or a recipe"
     )
@@ -42,8 +36,6 @@ def main(arguments: list[str], entry: Entry) -> int:
     )
     add_part(parser)
     parser.add_argument("--sheet", metavar="N", type=positive, help="write one sheet with N frames of each sequence")
-    options = parser.parse_args(arguments)
-    return ended(lambda: _write(options), entry, stopped="finished videos stay", needs=["numpy", "cv2"])
 
 
 def add_part(parser: argparse.ArgumentParser) -> None:
@@ -83,7 +75,7 @@ def check_free(out: Path, *, overwrite: bool) -> None:
         raise StorageError("is there already", file=out, remedy="--overwrite replaces it")
 
 
-def _write(options: argparse.Namespace) -> int:
+def _write_videos(options: argparse.Namespace, _: Entry) -> int:
     from ..core.datasets.video_files import WRITTEN
     from ..core.errors import StorageError
     from ..recipes.opening import open_path
@@ -183,3 +175,16 @@ def _write_sheet(opened: "Opened", parts: dict[str, list[int]], count: int, out:
     with made_beside(out) as made:
         made.write_bytes(data.tobytes())
     print(f"wrote {out}: {len(parts)} {'sequence' if len(parts) == 1 else 'sequences'}")
+
+
+VIDEO = Command(
+    name="video",
+    group="look at what there is",
+    help="write a dataset's sequences as videos to look at, or as one sheet",
+    description="Write sequences of a dataset as videos to look at: colour beside depth, behind the clean colour "
+    "where the dataset has a clean setting, and under them what was done to each frame; or as a sheet.",
+    options=_video_options,
+    run=_write_videos,
+    needs=("numpy", "cv2"),
+    stopped="finished videos stay",
+)

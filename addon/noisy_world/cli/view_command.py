@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from .arguments import positive
-from .ending import ended
+from .command import Command
 from .entry import Entry, say
 from .parser import Parser
 from .places import out_path, place
@@ -21,13 +21,7 @@ RECORDING = ".rrd"
 ELSE = ", or write a recording by --save FILE.rrd, to open where there is one"
 
 
-def main(arguments: list[str], entry: Entry) -> int:
-    """Run the command line and return the exit status."""
-    parser = Parser(
-        prog=entry.name,
-        description="Open Rerun's viewer with sequences of a dataset: colour and depth, true and planned paths, the "
-        "rig's frames, the IMU's samples, and what was done to which frame.",
-    )
+def _view_options(parser: Parser) -> None:
     parser.add_argument(
         "dataset", metavar="DATASET", type=place, help="a dataset, a packed one, a sequence or a recipe"
     )
@@ -35,11 +29,9 @@ def main(arguments: list[str], entry: Entry) -> int:
     parser.add_argument("--every", metavar="N", type=positive, default=1, help="images of every n-th frame alone")
     instead = "write a recording instead of opening the viewer"
     parser.add_argument("--save", metavar="FILE.rrd", type=out_path, help=instead)
-    options = parser.parse_args(arguments)
-    return ended(lambda: _view(options), entry, stopped="nothing was written", needs=["numpy", "cv2"])
 
 
-def _view(options: argparse.Namespace) -> int:
+def _view(options: argparse.Namespace, _: Entry) -> int:
     """Open the viewer, or write the recording beside its place and move it there when it is whole."""
     from ..core.datasets.storage import made_beside
     from ..core.errors import StorageError
@@ -104,3 +96,16 @@ def _prepare_viewer() -> None:
     if sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
         raise NoisyWorldError("the viewer needs a display, and there is none here", remedy=f"set DISPLAY{ELSE}")
     os.environ["PATH"] = os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", os.defpath)])
+
+
+VIEW = Command(
+    name="view",
+    group="look at what there is",
+    help="open a dataset's images, paths, IMU and perturbations in Rerun's viewer",
+    description="Open Rerun's viewer with sequences of a dataset: colour and depth, true and planned paths, the "
+    "rig's frames, the IMU's samples, and what was done to which frame.",
+    options=_view_options,
+    run=_view,
+    needs=("numpy", "cv2"),
+    stopped="nothing was written",
+)

@@ -6,7 +6,7 @@ import box_room
 import numpy as np
 import pytest
 
-from noisy_world.cli import run_odometry
+from noisy_world.cli import command
 from noisy_world.cli.command import own_entry
 from noisy_world.core.progress import read_message
 
@@ -14,7 +14,7 @@ POSES = box_room.path(30, turn_deg=40.0)[:6]
 
 
 def track(*arguments):
-    return run_odometry.main(list(map(str, arguments)), own_entry("run-odometry"))
+    return command.run("run-odometry", list(map(str, arguments)), own_entry("run-odometry"))
 
 
 @pytest.fixture(scope="module")
