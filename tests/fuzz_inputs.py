@@ -6,8 +6,8 @@
     python tests/fuzz_inputs.py --only presets --seed 4 --case 123 --keep found
 
 Each input has to be accepted with the meaning that an independent reader finds, or refused in one line that names its
-file; within ten seconds, without a warning. Every input that is neither is kept with what was found. --peer names the
-Python of an environment with evo, plyfile and pillow, whose readers are then asked, too.
+file; within ten seconds, without a warning. Every input that is neither is kept with what was found. evo, plyfile and
+Pillow are asked, too, where this Python has them.
 """
 
 import argparse
@@ -22,8 +22,7 @@ from pathlib import Path
 HERE = Path(__file__).resolve().parent
 sys.path[:0] = [str(HERE.parent / "addon"), str(HERE / "support")]
 
-from fuzz.areas import AREAS, OF_BLENDER
-from fuzz.cases import write_case
+from fuzz.cases import AREAS, OF_BLENDER, write_case
 from fuzz.pool import run_cases
 
 
@@ -36,7 +35,6 @@ def main():
     parser.add_argument("--only", nargs="+", choices=(*AREAS, *OF_BLENDER), default=tuple(AREAS), metavar="AREA",
                         help=f"of {', '.join(AREAS | OF_BLENDER)}")  # fmt: skip
     parser.add_argument("--keep", type=Path, default=Path("out/found"), help="where inputs are kept")
-    parser.add_argument("--peer", help="the Python that has the independent readers")
     parser.add_argument("--processes", type=int, default=2)
     options = parser.parse_args()
     numbers = itertools.count() if options.case is None else [options.case]
@@ -51,7 +49,7 @@ def _run(cases, total, options):
     slowest = (0.0, "")
     began = time.monotonic()
     with tempfile.TemporaryDirectory(prefix="fuzz-") as work:
-        ends = run_cases(cases, options.seed, Path(work), processes=options.processes, peer_python=options.peer)
+        ends = run_cases(cases, options.seed, Path(work), processes=options.processes)
         for area, number, outcome, seconds in ends:
             ended[area, outcome.kind] += 1
             slowest = max(slowest, (seconds, f"{area} {number}"))

@@ -2,8 +2,7 @@
 """A few hundred mutated inputs; `tests/fuzz_inputs.py` tries as many as you like."""
 
 import pytest
-from fuzz.areas import AREAS
-from fuzz.cases import run_case
+from fuzz.cases import AREAS, run_case
 
 CASES = {"presets": 60, "trajectories": 120, "recordings": 60, "videos": 20, "meshes": 150, "datasets": 30}
 CASES |= {"shaped_presets": 30, "mesh_headers": 60, "recording_files": 50, "estimates": 80, "definitions": 40}

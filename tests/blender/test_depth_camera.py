@@ -7,10 +7,9 @@ import numpy as np
 import pytest
 from analytic import box_depth
 from cases import cases
+from engines import need_gl
 from shutters import CAMERA, HIGH, LOW, coloured_room, paths
 
-from noisy_world.blender.probe import gl_version
-from noisy_world.core.errors import NoisyWorldError
 from noisy_world.core.geometry import Intrinsics, pose, rotation_from_euler_deg
 from noisy_world.core.optics import Distortion
 from noisy_world.core.planning.source import RenderOptions
@@ -35,11 +34,7 @@ PLACE = pose(rotation_from_euler_deg(2.0, -3.0, 1.0), np.array([0.1, -0.02, 0.03
 def test_depth_is_seen_through_its_own_camera(engine, lens, within):
     if engine == "embree":
         pytest.importorskip("embreex", reason="embreex is not installed: pip install '.[embree]'")
-    if engine == "workbench":
-        try:
-            gl_version()
-        except NoisyWorldError as error:
-            pytest.skip(f"no software GL here: {error}")
+    need_gl(engine)
     own = paths("rotation")
     sensors = replace(own, depth=sensor_trajectory(own.rgb, Sensor(PLACE)))
     options = RenderOptions(near_m=0.01, far_m=100.0, samples=1, seed=0, engine=engine)

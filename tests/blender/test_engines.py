@@ -9,6 +9,7 @@ import pytest
 bpy = pytest.importorskip("bpy", reason="bpy is not installed")
 
 from analytic import box_mesh, look_at, plane_depth, plane_mesh, quads_mesh
+from engines import gl_engines, need_gl
 
 from noisy_world.blender.probe import gl_version
 from noisy_world.blender.session import Session, renderer_versions
@@ -24,26 +25,14 @@ OPTIONS = RenderOptions(near_m=0.01, far_m=1000.0, samples=1, seed=0)
 EYE = look_at([0.2, -0.1, 0.3], [1.0, 0.4, 0.2])
 
 
-def gl_problem():
-    try:
-        gl_version()
-    except NoisyWorldError as error:
-        return str(error)
-    return ""
-
-
-needs_gl = pytest.mark.skipif(bool(gl_problem()), reason="no software GL here")
-gl_engines = pytest.mark.parametrize("engine", ["eevee", "workbench"])
-
-
 def render(mesh, options, c2w=EYE, camera=CAMERA, count=1):
+    need_gl(options.engine)
     poses = np.asarray(c2w)[None].repeat(count, 0)
     paths = SensorPaths(evenly_stamped(poses))
     with Session(mesh, "test", paths, camera, options) as session:
         return session.frame(paths.request(count - 1))
 
 
-@needs_gl
 @gl_engines
 def test_depth_and_flat_colours_of_a_slanted_board(engine):
     # 48 squares, each 20 pixels wide in the image, on a plane across the view.
@@ -70,7 +59,6 @@ def test_depth_and_flat_colours_of_a_slanted_board(engine):
         assert frames.setdefault(samples, made) == made, "the same again gives other bytes"
 
 
-@needs_gl
 @gl_engines
 def test_void_is_void_and_black(engine):
     # A square 2 m away: what it covers follows from the intrinsics.

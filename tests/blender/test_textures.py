@@ -9,12 +9,11 @@ import pytest
 bpy = pytest.importorskip("bpy", reason="bpy is not installed")
 
 from analytic import interpolated, look_at, quads_mesh
+from engines import each_engine, need_gl
 from ply_files import INDICES, XYZ, ply, vertex
 
-from noisy_world.blender.probe import gl_version
 from noisy_world.blender.session import Session
 from noisy_world.core.datasets.images import rgb_bytes
-from noisy_world.core.errors import NoisyWorldError
 from noisy_world.core.geometry import Intrinsics
 from noisy_world.core.planning.source import RenderOptions
 from noisy_world.core.scenes.mesh import Mesh, Texture
@@ -30,19 +29,8 @@ OPTIONS = RenderOptions(near_m=0.01, far_m=100.0, samples=1, seed=0)
 WHOLE_UV = np.array([[0, 1], [1, 1], [1, 0], [0, 0]], np.float32)  # clockwise from the top left
 
 
-def gl_problem():
-    try:
-        gl_version()
-    except NoisyWorldError as error:
-        return str(error)
-    return ""
-
-
-ENGINES = ["cycles", *([] if gl_problem() else ["eevee", "workbench"])]
-each_engine = pytest.mark.parametrize("engine", ENGINES)
-
-
 def render(mesh, engine="cycles", samples=1):
+    need_gl(engine)
     with Session(mesh, "test", STILL, CAMERA, replace(OPTIONS, engine=engine, samples=samples)) as session:
         return rgb_bytes(session.frame(STILL.request(0)).rgb)
 
@@ -120,7 +108,7 @@ def test_a_quarter_turn(engine):
     assert np.array_equal(turned, np.rot90(picture, -1))
 
 
-@pytest.mark.parametrize("engine", [name for name in ENGINES if name != "workbench"])
+@pytest.mark.parametrize("engine", ["cycles", "eevee"])
 def test_several_pictures_beside_other_colours(engine):
     pictures = [every_byte()[:, :16], every_byte()[:, 16:32]]
     boards = [(0, 0, 16, H), (16, 0, 32, H), (32, 0, 48, H), (48, 0, W, H)]
@@ -133,7 +121,6 @@ def test_several_pictures_beside_other_colours(engine):
 
 
 @pytest.mark.parametrize("samples", [1, 8])
-@pytest.mark.skipif("workbench" not in ENGINES, reason="no software GL here")
 def test_workbench_shows_faces_beside_a_texture_in_grey(samples):
     mesh = textured([every_byte()], np.tile(WHOLE_UV, (2, 1)), [(0, 0, 32, H), (32, 0, W, H)], [0, -1], [[9, 9, 9]] * 2)
     assert (render(mesh, "workbench", samples)[4:-4, 36:-4] == 128).all()

@@ -65,9 +65,8 @@ def read(folder):
     return system
 
 
-def differs(folder, system, peer=None):
+def differs(folder, system):
     """Say which text of the definition was read otherwise than PyYAML does."""
-    del peer
     document = yaml.safe_load((folder / "system.yaml").read_bytes())
     for name in ("name", "about", "remedy", "threads", "gpu"):
         if name in document and document[name] is not None and document[name] != getattr(system, name):

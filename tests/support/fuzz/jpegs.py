@@ -176,9 +176,8 @@ def read(folder):
     return read_colour(folder / "image.jpg", whole_one.shape[1::-1]), whole_one
 
 
-def differs(folder, meaning, peer=None):
+def differs(folder, meaning):
     """Say which change was taken that can be known to be damage: pixels are others, and not by steps or a scan."""
-    del peer
     pixels, whole_one = meaning
     touched = json.loads((folder / TASK).read_text())
     if np.array_equal(pixels[..., ::-1], whole_one) or touched is None:

@@ -67,7 +67,10 @@ def mutate_text(text, rng, words):
                 del tokens[at]
             case 3:
                 numbers = [k for k, token in enumerate(tokens) if _NUMBER.fullmatch(token)]
-                tokens[pick(rng, numbers) if numbers else at] = pick(rng, NUMBERS)
+                at = pick(rng, numbers) if numbers else at
+                is_count = re.fullmatch("[0-9]{1,9}", tokens[at])
+                near = [str(int(tokens[at]) + step) for step in (-1, 1)] * 5 if is_count else []
+                tokens[at] = pick(rng, [*near, *NUMBERS])
             case 4:
                 other = int(rng.integers(len(tokens)))
                 tokens[at], tokens[other] = tokens[other], tokens[at]

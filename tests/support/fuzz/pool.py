@@ -14,9 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from fuzz.areas import OF_BLENDER
-from fuzz.cases import Outcome, run_case
-from fuzz.peer import Peer
+from fuzz.cases import OF_BLENDER, Outcome, run_case
 
 MEMORY_BYTES = 6 * 2**30  # of addresses; libraries and threads take most of what is used
 START_S = 120
@@ -28,13 +26,13 @@ FFMPEG = re.compile(r"(?s)(?!Traceback|.*Warning:).*")
 """What FFmpeg prints of a video, in words of many kinds, which may hold bytes of the file."""
 
 
-def run_cases(cases, seed, folder, *, processes=2, limit_s=10.0, peer_python=None):
+def run_cases(cases, seed, folder, *, processes=2, limit_s=10.0):
     """Yield (area, number, outcome, seconds) of each case, as they end.
 
     cases: (area, number). folder: where inputs are written, a folder for each process. limit_s: for one case.
     """
     waiting = iter(cases)
-    workers = [_Worker(seed, folder / f"worker{k}", peer_python) for k in range(processes)]
+    workers = [_Worker(seed, folder / f"worker{k}") for k in range(processes)]
     try:
         for worker in workers:
             worker.hand(next(waiting, None))
@@ -56,7 +54,6 @@ class _Worker:
 
     seed: int
     folder: Path
-    peer_python: str | None
     case: tuple[str, int] | None = None
     began: float = 0.0
     process: Any = None
@@ -65,9 +62,7 @@ class _Worker:
     def _start(self):
         context = multiprocessing.get_context("spawn")
         self.pipe, theirs = context.Pipe()
-        self.process = context.Process(
-            target=_work, args=(theirs, self.seed, self.folder, self.peer_python), daemon=True
-        )
+        self.process = context.Process(target=_work, args=(theirs, self.seed, self.folder), daemon=True)
         self.process.start()
         theirs.close()
         if not self.pipe.poll(START_S) or self.pipe.recv() != "ready":
@@ -110,11 +105,10 @@ class _Worker:
         self.process = self.pipe = None
 
 
-def _work(pipe, seed, folder, peer_python):
+def _work(pipe, seed, folder):
     """Run the cases that come through the pipe, and say how each ended. What libraries print is a finding, too."""
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY_BYTES, MEMORY_BYTES))
     folder.mkdir(parents=True, exist_ok=True)
-    peer = None if peer_python is None else Peer(peer_python)
     printed = tempfile.TemporaryFile()  # noqa: SIM115 - as long as the process
     for stream in (1, 2):
         os.dup2(printed.fileno(), stream)
@@ -127,7 +121,7 @@ def _work(pipe, seed, folder, peer_python):
             return
         printed.truncate(0)
         printed.seek(0)
-        outcome = run_case(area, seed, number, folder / "case", peer)
+        outcome = run_case(area, seed, number, folder / "case")
         sys.stdout.flush()
         sys.stderr.flush()
         printed.seek(0)

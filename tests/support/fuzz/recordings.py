@@ -1,17 +1,21 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Recordings with one or two mutated files, read as a run reads them: undistorted and registered where a task says so.
-Their images are compared with those of the file before and, where there is one, of another decoder.
+"""Recordings of every layout with changed files, read as a run reads them: undistorted and registered where asked.
+
+Of the area `recordings`, bytes and words of one or two files are changed; of `recording_files`, the structure of texts
+is, and files are renamed, lost and mixed up. Images are compared with those of another decoder, where one is here.
 """
 
+import functools
 import json
+import shutil
 import struct
 import zlib
 
-import cv2
 import numpy as np
-from fuzz import recorded
 from fuzz.mutation import NUMBERS, mutate_bytes, mutate_mixed, pick
-from stored_sequences import write_euroc, write_vslamlab
+from fuzz.peers import image_by_pillow
+from fuzz.structure import beside, kept, note, text_changed
+from recorded_layouts import WRITERS, WRITTEN
 
 from noisy_world.core.errors import InputError
 from noisy_world.core.geometry import Intrinsics
@@ -19,83 +23,58 @@ from noisy_world.core.schema import ConfigPath
 from noisy_world.core.trajectories.frame_request import FrameRequest
 from noisy_world.sources.recording import read_recording
 
+LAYOUTS = WRITTEN | WRITERS
 WORDS = (
     *NUMBERS, "#", "rgb/", "depth/", "../", "/", ".png", ".jpg", "\n", "\r", "\t", ",", "\0", "{", "}", "[", "]", '"',
     ":", "camera", "scale", "fx", "null", "true", "NaN", "Infinity", "[" * 3000, '{"a":' * 3000,
 )  # fmt: skip
+NAMES = (
+    "camera", "fx", "scale", "timestamp", "rgb/", "depth/", "../sequence/traj.txt", "data.csv", "radial-tangential",
+    "PINHOLE",
+    "1403636579760000000", "OPENCV_FISHEYE", "m_depthShift", "=", "frames", "file_path", "k1", "nan",
+)  # fmt: skip
 TEXTS = (".txt", ".json", ".yaml", ".csv", ".log", ".freiburg")
-CUT = "cut.json"  # the names of images that end early
-TASK = "task.json"  # what is asked for of the recording
+TASK = "task.json"  # what is asked for of the recording, and the names of images that end early
 LENS = {"model": "radial-tangential", "coefficients": [0.1, -0.05, 0.001, 0.002]}
 TURNED = [[1, 0, 0, 0.02], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]
-DEPTH_CAMERA = {"w": 8, "h": 6, "fx": 5.0, "fy": 5.5, "cx": 3.0, "cy": 2.0, "rgb_from_depth": TURNED}
+DEPTH_CAMERA = {"w": 64, "h": 48, "fx": 50.0, "fy": 55.0, "cx": 30.0, "cy": 25.0, "rgb_from_depth": TURNED}
 
 
-def _images(rng, folder, count, *, names, depth_names, size=(8, 6)):
-    for k in range(count):
-        pixels = rng.integers(0, 256, (size[1], size[0], 3), dtype=np.uint8)
-        for name in (folder / names(k), folder / depth_names(k)):
-            name.parent.mkdir(parents=True, exist_ok=True)
-        assert cv2.imwrite(str(folder / names(k)), pixels)
-        depth = rng.integers(0, 65536, (size[1], size[0]), dtype=np.uint16)
-        assert cv2.imwrite(str(folder / depth_names(k)), depth)
+@functools.cache
+def _sound(layout):
+    """Return the folder of a recording, made once in a process."""
+    folder = kept("recordings") / layout
+    folder.mkdir()
+    LAYOUTS[layout](folder)
+    return folder
 
 
-def replica(folder, rng):
-    """Write a recording as Replica's."""
-    jpg = pick(rng, ("jpg", "png"))
-    _images(
-        rng, folder, 3, names=lambda k: f"results/frame{k:06d}.{jpg}", depth_names=lambda k: f"results/depth{k:06d}.png"
-    )
-    rows = "".join(f"1 0 0 {k / 10} 0 1 0 0 0 0 1 0 0 0 0 1\n" for k in range(3))
-    (folder / "traj.txt").write_text(rows)
-    camera = {"w": 8, "h": 6, "fx": 6.0, "fy": 6.0, "cx": 3.5, "cy": 2.5, "scale": 6553.5}
-    (folder / "cam_params.json").write_text(json.dumps({"camera": camera, **_optics(rng)}, indent=2))
+def _written(folder, rng):
+    """Write a recording, in some with a lens and a camera of depth's own; return its folder and its texts."""
+    beside(folder)
+    sequence = folder / "sequence"
+    shutil.copytree(_sound(pick(rng, tuple(LAYOUTS))), sequence)
+    told = sequence / "cam_params.json"
+    if told.exists():
+        optics = (("distortion", LENS), ("depth_camera", DEPTH_CAMERA))
+        more = {name: value for name, value in optics if rng.integers(2)}
+        told.write_text(json.dumps({**json.loads(told.read_text()), **more}, indent=2))
+    return sequence, sorted(path for path in sequence.rglob("*") if path.suffix in TEXTS)
 
 
-def _optics(rng):
-    """Return what cam_params.json says of a lens and of a camera of depth's own, each in some."""
-    return {name: value for name, value in (("distortion", LENS), ("depth_camera", DEPTH_CAMERA)) if rng.integers(2)}
-
-
-def tum(folder, rng):
-    """Write a recording as TUM's."""
-    _images(
-        rng,
-        folder,
-        3,
-        names=lambda k: f"rgb/{1000 + k / 30:.6f}.png",
-        depth_names=lambda k: f"depth/{1000 + k / 30:.6f}.png",
-    )
-    for kind in ("rgb", "depth"):
-        rows = "".join(f"{1000 + k / 30:.6f} {kind}/{1000 + k / 30:.6f}.png\n" for k in range(3))
-        (folder / f"{kind}.txt").write_text("# images\n# file: 'a'\n# timestamp filename\n" + rows)
-    rows = "".join(f"{1000 + k / 30:.6f} {k / 10} 0 0 0 0 0 1\n" for k in range(3))
-    (folder / "groundtruth.txt").write_text("# poses\n# file: 'a'\n# timestamp tx ty tz qx qy qz qw\n" + rows)
-    if rng.integers(2):
-        camera = {"w": 8, "h": 6, "fx": 6.0, "fy": 6.0, "cx": 3.5, "cy": 2.5, "scale": 5000.0}
-        (folder / "cam_params.json").write_text(json.dumps({"camera": camera, **_optics(rng)}, indent=2))
-
-
-def euroc(folder, rng):
-    """Write a recording as EuRoC's."""
-    write_euroc(folder, colour=bool(rng.integers(2)), columns=pick(rng, (8, 17)))
-
-
-def vslamlab(folder, rng):
-    """Write a recording as VSLAM-LAB's."""
-    write_vslamlab(folder, depth_late_ns=int(rng.integers(-(10**9), 10**9)))
+def _tell(folder, rng, *, often=0.1, cut=(), sound=False):
+    """Write what is asked for of a recording: of one that is sound, what it can do."""
+    poses = "drop" if sound else pick(rng, ("drop", "drop", "drop", "keep", "none", "require"))
+    asked = {name: not sound and bool(rng.random() < often) for name in ("undistort", "register")}
+    (folder / TASK).write_text(json.dumps({"asked": {"poses": poses, **asked}, "cut": list(map(str, cut))}))
 
 
 def write(folder, rng):
     """Write a recording, and mutate one or two of its files."""
-    sequence = folder / "sequence"
-    sequence.mkdir()
-    pick(rng, (replica, tum, euroc, vslamlab, *recorded.WRITERS))(sequence, rng)
+    sequence, texts = _written(folder, rng)
     paths = sorted(path for path in sequence.rglob("*") if path.is_file())
     cut = []
     for _ in range(int(rng.integers(1, 3))):
-        texts = [path for path in paths if path.suffix in TEXTS]
         path = pick(rng, texts if rng.integers(2) else paths)
         data = path.read_bytes() if path.exists() else b""
         match int(rng.integers(8)):
@@ -110,15 +89,12 @@ def write(folder, rng):
                 path.write_bytes(mutate_mixed(data.decode("utf-8", "replace"), rng, WORDS))
             case 3 if len(data) > 1:
                 path.write_bytes(data[: int(rng.integers(1, len(data)))])
-                cut.append(str(path))
+                cut.append(path)
             case 4 if data.startswith(b"\x89PNG") and len(data) > 33:
                 path.write_bytes(with_header(data, rng))
             case _:
                 path.write_bytes(mutate_bytes(data, rng))
-    (folder / CUT).write_text(json.dumps(cut))
-    task = {"poses": pick(rng, ("drop", "drop", "drop", "keep", "none", "require"))}
-    task |= {name: bool(rng.random() < 0.1) for name in ("undistort", "register")}
-    (folder / TASK).write_text(json.dumps(task))
+    _tell(folder, rng, cut=cut)
 
 
 def with_header(data, rng):
@@ -133,10 +109,54 @@ def with_header(data, rng):
     return data[:12] + header + struct.pack(">I", zlib.crc32(header)) + data[33:]
 
 
+def write_files(folder, rng):
+    """Write a recording, and change some of its texts by their structure, or its files."""
+    sequence, texts = _written(folder, rng)
+    told = []
+    for _ in range(int(rng.integers(1, 3))):
+        path = pick(rng, texts)
+        if rng.integers(5) == 0:
+            told.append(_files_changed(sequence, rng))
+        elif path.is_file():
+            told += text_changed(path, rng, words=NAMES)
+    _tell(folder, rng, often=0.2, sound=not told)
+    note(folder, told)
+
+
+def _files_changed(sequence, rng):
+    """Rename, remove, repeat or replace a file of a recording; return what was done."""
+    paths = sorted(path for path in sequence.rglob("*") if path.is_file() and not path.is_symlink())
+    if not paths:
+        return "nothing is left"
+    path, other = pick(rng, paths), pick(rng, paths)
+    data = path.read_bytes()
+    match int(rng.integers(8)):
+        case 0:
+            path.unlink()
+        case 1:
+            path.replace(path.with_name(pick(rng, ("x", "é", "a" * 200, "-1", "1e3", "000000", " ")) + path.suffix))
+        case 2:
+            path.with_name(path.stem + "0" + path.suffix).write_bytes(data)
+        case 3:
+            path.write_bytes(other.read_bytes())
+        case 4:
+            path.unlink()
+            path.mkdir()
+        case 5:
+            path.unlink()
+            path.symlink_to(other)
+        case 6:
+            path.replace(path.with_suffix(path.suffix.upper()))
+        case _:
+            path.with_suffix(".bak").write_bytes(data)
+            path.write_bytes(b"")
+    return f"{path.name}: another file"
+
+
 def read(folder):
     """Read every frame as a run does; return the sequence with its images, as they are stored."""
     task = json.loads((folder / TASK).read_text())
-    recording = read_recording(folder / "sequence", ConfigPath(folder / TASK), **task)
+    recording = read_recording(folder / "sequence", ConfigPath(folder / TASK), **task["asked"])
     stored = recording.stored
     assert min(stored.size_px) > 0
     count = len(stored.trajectory)
@@ -155,25 +175,20 @@ def read(folder):
             images.append((frame.stored, rgb, depth_m))
     assert all(note.isprintable() for note in notes)
     recording.hashes()
-    return stored, images
+    return images
 
 
-def differs(folder, meaning, peer=None):
+def differs(folder, images):
     """Return which image is accepted that ends early, and how the images differ from another decoder's, if one is here.
 
     A file that is cut may have been mutated again, or its frame left out.
     """
-    _, images = meaning
-    cut = set(json.loads((folder / CUT).read_text()))
-    for frame, _, _ in images:
-        for path in (frame.rgb_file, frame.depth_file):
-            if str(path) in cut and _is_cut(path.read_bytes()):
-                return f"{path.name} ends early, and is read"
-    if peer is None:
-        return ""
+    cut = set(json.loads((folder / TASK).read_text())["cut"])
     for frame, rgb, depth_m in images:
         for path, ours, scale in ((frame.rgb_file, rgb, 1.0), (frame.depth_file, depth_m, frame.depth_scale_per_m)):
-            theirs = None if path.suffix == ".jpg" else peer.image(path)  # a JPEG's scans have no checksum
+            if str(path) in cut and _is_cut(path.read_bytes()):
+                return f"{path.name} ends early, and is read"
+            theirs = None if path.suffix == ".jpg" else image_by_pillow(path)  # a JPEG's scans have no checksum
             if theirs is None:
                 continue  # a kind that the other decoder does not know
             if isinstance(theirs, str):
@@ -183,7 +198,8 @@ def differs(folder, meaning, peer=None):
             if theirs.shape[:2] != ours.shape[:2]:
                 return f"{path.name} has {ours.shape} pixels, and {theirs.shape} in the other decoder"
             divisor, near = (65535.0, 1e-6) if ours.dtype == np.float32 and path == frame.rgb_file else (scale, 1e-3)
-            if theirs.shape == ours.shape and np.abs(theirs / divisor - ours).max() > near:
+            seen = ours > 0 if path == frame.depth_file else ...  # some layouts say void by the largest number
+            if theirs.shape == ours.shape and np.abs(theirs / divisor - ours)[seen].max(initial=0.0) > near:
                 return f"{path.name} has other pixels in the other decoder"
     return ""
 

@@ -4,11 +4,9 @@
 import functools
 import json
 import shutil
-import tempfile
-from pathlib import Path
 
 from fuzz.mutation import pick
-from fuzz.structure import OF_NUMBERS, as_json, as_table, changed, note, raws
+from fuzz.structure import beside, kept, note, text_changed
 from results_made import SETTINGS, make_results
 
 from noisy_world.core.errors import InputError
@@ -24,15 +22,12 @@ WORDS = (
     "room0", "clean", "finished", "crashed", "strict", "paper", "nan", "inf", "seed", "gaussian_noise", "dynamic",
     "ate_rmse_m",
 )  # fmt: skip
-RAWS = raws(*OF_NUMBERS, b'"', b"a,b", b"'")
 
 
 @functools.cache
 def _base():
     """Return a folder of results, made once in a process."""
-    keeper = tempfile.TemporaryDirectory(prefix="results-")
-    _KEPT.append(keeper)
-    folder = Path(keeper.name) / "results"
+    folder = kept("results") / "results"
     make_results(folder, **FEW)
     for path in folder.rglob("run.json"):  # as a study writes them
         record = {"processor_s": None, "peak_memory_bytes": None, "exit_status": 0, **json.loads(path.read_text())}
@@ -40,40 +35,18 @@ def _base():
     return folder
 
 
-_KEPT = []
-
-
 def write(folder, rng):
     """Write a folder of results and change one or two of its files."""
-    (folder / "outside").mkdir()
-    (folder / "outside/kept.txt").write_text("somebody's")
+    beside(folder)
     out = folder / "out"
     shutil.copytree(_base(), out)
     told = []
     for _ in range(1 + int(rng.integers(4) == 0)):
         top = [out / "study.json", *sorted((out / "tables").iterdir())] * 6
         rest = [path for path in sorted(out.rglob("*")) if path.suffix in (".json", ".csv", ".txt")]
-        told += _text_changed(pick(rng, top + rest), rng)
+        told += text_changed(pick(rng, top + rest), rng, words=WORDS)
     (folder / TASK).write_text(json.dumps(pick(rng, ("read", "read", "tables"))))
     note(folder, told)
-
-
-def _text_changed(path, rng):
-    text = path.read_text(encoding="utf-8", errors="replace")
-    if path.suffix == ".json":
-        try:
-            tree, told = changed(json.loads(text), rng, words=WORDS)
-        except (ValueError, RecursionError):  # changed before
-            return ["is no JSON any more"]
-        data = as_json(tree, indent=1)
-    else:
-        separator = "," if path.suffix == ".csv" else " "
-        rows = [line.split(separator) for line in text.splitlines()]
-        tree, told = changed(rows, rng, raws=RAWS, words=WORDS)
-        data = as_table(tree, separator)
-    if told:
-        path.write_bytes(data)
-    return [f"{path.name}: {each}" for each in told]
 
 
 def read(folder):
@@ -98,9 +71,3 @@ def read(folder):
     told = [evaluated.opening(found), *evaluated.facts(found), evaluated.again(found), evaluated.command(found)]
     assert told
     assert all(line.isprintable() for line in missing)
-
-
-def differs(folder, meaning, peer=None):
-    """Say nothing: what a changed number means is that number."""
-    del folder, meaning, peer
-    return ""

@@ -6,8 +6,11 @@ letter, a key that stands there twice) is kept in the tree as `Raw` and `Key`, a
 """
 
 import copy
+import functools
 import json
+import tempfile
 from dataclasses import dataclass
+from pathlib import Path
 
 import yaml
 from fuzz.mutation import pick
@@ -62,7 +65,11 @@ RAWS = raws(
     b"[" * 3000 + b"]" * 3000, b'{"a":' * 2000 + b"1" + b"}" * 2000, b"{", b"]", b"", b",", b'"', b"True", b"-",
     b"1e5", b"\xef\xbb\xbf1", b"\x00", b"# 1", b"\xef\xbc\x91",
 )  # fmt: skip
-OF_NUMBERS = (b"nan", b"inf", b"1e999", b"\xff\xfe", b"\x00", b"9" * 5000, b"0x10", b"\r")
+OF_TABLES = raws(
+    b"nan", b"inf", b"-inf", b"1e999", b"\xff\xfe", b"\x00", b"9" * 5000, b"0x10", b"\r", b"1_0", b"1e400", b"\x1a",
+    b"#",
+    b"1,5", b"\xef\xbb\xbf", b'"', b"a,b", b"'",
+)  # fmt: skip
 """What may stand in a table where a number has to be."""
 LONG = 40  # entries that a list is repeated to, where it is
 
@@ -186,6 +193,35 @@ def _cut(container, key, rng, _choices):
     del value[int(rng.integers(len(value) + 1)) :]
 
 
+def text_changed(path, rng, *, words=()):
+    """Change a file by its structure, as JSON, lines of JSON, YAML or a table; return the changes."""
+    text = path.read_text(encoding="utf-8", errors="replace")
+    options = {}
+    match path.suffix:
+        case ".json":
+            parse, write = json.loads, lambda tree: as_json(tree, indent=2)
+        case ".jsonl":
+            parse, write = (lambda lines: [json.loads(line) for line in lines.splitlines()]), as_lines
+        case ".yaml":
+            flow, head = bool(rng.integers(2)), b"%YAML 1.2\n---\n" * text.startswith("%")
+            parse, write = yaml.safe_load, lambda tree: head + as_yaml(tree, flow=flow)
+        case suffix:
+            separator = "," if suffix == ".csv" else " = " if path.name == "info.txt" else " "
+            parse, write = (
+                lambda lines: [line.split(separator) for line in lines.splitlines()],
+                lambda tree: as_table(tree, separator),
+            )
+            options = {"raws": OF_TABLES}
+    try:
+        tree = parse(text)
+    except (ValueError, RecursionError, yaml.YAMLError):  # changed before
+        return [f"{path.name}: is no tree any more"]
+    tree, told = changed(tree, rng, words=words, **options)
+    if told:
+        path.write_bytes(write(tree))
+    return [f"{path.name}: {each}" for each in told]
+
+
 # --- writing ---
 
 
@@ -288,6 +324,23 @@ def whole(value, low, high):
     except (ValueError, OverflowError, TypeError):
         number = high
     return (number - low) % span + low
+
+
+def beside(folder):
+    """Put beside an input what nothing may touch."""
+    (folder / "outside").mkdir()
+    (folder / "outside/kept.txt").write_text("somebody's")
+
+
+@functools.cache
+def kept(name):
+    """Return a folder that lasts as long as this process, for what is made once."""
+    keeper = tempfile.TemporaryDirectory(prefix=f"fuzz-{name}-")
+    _KEPT.append(keeper)
+    return Path(keeper.name)
+
+
+_KEPT = []
 
 
 def note(folder, told):

@@ -82,9 +82,8 @@ def read(folder):
     return task, frames, notes
 
 
-def differs(folder, meaning, peer=None):
+def differs(folder, meaning):
     """Return how a video that was not touched differs from what was written, and what is accepted that ends early."""
-    del peer
     task, frames, notes = meaning
     if task["cut"].endswith(".png"):  # nothing stands behind the end of these
         ended = (folder / "depth" / task["cut"]).read_bytes().endswith(b"IEND\xaeB`\x82")

@@ -1,17 +1,24 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What systems write: estimates in the format of every reader, changed by structure, and lists of frames' states."""
+"""Files of poses: trajectories whose bytes and words are changed, and what systems write, changed by structure.
+
+Poses of a trajectory are compared with those of plain readers, which are independent of the project's own, and of evo.
+"""
 
 import io
 import json
+import re
 import struct
 import warnings
 import zipfile
+from typing import get_args
 
 import numpy as np
-from fuzz.mutation import pick
-from fuzz.structure import OF_NUMBERS, PLAIN, as_cell, as_json, as_table, changed, is_sound, note, raws, whole
+from fuzz.mutation import NUMBERS, mutate_mixed, pick
+from fuzz.peers import poses_by_evo
+from fuzz.structure import OF_TABLES, PLAIN, as_cell, as_json, as_table, beside, changed, is_sound, note, whole
 
 from noisy_world.core.errors import NoisyWorldError as Refused
+from noisy_world.core.trajectories import files
 from noisy_world.evaluation.outcome import Outcome
 from noisy_world.evaluation.systems.definition import Writes
 from noisy_world.evaluation.systems.normalising import normalised
@@ -25,7 +32,6 @@ OPENGL = np.diag([1.0, -1.0, -1.0, 1.0])
 WORDS = (
     "nan", "tracked", "lost", "frame000001.png", "index", "# ", "1000.1", "1000100000000", "transform_matrix", "pose",
 )  # fmt: skip
-RAWS = raws(*OF_NUMBERS, b"-inf", b"1_0", b"1e400", b"\x1a")
 
 
 def _poses():
@@ -192,14 +198,13 @@ def _states():
     return [["index", "stamp_s", "state"], *([k, STAMPS_S[k], "tracked"] for k in range(COUNT))]
 
 
-def write(folder, rng):
+def write_estimate(folder, rng):
     """Write an estimate, or a list of states; task.json says which reader is asked."""
-    (folder / "outside").mkdir()
-    (folder / "outside/kept.txt").write_text("somebody's")
+    beside(folder)
     out = folder / "out"
     out.mkdir()
     if rng.integers(12) == 0:
-        tree, told = changed(_states(), rng, raws=RAWS, words=WORDS)
+        tree, told = changed(_states(), rng, raws=OF_TABLES, words=WORDS)
         (out / "frames.csv").write_bytes(as_table(tree, ","))
         (folder / TASK).write_text(json.dumps({"format": None}))
         note(folder, told)
@@ -207,7 +212,7 @@ def write(folder, rng):
     format_ = pick(rng, tuple(WRITERS))
     name, tree, render = pick(rng, WRITERS[format_])()
     binary = render not in (as_table, as_json) and name.rpartition(".")[2] in ("npy", "npz")
-    tree, told = changed(tree, rng, raws=() if binary else RAWS, words=WORDS)
+    tree, told = changed(tree, rng, raws=() if binary else OF_TABLES, words=WORDS)
     try:
         data = render(tree)
     except (TypeError, ValueError, OverflowError, struct.error):  # a value that the format has no place for
@@ -219,7 +224,7 @@ def write(folder, rng):
     note(folder, told)
 
 
-def read(folder):
+def read_estimate(folder):
     """Read what the system wrote, as its run does: whatever it is, that becomes an outcome with a line on it."""
     task = json.loads((folder / TASK).read_text())
     out = folder / "out"
@@ -237,9 +242,8 @@ def read(folder):
     return found.estimate
 
 
-def differs(folder, estimate, peer=None):
+def estimate_differs(folder, estimate):
     """Say what of an estimate is none, and how that of a sound file differs from the poses it was written from."""
-    del peer
     if estimate is None:
         return ""
     if not (np.isfinite(estimate.c2w).all() and set(estimate.stamps_s.tolist()) <= set(STAMPS_S)):
@@ -256,3 +260,190 @@ def differs(folder, estimate, peer=None):
         if apart > 1e-5 or turned > 1e-5 or len(rows) < 3:
             return f"other poses: {apart:.2g} m apart, rotations by {turned:.2g}, {len(rows)} of them"
     return ""
+
+
+# --- trajectories ---
+
+TEXT_WORDS = (
+    *NUMBERS, "#", "# timestamp tx ty tz qx qy qz qw\n", "timestamp", "#timestamp [ns]", "q_w", "q_x", ",", ", ", ";",
+    " ", "\t", "\n", "\r", "\r\n", "\n\n", "\0", "\ufeff", "\u2028", "\x0c", "1403636579763555584", "0 0 0 1",
+    "0 0 0", "1e", "e", "-", "{", "}", "[", "]", '"', ":", "frames", "transform_matrix", "None", "null", "NaN",
+)  # fmt: skip
+KNOWN = get_args(files.TrajectoryFormat)
+KINDS = {
+    "traj.txt": (_tum, _kitti, _replica, _matrices),
+    "data.csv": (_euroc,),
+    "traj.log": (_log,),
+    "transforms.json": (_transforms,),
+}
+HEADS = ("", "", "# ground truth trajectory\n# file: 'a.bag'\n# timestamp tx ty tz qx qy qz qw\n")
+
+
+def write(folder, rng):
+    """Write a file of poses, or of some of them, with changes of its words or bytes."""
+    name = pick(rng, ("traj.txt",) * 4 + ("data.csv",) * 2 + ("traj.log", "transforms.json"))
+    writer = pick(rng, KINDS[name])
+    _, tree, render = writer()
+    if writer is _euroc and rng.integers(2):
+        tree = [[*row, *["v" if row is tree[0] else 0.1] * 9] for row in tree]
+    step = {_matrices: 4, _log: 5}.get(writer, 1)
+    if isinstance(tree, list) and rng.integers(2):
+        tree = tree[: (writer is _euroc) + step * int(rng.integers(1, COUNT))]
+    text = render(tree).decode()
+    if name == "traj.txt":
+        text = pick(rng, HEADS) * (writer is _tum) + text
+        for old, others in ((" ", (" ", " ", " ", "  ", "\t", ",", ", ")), ("\n", ("\n", "\n", "\r\n"))):
+            text = text.replace(old, pick(rng, others))
+    (folder / name).write_bytes(mutate_mixed(text, rng, TEXT_WORDS))
+
+
+def _file(folder):
+    return next(folder / name for name in KINDS if (folder / name).exists())
+
+
+def read(folder):
+    """Read the file; return what it was read as, with its poses."""
+    path = _file(folder)
+    trajectory = files.read_trajectory(path)
+    assert len(trajectory)
+    assert np.isfinite(trajectory.c2w).all()
+    assert np.isfinite(trajectory.stamps_s).all()
+    return files.detect_format(path), trajectory
+
+
+def differs(folder, meaning):
+    """Return how the poses differ from those of a plain reader and of evo, or "".
+
+    A reader that refuses the file says nothing: ours also takes commas, tabs and comments behind numbers.
+    """
+    format_, trajectory = meaning
+    path = _file(folder)
+    if "euroc" in KNOWN and format_ != "euroc" and path.name == "data.csv" and _is_euroc(path):
+        return f"a data.csv of EuRoC is read as {format_}"
+    found = {"a plain reader": read_plainly(path, format_)}
+    # evo takes the columns in EuRoC's order, whatever the header names.
+    if format_ != "euroc" or named_order(path) == list("wxyz"):
+        found["evo"] = poses_by_evo(path, format_)
+    for name, other in found.items():
+        if other is not None and (told := _difference(trajectory, *other)):
+            return f"{told} in {name}, read as {format_}"
+    return ""
+
+
+def _difference(ours, stamps_s, c2w):
+    """Compare with stamps (N,), None where the format has none, and poses (N, 4, 4), the rotations as they stand."""
+    if stamps_s is not None and len(stamps_s) == len(c2w):  # of poses with one stamp ours keeps the first
+        first = np.flatnonzero(np.diff(stamps_s, prepend=-np.inf) != 0.0)
+        stamps_s, c2w = np.asarray(stamps_s)[first], c2w[first]
+    if len(ours) != len(c2w):
+        return f"{len(ours)} poses, but {len(c2w)}"
+    if stamps_s is not None and not np.allclose(ours.stamps_s, stamps_s, rtol=1e-15, atol=1e-9):
+        return f"other stamps: {ours.stamps_s[:3]}, but {stamps_s[:3]}"
+    if not np.allclose(ours.c2w[:, :3, 3], c2w[:, :3, 3], rtol=1e-12, atol=1e-12):
+        return f"other positions: {ours.c2w[0, :3, 3]}, but {c2w[0, :3, 3]}"
+    if not np.allclose(ours.c2w[:, :3, :3], c2w[:, :3, :3], atol=1e-2):
+        return f"other rotations: {ours.c2w[0, :3, :3].tolist()}, but {c2w[0, :3, :3].tolist()}"
+    return ""
+
+
+# --- plain readers, with loadtxt and json ---
+
+
+def _rotations(quat_wxyz):
+    """Return (N, 3, 3) of unit quaternions (N, 4), written out from Hamilton's product."""
+    w, x, y, z = quat_wxyz.T
+    rows = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ]
+    return np.moveaxis(np.array(rows), -1, 0)
+
+
+def _from_quats(stamps_s, at, quat_wxyz):
+    poses = np.tile(np.eye(4), (len(at), 1, 1))
+    poses[:, :3, :3] = _rotations(quat_wxyz / np.linalg.norm(quat_wxyz, axis=1, keepdims=True))
+    poses[:, :3, 3] = at
+    return stamps_s, poses
+
+
+def _table(path, columns, separator=None):
+    table = np.loadtxt(path, ndmin=2, delimiter=separator, encoding="utf-8")
+    if table.shape[1] not in columns:
+        raise ValueError("another number of columns")
+    return table
+
+
+def _read_tum(path):
+    table = _table(path, (8,))
+    return _from_quats(table[:, 0], table[:, 1:4], np.roll(table[:, 4:], 1, axis=1))
+
+
+def _read_kitti(path):
+    table = _table(path, (12,)).reshape(-1, 3, 4)
+    return None, np.concatenate([table, np.tile([[[0.0, 0.0, 0.0, 1.0]]], (len(table), 1, 1))], axis=1)
+
+
+def _read_replica(path):
+    return None, _table(path, (16,)).reshape(-1, 4, 4)
+
+
+def named_order(path):
+    """Return the order of a quaternion's numbers that the header of EuRoC's columns names; w, x, y, z without one."""
+    first = path.read_text(encoding="utf-8", errors="replace").splitlines()[0]
+    named = re.findall(r"q_RS_([wxyz]) \[\]", first)
+    return named if sorted(named) == list("wxyz") else list("wxyz")
+
+
+def _read_euroc(path):
+    table = _table(path, (8, 17), ",")
+    order = [4 + named_order(path).index(name) for name in "wxyz"]
+    return _from_quats(table[:, 0] / 1e9, table[:, 1:4], table[:, order])
+
+
+def _finite(poses):
+    """Leave out the poses where tracking was lost."""
+    return poses[np.isfinite(poses).all(axis=(1, 2))]
+
+
+def _read_matrices(path):
+    return None, _finite(_table(path, (4,)).reshape(-1, 4, 4))
+
+
+def _read_log(path):
+    numbers = [float(word) for word in path.read_text().split()]
+    return None, _finite(np.array(numbers).reshape(-1, 19)[:, 3:].reshape(-1, 4, 4))
+
+
+def _read_transforms(path):
+    document = json.loads(path.read_text())
+    poses = np.array([item["transform_matrix"] for item in document["frames"]], dtype=np.float64)
+    return None, _finite(poses @ np.diag([1.0, -1.0, -1.0, 1.0]))  # OpenGL's camera axes to OpenCV's
+
+
+PLAIN_READERS = {
+    "tum": _read_tum, "kitti": _read_kitti, "replica": _read_replica, "euroc": _read_euroc, "matrices": _read_matrices,
+    "log": _read_log, "transforms": _read_transforms,
+}  # fmt: skip
+
+
+def _is_euroc(path):
+    """Tell whether a file is read as EuRoC's: whole nanoseconds before 7 or 16 numbers, separated by commas."""
+    try:
+        _read_euroc(path)
+    except ValueError:
+        return False
+    rows = [
+        line for line in path.read_text(encoding="utf-8-sig").splitlines() if line.strip() and line.strip()[0] != "#"
+    ]
+    return all(row.partition(",")[0].strip().isdecimal() for row in rows)
+
+
+def read_plainly(path, format_):
+    """Return stamps, or None, and poses (N, 4, 4); None where the format is unknown or this reader refuses the file."""
+    if format_ not in PLAIN_READERS:
+        return None
+    try:
+        return PLAIN_READERS[format_](path)
+    except (ValueError, KeyError, TypeError, OverflowError):
+        return None
