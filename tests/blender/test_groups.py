@@ -66,12 +66,12 @@ def test_sockets_say_what_the_parameters_say(trees, name):
     sockets = [item for item in tree.interface.items_tree if item.item_type == "SOCKET"]
     items = {item.name: item for item in sockets if item.in_out == "INPUT"}
     for told, value in () if perturbation.by_frame is None else perturbation.by_frame.values.items():
-        socket = items[socket_name(told)]
+        socket = items[socket_name(perturbation, told)]
         assert socket.description == american(value.meaning)
         ends = socket.min_value, socket.default_value, socket.max_value
         assert ends == pytest.approx((value.minimum, value.default, value.maximum))
     for field in fields(perturbation.parameters) if perturbation.has_parameter_sockets else ():
-        info, socket = field.metadata["key"], items[socket_name(field.name)]
+        info, socket = field.metadata["key"], items[socket_name(perturbation, field.name)]
         assert socket.description.lower() == american(info.meaning).lower()
         degrees = np.pi / 180 if info.unit == "deg" else 1
         if socket.bl_socket_idname == "NodeSocketMenu":
@@ -197,7 +197,9 @@ def test_a_whole_severity_gives_the_parameters_of_the_table_to_the_bit(trees, tm
     for place, name in enumerate(TABLED):
         perturbation, level = COLOUR[name], place % 5 + 1
         table = {item: getattr(perturbation.at_severity(level), item) for item in perturbation.severities}
-        by_hand = {socket_name(item): socket_value(perturbation, item, value) for item, value in table.items()}
+        by_hand = {
+            socket_name(perturbation, item): socket_value(perturbation, item, value) for item, value in table.items()
+        }
         nodes |= {name: (name, {"Severity": level}), f"{name} by hand": (name, {"Override Severity": True} | by_hand)}
     found = by_groups(nodes, lit(), tmp_path, depth_m=depth())
     assert [name for name in TABLED if not np.array_equal(found[name], found[f"{name} by hand"])] == []

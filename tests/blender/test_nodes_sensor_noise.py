@@ -101,9 +101,9 @@ def test_blender_makes_what_the_same_nodes_make_on_arrays(tmp_path, size, given)
     """But for numbers that lie at the border of two steps, where float32 rounds either way."""
     light = picture(*size) ** np.float32(2.2) * 3
     parameters = asdict(SENSOR.at_severity(3, **given))
-    sockets = {socket_name(name): value for name, value in parameters.items()}
+    sockets = {socket_name(SENSOR, name): value for name, value in parameters.items()}
     common = {"Seed": 5, "Frame Offset": 0, "Pattern": "Fresh", "Reference Width": size[1]}
-    table = {name: sockets[name] for name in map(socket_name, SENSOR.severities)}
+    table = {name: sockets[name] for name in (socket_name(SENSOR, item) for item in SENSOR.severities)}
     made = by_groups({"x": ("sensor_noise", sockets | table | common | {"Override Severity": True})}, light, tmp_path)[
         "x"
     ]

@@ -20,8 +20,10 @@ from noisy_world.core.labels import american, parameter_label
 from noisy_world.core.messages import Action, CommandLineOnly, Message, PresetKey, either
 from noisy_world.core.node_graphs.groups import socket_name
 from noisy_world.core.perturbing.kinds import ColourPerturbation
+from noisy_world.core.schema import label_of, tooltip_of
 from noisy_world.perturbations import registry
-from noisy_world.ui import offered, older_files, panels, tooltips
+from noisy_world.perturbations.defocus_depth import DefocusDepth
+from noisy_world.ui import offered, older_files, panels
 from noisy_world.ui.described import SECTIONS, SHOWN
 from noisy_world.ui.document import OWN_FIELDS, PANEL
 from noisy_world.ui.generate import NoisyWorldGenerate, NoisyWorldGenerateAnew
@@ -69,11 +71,12 @@ def test_panel_socket_and_preset_use_the_same_word():
         group = getattr(step, perturbation.name)
         for item in fields(perturbation.parameters):
             label = group.bl_rna.properties[property_name(item.name)].name
-            assert label.partition(" (")[0] == parameter_label(item.name)
+            label = label.partition(" (")[0]
+            assert label == label_of(perturbation.parameters, item.name)
             if isinstance(perturbation, ColourPerturbation) and perturbation.build:
-                assert socket_name(item.name) == parameter_label(item.name)
-            assert tooltips.seen(perturbation.name, item.name), (perturbation.name, item.name)
-    assert (parameter_label("std"), parameter_label("f_number")) == ("Std", "F-Stop")
+                assert socket_name(perturbation, item.name) == label
+            assert tooltip_of(perturbation.parameters, item.name) != item.metadata["key"].meaning
+    assert (parameter_label("std"), label_of(DefocusDepth, "f_number")) == ("Std", "F-Stop")
 
 
 def test_the_interface_is_spelt_as_blenders():

@@ -203,7 +203,7 @@ def kept_by_user(tree: bpy.types.NodeTree, steps: Sequence[Step[ColourPerturbati
         node, by_frame = tree.nodes.get(step_node(step)), step.perturbation.by_frame
         if node is None or by_frame is None:
             continue
-        sockets = [node.inputs[socket_name(name)] for name in by_frame.values]
+        sockets = [node.inputs[socket_name(step.perturbation, name)] for name in by_frame.values]
         own = [item for item in sockets if item.is_linked or item.path_from_id("default_value") in taken]
         found += [f"{node.name} > {item.name}" for item in own]
     return found

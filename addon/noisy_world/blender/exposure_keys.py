@@ -59,7 +59,7 @@ def bake(group: ToldGroup, frames: range, values: Mapping[str, Sequence[float]])
     baked: dict[str, Any] = json.loads(tree.get(BAKED, "{}"))
     left: list[str] = []
     for name, each in values.items():
-        socket: Any = node.inputs[socket_name(name)]
+        socket: Any = node.inputs[socket_name(group.perturbation, name)]
         path = socket.path_from_id("default_value")
         if socket.is_linked or _is_own(tree, path, baked.get(path)):
             left.append(f"{group.name} > {socket.name}")

@@ -19,9 +19,6 @@ UNIT_SUFFIXES = (
     "_stops",
     "_s",
 )
-# Blender's own word; labels that fit beside a slider.
-NAMES = {"f_number": "F-Stop", "ambient_electrons": "Ambient", "full_well_electrons": "Full Well"}
-NAMES |= {"read_noise_electrons": "Read Noise", "row_noise_electrons": "Row Noise", "subtract_black": "Without Black"}
 _SMALL_WORDS = ("by", "of", "to", "and", "on", "in", "the")
 _AMERICAN = {
     "colour": "color", "colours": "colors", "coloured": "colored", "grey": "gray", "greys": "grays",
@@ -47,8 +44,6 @@ def title(text: str) -> str:
 
 def parameter_label(name: str) -> str:
     """Return a parameter's name in words, without its unit, which the slider shows."""
-    if name in NAMES:
-        return NAMES[name]
     for suffix in UNIT_SUFFIXES:
         name = name.removesuffix(suffix)
     return title(name)

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any, ClassVar, Literal, Protocol, TypeAlias, TypeVar, Union, get_args, get_origin, get_type_hints
 
 from .errors import InputError
+from .labels import parameter_label
 from .messages import Part
 from .near import did_you_mean
 
@@ -45,7 +46,7 @@ class KeyInfo:
 
     choices: the words of each text that it may be; the texts too, where the field's type does not give them. identity:
     how it stands in the identity of a dataset, which says what decided its bytes. file: of a text that names a file:
-    reads it, to check it.
+    reads it, to check it. label, slider: for people, as `key` has them.
     """
 
     meaning: str
@@ -57,6 +58,8 @@ class KeyInfo:
     choices: Mapping[str, Choice] | None = None
     identity: "InIdentity" = "value"
     file: Callable[[Path], Any] | None = None
+    label: str = ""
+    slider: tuple[float, float] | None = None
 
 
 def key(
@@ -72,6 +75,8 @@ def key(
     choices: Mapping[str, Choice] | None = None,
     identity: "InIdentity" = "value",
     file: Callable[[Path], Any] | None = None,
+    label: str = "",
+    slider: tuple[float, float] | None = None,
 ) -> Any:
     """Declare a dataclass field that a preset may set.
 
@@ -80,10 +85,33 @@ def key(
     that are allowed. identity: "value" where the value decides bytes, so that it stands in a dataset's identity as it
     is, unless it is the default; "meaning" where what it means stands there in another form, as poses or hashes;
     "nothing" where it decides no byte. file: of a perturbation's parameter that names a file, "" for none: a function
-    that reads it, and raises OSError, or ValueError with what is wrong.
+    that reads it, and raises OSError, or ValueError with what is wrong. label: its name for people, where that is not
+    the key's own in words. slider: where a slider ends, as that is of use; the keyboard reaches the whole range.
+
+    A dataclass may say in a class attribute TOOLTIPS, by the names of fields, what one sees when a value grows.
     """
-    info = KeyInfo(meaning, unit, minimum, maximum, above, pattern, choices, identity, file)
+    info = KeyInfo(meaning, unit, minimum, maximum, above, pattern, choices, identity, file, label, slider)
     return field(default=default, default_factory=default_factory, metadata={"key": info})
+
+
+def info_of(cls: Any, name: str) -> KeyInfo:
+    """Return what is said of a dataclass's field."""
+    return cls.__dataclass_fields__[name].metadata["key"]
+
+
+def label_of(cls: type, name: str) -> str:
+    """Return a field's name for people: its own label, or else its key in words, without the unit."""
+    return info_of(cls, name).label or parameter_label(name)
+
+
+def tooltip_of(cls: type, name: str) -> str:
+    """Return what a person reads of a field: what its class, or one that it is made from, says of it in TOOLTIPS.
+
+    That is by default its meaning.
+    """
+    said = (base.__dict__.get("TOOLTIPS", {}) for base in cls.__mro__)
+    found = next((tooltips[name] for tooltips in said if name in tooltips), "")
+    return found or info_of(cls, name).meaning
 
 
 @dataclass(frozen=True)

@@ -25,6 +25,14 @@ CONTRAST_THRESHOLD = 0.05
 EXTINCTION = -math.log(CONTRAST_THRESHOLD)
 GIVEN_AIR = {f"air_{name}": ("air", "colour") for name in ("red", "green", "blue")} | {"airlight": ("air", "grey")}
 """What giving a grey or a colour implies."""
+AIR_TOOLTIPS = {
+    "air": "Whether its light comes from the scene, is a gray, or is the color below",
+    "air_red": "Higher: redder light, where Air is Color",
+    "air_green": "Higher: greener light, where Air is Color",
+    "air_blue": "Higher: bluer light, where Air is Color",
+    "lamps": "Higher: on lit scenes, lamps light more of the air around them; 0 is none",
+    "leave_sky": "On: the sky keeps its colors",
+}
 
 KNEE = 4.0  # times the first mean; what is as bright weighs a half; chosen
 WHOLE_SKY = 0.02  # share of the frame; less sky counts in part, so that none appears at once; chosen

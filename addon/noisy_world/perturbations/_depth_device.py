@@ -14,12 +14,22 @@ P = TypeVar("P")
 Devices = Mapping[str, Mapping[str, float]]
 """By a device's name the values of the parameters that are its own."""
 
+DEVICE_TOOLTIPS = {
+    "device": "Whose values are taken where a field is below 0",
+    "noise": "Higher: everything random is stronger; 0 leaves rounding and holes",
+    "focal_px": "Higher: the sensor's own image has more pixels to a degree, so depth gets better",
+    "baseline_m": "Higher: depth gets better, and the shadows beside things wider",
+    "step_px": "Higher: far depth is in larger steps",
+    "shift_px": "Higher: edges get more ragged",
+    "min_m": "Higher: more of what is near has no depth",
+    "max_m": "Lower: more of what is far has no depth",
+}
 NOISE_SEVERITIES = (0.25, 0.5, 1.0, 2.0, 4.0)  # times the device's: halved and doubled around it
 
 
-def of_device(meaning: str, maximum: float, unit: str = "") -> Any:
-    """Return the field of a number that is the device's where it is below 0, as by default."""
-    return key(f"{meaning}; below 0: the device's", default=-1.0, unit=unit, minimum=-1, maximum=maximum)
+def of_device(meaning: str, maximum: float, unit: str = "", **words: Any) -> Any:
+    """Return the field of a number that is the device's where it is below 0, by default. words: as for `key`."""
+    return key(f"{meaning}; below 0: the device's", default=-1.0, unit=unit, minimum=-1, maximum=maximum, **words)
 
 
 def noise_of_device() -> Any:

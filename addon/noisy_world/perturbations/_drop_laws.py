@@ -8,7 +8,9 @@ follows from its number alone. Lengths are in pixels of the reference width; y i
 """
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import ClassVar
 
 from ..core.schema import key
 
@@ -84,13 +86,28 @@ class LensDrops:
     )
     glint: float = key("light of the reflection on a drop, times the scene's mean", default=2.0, minimum=0, maximum=100)
     runs: float = key("share of the glass's strips down which a drop runs", default=0.25, minimum=0, maximum=1)
-    run_px: float = key("drift: how far such a drop runs down a frame", default=3.0, unit="px", minimum=0, maximum=1000)
+    run_px: float = key(
+        "drift: how far such a drop runs down a frame", default=3.0, unit="px", minimum=0, maximum=1000, slider=(0, 10)
+    )
     drying: float = key(
         "drift: share of the drops that dry, and land anew, a frame", default=0.003, minimum=0, maximum=1
     )
     view_deg: float = key(
         "horizontal field of view, where the camera is unknown", default=90.0, unit="deg", minimum=1, maximum=170
     )
+    TOOLTIPS: ClassVar[Mapping[str, str]] = {
+        "coverage": "Higher: more drops on the glass",
+        "size_px": "Higher: larger drops, and fewer",
+        "spread": "Higher: drops differ more in size",
+        "focus_px": "Higher: drops, and what they show, get softer; 0 is a lens that focuses on the glass",
+        "contact_deg": "Higher: steeper drops, which show more of the scene and have darker rims",
+        "rim": "Higher: lighter rims; 0 is black",
+        "glint": "Higher: a brighter highlight on each drop",
+        "runs": "Higher: more drops run down",
+        "run_px": "Higher: with the pattern Drift, drops run faster",
+        "drying": "Higher: with the pattern Drift, drops dry and land more often",
+        "view_deg": "Higher: a wider view, so a drop shows what is nearer to it in the picture",
+    }
 
 
 @dataclass(frozen=True)

@@ -1,10 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Parameters of fog by depth."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import ClassVar, Literal
 
 from ..core.schema import Choice, key
+from ._air_light import AIR_TOOLTIPS
 from ._lamp_light import lamps_key
 
 
@@ -58,6 +60,20 @@ class FogDepth:
     frame_rate_hz: float = key(
         "frames a second, by which it drifts", default=20.0, unit="Hz", minimum=0.001, maximum=100000
     )
+    TOOLTIPS: ClassVar[Mapping[str, str]] = AIR_TOOLTIPS | {
+        "visibility_m": "Lower: the fog gets denser, and hides what is nearer",
+        "outdoors": "On: severities are those of streets, where one sees further than in rooms",
+        "airlight": "Higher: the fog gets lighter; 0 is smoke, 1 is white",
+        "falloff_m": "Above 0 the fog lies on the ground: lower, and roofs and sky come out of it",
+        "camera_height_m": "Higher: the camera stands more above low fog, and sees more",
+        "unevenness": "Higher: the fog comes in clumps, with clearer air between",
+        "clump_m": "Higher: larger clumps",
+        "wind_m_s": "Further from 0: with the pattern Drift, clumps move faster to the right, or to the left below 0",
+        "glow": "Higher: lamps glow more in the fog",
+        "glow_width_deg": "Higher: wider and softer glows",
+        "view_deg": "Higher: as through a wider lens; a known camera decides it",
+        "frame_rate_hz": "Lower: with the pattern Drift, more time passes from frame to frame",
+    }
 
 
 def is_even(parameters: FogDepth) -> bool:

@@ -5,10 +5,10 @@ Each pixel's light is image * t + light * (1 - t), linear, with t the transmissi
 of the veil of all particles too small to be seen by themselves, as Koschmieder's law has it.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Literal, TypeAlias
+from typing import ClassVar, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,7 @@ from ..core.linear_light import LUMINANCE, decoded, encoded
 from ..core.perturbing.kinds import FrameContext
 from ..core.schema import Choice, key
 from ..core.trajectories.camera_state import camera_state_of
-from ._air_light import air_light, colour_of
+from ._air_light import AIR_TOOLTIPS, air_light, colour_of
 from ._bands import by_bands
 from ._lamp_light import lamps_key
 from ._particles import Air, AirCamera, affordable, in_sight, slopes_of
@@ -46,7 +46,9 @@ class Falling:
     fall: float = key("speed of fall, times that in still air", default=1.0, minimum=0, maximum=10)
     shutter_ms: float = key("how long the shutter is open", default=5.0, unit="ms", minimum=0, maximum=1000)
     aperture_mm: float = key("diameter of the lens; 0 is a pinhole", default=2.0, unit="mm", minimum=0, maximum=100)
-    focus_m: float = key("planar depth of what is sharp", default=5.0, unit="m", minimum=0.1, maximum=10000)
+    focus_m: float = key(
+        "planar depth of what is sharp", default=5.0, unit="m", minimum=0.1, maximum=10000, slider=(0.1, 10)
+    )
     least_mrad: float = key(
         "what spans less is not drawn but veils", default=1.0, unit="mrad", minimum=0.2, maximum=100
     )
@@ -74,6 +76,18 @@ class Falling:
     frame_rate_hz: float = key(
         "frames a second, by which it drifts", default=20.0, unit="Hz", minimum=0.001, maximum=100000
     )
+    TOOLTIPS: ClassVar[Mapping[str, str]] = AIR_TOOLTIPS | {
+        "size": "Higher: every particle is larger",
+        "tint": "Higher: particles take more of the color of the scene",
+        "fall": "Higher: they fall faster, in longer streaks",
+        "aperture_mm": "Higher: particles out of focus become larger, fainter disks",
+        "focus_m": "How far away particles are sharp; nearer and further ones are blurred",
+        "least_mrad": "Higher: fewer small particles are drawn, and the veil in the distance gets denser instead",
+        "reach_m": "Lower: less of what is far is drawn, and the veil takes its place",
+        "void_m": "Higher: where nothing is, the veil gets denser",
+        "view_deg": "Higher: a wider view, so particles are smaller in it",
+        "frame_rate_hz": "Lower: with the pattern Drift, particles move further from frame to frame",
+    }
 
 
 GIVEN_AIR = {f"air_{name}": ("air", "colour") for name in ("red", "green", "blue")}

@@ -4,7 +4,7 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,6 +53,16 @@ class AutoExposure:
     max_gain_db: float = key(
         "most gain, where the exposure is at its longest", default=24.0, unit="dB", minimum=0, maximum=72
     )
+    TOOLTIPS: ClassVar[Mapping[str, str]] = {
+        "target": "Higher: the picture gets lighter",
+        "meter": "Which part of the picture is made as light as the target",
+        "lag_s": "Higher: the picture stays too light or too dark for longer after the light changes",
+        "light_stops": "Lower: a darker scene, so a longer exposure and more gain, with more noise",
+        "reference_ms": "Higher: all exposures get longer alike",
+        "min_ms": "Higher: bright scenes get too light",
+        "max_ms": "Lower: gain begins earlier, with more noise",
+        "max_gain_db": "Lower: dark scenes stay dark",
+    }
 
 
 def decides(parameters: AutoExposure, context: FrameContext) -> Mapping[str, float]:

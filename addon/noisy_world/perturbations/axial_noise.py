@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Measured laws of a depth sensor's noise: along the ray by distance and incidence, and sideways."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 from ..core.geometry import Intrinsics
 from ..core.perturbing.kinds import DepthPerturbation, FrameContext
 from ..core.schema import Choice, key
-from ._depth_device import NOISE_SEVERITIES, Devices, camera_of, filled, noise_of_device, of_device
+from ._depth_device import DEVICE_TOOLTIPS, NOISE_SEVERITIES, Devices, camera_of, filled, noise_of_device, of_device
 from ._incidence import cosine_of_incidence
 from ._quantiles import CODES, look_up, scaled_normal, uniform_codes
 from ._void import without_void
@@ -47,6 +48,15 @@ class AxialNoise:
     steep: float = of_device("factor of the term beyond 60 degrees of incidence, in m^1.5", 10)
     lateral_px: float = of_device("deviation of the place that a pixel shows, on a surface seen head on", 8, "px")
     lateral_steep_px: float = of_device("what incidence adds to it", 8, "px")
+    TOOLTIPS: ClassVar[Mapping[str, str]] = DEVICE_TOOLTIPS | {
+        "from_m": "Higher: noise begins to grow further away",
+        "offset_m": "Higher: everything gets rougher by the same",
+        "linear": "Higher: what is far gets rougher",
+        "quadratic_per_m": "Higher: what is far gets much rougher",
+        "steep": "Higher: surfaces seen at a glancing angle get rougher",
+        "lateral_px": "Higher: edges get more ragged",
+        "lateral_steep_px": "Higher: edges of surfaces seen at an angle get more ragged",
+    }
 
 
 # Nguyen, Izadi and Lovell, Modeling Kinect sensor noise, 2012; Khoshelham and Elberink, Accuracy and resolution of

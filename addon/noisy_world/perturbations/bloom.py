@@ -3,7 +3,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import ClassVar, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,6 +39,10 @@ class Bloom:
         minimum=0,
         maximum=400,
     )
+    TOOLTIPS: ClassVar[Mapping[str, str]] = {
+        "amount": "Higher: bright things glow more, and all is veiled",
+        "reach_px": "Higher: the glow is wider and fainter",
+    }
 
 
 def apply(rgb: Float32, parameters: Bloom, _context: FrameContext) -> Float32:

@@ -4,7 +4,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import TypeVar
+from typing import ClassVar, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +27,9 @@ class Brightness:
     """A constant added to HSV's value, hue and saturation kept, as ImageNet-C; black becomes grey."""
 
     offset: float = key("added to the value, of full scale", default=0.3, minimum=0, maximum=1)
+    TOOLTIPS: ClassVar[Mapping[str, str]] = {
+        "offset": "Higher: the whole picture gets lighter, until bright places are white",
+    }
 
 
 def apply(rgb: NDArray[np.float32], parameters: Brightness, _context: FrameContext) -> NDArray[np.float32]:

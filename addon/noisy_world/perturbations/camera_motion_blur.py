@@ -2,8 +2,9 @@
 """Motion blur of the camera's own path: the light of many moments while the shutter is open, and depth of one."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,6 +58,14 @@ class CameraMotionBlur:
         maximum=16,
     )
     most_moments: int = key("no more moments than that", default=129, minimum=1, maximum=4097)
+    TOOLTIPS: ClassVar[Mapping[str, str]] = {
+        "shutter_ms": "Higher: a moving camera smears the picture more",
+        "stamp": "Which moment of the exposure has the time stamp and the pose of the frame",
+        "ramp": "Higher: the shutter opens and closes more slowly, and streaks fade out at their ends",
+        "depth": "Which moment of the exposure depth shows; it stays sharp",
+        "moments_per_px": "Higher: smoother streaks, and it takes longer",
+        "most_moments": "Higher: long streaks are smooth too, and take longer",
+    }
 
 
 def shutter(parameters: CameraMotionBlur) -> Shutter:

@@ -4,6 +4,7 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +32,12 @@ class ChromaticAberration:
     axis_down: float = key(
         "where the axis is, of the height, where intrinsics are unknown", default=0.5, minimum=-1, maximum=2
     )
+    TOOLTIPS: ClassVar[Mapping[str, str]] = {
+        "red_px": "Further from 0: wider fringes of red near the corners; above 0 outwards",
+        "blue_px": "Further from 0: wider fringes of blue near the corners; above 0 outwards",
+        "axis_across": "Higher: what has no fringes is further right",
+        "axis_down": "Higher: what has no fringes is further down",
+    }
 
 
 def apply(rgb: NDArray[np.float32], parameters: ChromaticAberration, context: FrameContext) -> NDArray[np.float32]:

@@ -3,6 +3,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +21,9 @@ class Contrast:
     """Each channel scaled about its own mean over the frame, as ImageNet-C."""
 
     factor: float = key("factor of the distance from the mean", default=0.2, minimum=0, maximum=10)
+    TOOLTIPS: ClassVar[Mapping[str, str]] = {
+        "factor": "Lower: the picture gets flatter, toward one gray; above 1 it gets harsher",
+    }
 
 
 def apply(rgb: NDArray[np.float32], parameters: Contrast, _context: FrameContext) -> NDArray[np.float32]:

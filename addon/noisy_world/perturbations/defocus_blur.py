@@ -4,7 +4,7 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +32,10 @@ class DefocusBlur:
     alias_sigma_px: float = key(
         "standard deviation of the Gaussian that softens the disk's edge", default=0.5, unit="px", minimum=0, maximum=5
     )
+    TOOLTIPS: ClassVar[Mapping[str, str]] = {
+        "radius_px": "Higher: everything is further out of focus; points grow to larger disks",
+        "alias_sigma_px": "Higher: the disks' rims get softer",
+    }
 
 
 def apply(rgb: NDArray[np.float32], parameters: DefocusBlur, _context: FrameContext) -> NDArray[np.float32]:

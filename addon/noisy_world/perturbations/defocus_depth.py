@@ -5,7 +5,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import product
-from typing import TypeAlias
+from typing import ClassVar, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,13 +29,33 @@ class DefocusDepth:
     its blurred neighbours. Not modelled: light of a blurred foreground on what is sharp behind it. Its edge stays hard.
     """
 
-    focus_m: float = key("planar depth of what is sharp", default=1.5, unit="m", minimum=0.05, maximum=1000)
-    f_number: float = key("focal length over the aperture's diameter", default=5.6, minimum=0.5, maximum=64)
-    focal_length_mm: float = key("focal length of the lens", default=50.0, unit="mm", minimum=1, maximum=1000)
-    sensor_width_mm: float = key("width of the sensor behind it", default=36.0, unit="mm", minimum=1, maximum=100)
-    max_radius_px: float = key(
-        "no circle of confusion is larger; the time goes with its square", default=6.5, unit="px", minimum=1, maximum=30
+    focus_m: float = key(
+        "planar depth of what is sharp", default=1.5, unit="m", minimum=0.05, maximum=1000, slider=(0.1, 10)
     )
+    f_number: float = key(
+        "focal length over the aperture's diameter", default=5.6, minimum=0.5, maximum=64, label="F-Stop"
+    )
+    focal_length_mm: float = key(
+        "focal length of the lens", default=50.0, unit="mm", minimum=1, maximum=1000, slider=(10, 200)
+    )
+    sensor_width_mm: float = key(
+        "width of the sensor behind it", default=36.0, unit="mm", minimum=1, maximum=100, slider=(4, 50)
+    )
+    max_radius_px: float = key(
+        "no circle of confusion is larger; the time goes with its square",
+        default=6.5,
+        unit="px",
+        minimum=1,
+        maximum=30,
+        slider=(1, 30),
+    )
+    TOOLTIPS: ClassVar[Mapping[str, str]] = {
+        "focus_m": "How far away the sharp plane is; what is nearer or farther is blurred",
+        "f_number": "Lower: a wider aperture, so less is sharp before and behind the focus",
+        "focal_length_mm": "Higher: less is sharp before and behind the focus",
+        "sensor_width_mm": "Higher: the same lens blurs fewer pixels",
+        "max_radius_px": "Higher: what is far out of focus may blur more, and takes longer",
+    }
 
 
 def apply(rgb: NDArray[np.float32], parameters: DefocusDepth, context: FrameContext) -> NDArray[np.float32]:

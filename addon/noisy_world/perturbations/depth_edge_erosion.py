@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Edge erosion: depth is lost where surfaces end, as multi-path interference does."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +26,10 @@ class DepthEdgeErosion:
 
     rate: float = key("share of the edge pixels that lose their block", default=0.025, minimum=0, maximum=1)
     erase_edges: bool = key("erase every edge pixel as well, as the published toolbox does", default=False)
+    TOOLTIPS: ClassVar[Mapping[str, str]] = {
+        "rate": "Higher: more blocks are missing along the edges of things",
+        "erase_edges": "On: the edges of all things are missing too",
+    }
 
 
 def apply(depth_m: NDArray[np.float32], parameters: DepthEdgeErosion, context: FrameContext) -> NDArray[np.float32]:

@@ -1,8 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Gaussian noise of a depth sensor."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +26,10 @@ class DepthGaussianNoise:
         "standard deviation, of the standard deviation of the frame's depths", default=0.3, minimum=0, maximum=10
     )
     bias: bool = key("add scale x the mean depth of the frame as well, as the published toolbox does", default=False)
+    TOOLTIPS: ClassVar[Mapping[str, str]] = {
+        "scale": "Higher: surfaces get rougher, far ones more than near ones",
+        "bias": "On: the whole frame moves away as well",
+    }
 
 
 def apply(depth_m: NDArray[np.float32], parameters: DepthGaussianNoise, context: FrameContext) -> NDArray[np.float32]:

@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Random missing depth: occluded or unanswered patches."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +24,9 @@ class DepthRandomMissing:
     """
 
     missing_percent: float = key("share of the frame that is covered", default=20.0, unit="%", minimum=0, maximum=90)
+    TOOLTIPS: ClassVar[Mapping[str, str]] = {
+        "missing_percent": "Higher: more and larger holes without depth",
+    }
 
 
 def apply(depth_m: NDArray[np.float32], parameters: DepthRandomMissing, context: FrameContext) -> NDArray[np.float32]:

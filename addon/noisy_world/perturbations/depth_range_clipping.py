@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Range clipping: a sensor sees nothing too near or too far."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +19,10 @@ class DepthRangeClipping:
 
     min_m: float = key("nearest depth that is seen", default=0.4, unit="m", minimum=0, maximum=1000)
     max_m: float = key("farthest depth that is seen", default=4.0, unit="m", minimum=0, maximum=1000)
+    TOOLTIPS: ClassVar[Mapping[str, str]] = {
+        "min_m": "Higher: more of what is near has no depth",
+        "max_m": "Lower: more of what is far has no depth",
+    }
 
 
 def apply(depth_m: NDArray[np.float32], parameters: DepthRangeClipping, _context: FrameContext) -> NDArray[np.float32]:

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Desynchronisation: depth that was taken at another time than the colour it is paired with."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +23,7 @@ class Desync:
         default=5,
         minimum=-10_000,
         maximum=10_000,
+        slider=(-30, 30),
     )
     mode: Literal["static", "dynamic"] = key(
         "dynamic: offset - 1, offset or offset + 1, drawn for each frame",
@@ -39,6 +41,11 @@ class Desync:
             "drop": Choice("Drop", "The frame is left out"),
         },
     )
+    TOOLTIPS: ClassVar[Mapping[str, str]] = {
+        "offset": "Above 0: depth was taken after its color. Below 0: before it, as depth that comes late",
+        "mode": "Whether all frames are off by the same, or each by a draw of its own",
+        "edge": "What happens where depth would come from before the first frame or after the last",
+    }
 
 
 def apply(count: int, parameters: Desync, context: SequenceContext) -> NDArray[np.int64]:

@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Drift: a rig that is badly fastened or calibrated is slowly somewhere else than where its path says."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -21,6 +23,11 @@ class Drift:
     period_s: float = key(
         "the shortest period; the longest is ten times that", unit="s", default=10.0, above=0, maximum=1e5
     )
+    TOOLTIPS: ClassVar[Mapping[str, str]] = {
+        "rotation_deg": "Higher: the camera leans further",
+        "translation_m": "Higher: the camera shifts further",
+        "period_s": "Higher: it drifts more slowly",
+    }
 
 
 def apply(trajectory: Trajectory, parameters: Drift, context: SequenceContext) -> Trajectory:

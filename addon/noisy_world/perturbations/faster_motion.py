@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Faster motion: the same path at several times the speed."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +17,9 @@ class FasterMotion:
     """The factor of the speed; the poses between are left out."""
 
     factor: int = key("how many times as fast the camera goes", default=2, minimum=1, maximum=1000)
+    TOOLTIPS: ClassVar[Mapping[str, str]] = {
+        "factor": "Higher: the camera moves further from frame to frame, and there are fewer frames",
+    }
 
 
 def choose(count: int, parameters: FasterMotion, _context: SequenceContext) -> NDArray[np.int64]:

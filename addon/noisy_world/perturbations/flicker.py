@@ -4,6 +4,7 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,6 +44,12 @@ class Flicker:
         minimum=0,
         maximum=1000,
     )
+    TOOLTIPS: ClassVar[Mapping[str, str]] = {
+        "mains_hz": "What the lamps hang on; bands are narrower at 60 than at 50",
+        "modulation": "Higher: stronger bands, or frames that differ more",
+        "exposure_ms": "Higher: weaker; lamps go out of sight at whole periods, as 10 or 20 ms at 50 Hz",
+        "readout_ms": "Higher: more bands; 0 is a whole frame at once",
+    }
 
 
 def brightness(parameters: Flicker, shutter: Shutter, stamp_s: float, phase: float, lines: int) -> NDArray[np.float64]:

@@ -4,6 +4,7 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,8 +34,19 @@ class Fog:
     )
     uniform: bool = key("the same grey everywhere instead of the plasma", default=False)
     flow_px: float = key(
-        "drift: how far the haze flows a frame, to the right", default=3.0, unit="px", minimum=-1000, maximum=1000
+        "drift: how far the haze flows a frame, to the right",
+        default=3.0,
+        unit="px",
+        minimum=-1000,
+        maximum=1000,
+        slider=(0, 50),
     )
+    TOOLTIPS: ClassVar[Mapping[str, str]] = {
+        "thickness": "Higher: the haze gets denser, and contrast goes",
+        "smoothness": "Higher: softer, larger clouds; lower: ragged ones",
+        "uniform": "On: the same gray everywhere instead of clouds",
+        "flow_px": "Higher: with the pattern Drift, the clouds move faster",
+    }
 
 
 def apply(rgb: NDArray[Level], parameters: Fog, context: FrameContext) -> NDArray[Level]:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import TypeAlias
+from typing import ClassVar, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,7 +50,13 @@ class Frost:
         unit="px",
         minimum=0,
         maximum=100,
+        slider=(0, 10),
     )
+    TOOLTIPS: ClassVar[Mapping[str, str]] = {
+        "intensity": "Lower: the picture behind the ice gets darker",
+        "influence": "Higher: the ice on the lens gets brighter",
+        "creep_px": "Higher: with the pattern Drift, the ice moves faster",
+    }
 
 
 def apply(rgb: NDArray[np.float32], parameters: Frost, context: FrameContext) -> NDArray[np.float32]:

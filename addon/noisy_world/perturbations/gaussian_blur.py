@@ -4,6 +4,7 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +27,9 @@ class GaussianBlur:
     """
 
     sigma_px: float = key("standard deviation of the kernel", default=3.0, unit="px", minimum=0, maximum=50)
+    TOOLTIPS: ClassVar[Mapping[str, str]] = {
+        "sigma_px": "Higher: the picture gets softer, and detail goes",
+    }
 
 
 def apply(rgb: NDArray[np.float32], parameters: GaussianBlur, context: FrameContext) -> NDArray[np.float32]:

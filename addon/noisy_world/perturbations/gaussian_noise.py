@@ -4,6 +4,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +23,9 @@ class GaussianNoise:
     """Independent normal noise on every channel of every pixel, as ImageNet-C."""
 
     std: float = key("standard deviation, of full scale", default=0.18, minimum=0, maximum=2)
+    TOOLTIPS: ClassVar[Mapping[str, str]] = {
+        "std": "Higher: more color grain, everywhere alike",
+    }
 
 
 def apply(rgb: NDArray[np.float32], parameters: GaussianNoise, context: FrameContext) -> NDArray[np.float32]:

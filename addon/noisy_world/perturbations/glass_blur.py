@@ -5,7 +5,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import TypeVar
+from typing import ClassVar, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,6 +43,11 @@ class GlassBlur:
         "how far away one copy takes a pixel from", default=2, unit="px", minimum=0, maximum=MAX_DELTA_PX
     )
     iterations: int = key("how many times pixels change places", default=3, minimum=0, maximum=20)
+    TOOLTIPS: ClassVar[Mapping[str, str]] = {
+        "sigma_px": "Higher: softer before and after pixels change places",
+        "max_delta_px": "Higher: pixels change places over a longer way, as behind coarser glass",
+        "iterations": "Higher: more pixels change places, and it takes longer",
+    }
 
 
 def apply(rgb: NDArray[np.float32], parameters: GlassBlur, context: FrameContext) -> NDArray[np.float32]:

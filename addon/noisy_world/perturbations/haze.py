@@ -3,7 +3,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +13,7 @@ from ..core.node_graphs.graph import Socket
 from ..core.node_graphs.groups import Canvas, convert
 from ..core.perturbing.kinds import ColourPerturbation, FrameContext
 from ..core.schema import Choice, key
-from ._air_light import EXTINCTION, GIVEN_AIR, air_light, colour_of, sky_in
+from ._air_light import AIR_TOOLTIPS, EXTINCTION, GIVEN_AIR, air_light, colour_of, sky_in
 from ._air_light_nodes import air_nodes, kept_sky
 from ._bands import by_bands
 from ._lamp_light import DROP, lamps_key
@@ -63,6 +63,14 @@ class Haze:
     view_deg: float = key(
         "horizontal field of view, where the camera is unknown", default=90.0, unit="deg", minimum=1, maximum=170
     )
+    TOOLTIPS: ClassVar[Mapping[str, str]] = AIR_TOOLTIPS | {
+        "visibility_m": "Lower: the haze gets denser, and hides what is nearer",
+        "angstrom": "Higher: the distance gets bluer, and lamps in it redder; 0 is gray, as fog",
+        "airlight": "Higher: the haze gets lighter; 0 is smoke, 1 is white",
+        "blueness": "Higher: the haze itself gets bluer",
+        "void_m": "Lower: more of the sky is seen through the haze",
+        "view_deg": "Higher: as through a wider lens; a known camera decides it",
+    }
 
     def extinction_per_m(self) -> NDArray[np.float64]:
         """Return (3,): of red, green and blue."""

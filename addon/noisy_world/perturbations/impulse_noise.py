@@ -4,7 +4,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import TypeVar
+from typing import ClassVar, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +27,9 @@ class ImpulseNoise:
     """
 
     amount: float = key("share of the values that are replaced", default=0.09, minimum=0, maximum=1)
+    TOOLTIPS: ClassVar[Mapping[str, str]] = {
+        "amount": "Higher: more pixels are pure black, white or a pure color",
+    }
 
 
 def apply(rgb: NDArray[np.float32], parameters: ImpulseNoise, context: FrameContext) -> NDArray[np.float32]:

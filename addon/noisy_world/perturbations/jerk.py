@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Jerk: single shocks at seeded moments, as of a kerb, a stumble or a gust."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +23,12 @@ class Jerk:
     duration_s: float = key("length of a shock", unit="s", default=0.2, minimum=0.001, maximum=100)
     translation_m: float = key("how far a shock goes", unit="m", default=0.02, minimum=0, maximum=100)
     rotation_deg: float = key("how far a shock turns", unit="deg", default=2.0, minimum=0, maximum=90)
+    TOOLTIPS: ClassVar[Mapping[str, str]] = {
+        "per_minute": "Higher: more shocks",
+        "duration_s": "Lower: shocks are shorter and harder",
+        "translation_m": "Higher: a shock throws the camera further",
+        "rotation_deg": "Higher: a shock turns the camera further",
+    }
 
 
 def moments(parameters: Jerk, last_s: float, context: SequenceContext) -> NDArray[np.float64]:

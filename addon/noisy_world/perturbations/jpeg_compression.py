@@ -3,6 +3,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +22,9 @@ class JpegCompression:
     """Encoded and decoded, 4:2:0, libjpeg's tables, as ImageNet-C. The image is rounded to bytes on the way."""
 
     quality: int = key("quality as libjpeg counts it: lower is coarser", default=15, minimum=1, maximum=100)
+    TOOLTIPS: ClassVar[Mapping[str, str]] = {
+        "quality": "Lower: coarser blocks of 8 pixels, and blurrier colors",
+    }
 
 
 def apply(rgb: NDArray[np.float32], parameters: JpegCompression, _context: FrameContext) -> NDArray[np.float32]:

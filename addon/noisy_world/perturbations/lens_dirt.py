@@ -4,7 +4,7 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import ClassVar, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,6 +49,16 @@ class LensDirt:
         maximum=180,
     )
     glare: float = key("scattered light, times what is taken away for it", default=1.0, minimum=0, maximum=20)
+    TOOLTIPS: ClassVar[Mapping[str, str]] = {
+        "dust": "Higher: darker specks of dust",
+        "smudges": "Higher: thicker grease; bright light spreads over it",
+        "scratches": "Higher: deeper scratches, which light up near lamps",
+        "size": "Higher: all dirt is larger",
+        "reach_px": "Higher: lamps light up dirt further away from them",
+        "streaks": "Higher: lamps draw streaks instead of halos",
+        "wiped_deg": "Turns the streaks, which run across the direction of wiping",
+        "glare": "Higher: dirt shines more than it takes away; 1 is as it is, 0 only takes away",
+    }
 
 
 def apply(rgb: Float32, parameters: LensDirt, context: FrameContext) -> Float32:

@@ -2,8 +2,9 @@
 """Frost on the lens: ferns of ice that grow on the glass before it, from the border inwards."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import ClassVar, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -60,6 +61,16 @@ class LensFrost:
     frame_rate_hz: float = key(
         "frames a second, by which it grows", default=20.0, unit="Hz", minimum=0.001, maximum=100000
     )
+    TOOLTIPS: ClassVar[Mapping[str, str]] = {
+        "coverage": "Higher: ferns of ice reach further from the border towards the middle",
+        "opacity": "Higher: the ice gets denser, and hides what is behind it",
+        "brightness": "Higher: the ice gets lighter",
+        "tint": "Higher: the ice has the colors of what is around it; 0 is white ice",
+        "refraction_px": "Higher: crystals displace what is behind them further",
+        "glint": "Higher: brighter glints on the crystals' edges",
+        "growth_per_s": "Higher: with the pattern Drift, ice grows faster; below 0 it thaws",
+        "frame_rate_hz": "Higher: with the pattern Drift, ice grows less from frame to frame",
+    }
 
 
 @dataclass(frozen=True)

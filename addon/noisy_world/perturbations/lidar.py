@@ -2,8 +2,9 @@
 """A spinning lidar: rows of beams, of which a depth image keeps the pixels that one of them meets."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +12,16 @@ from numpy.typing import NDArray
 from ..core.geometry import Intrinsics
 from ..core.perturbing.kinds import DepthPerturbation, FrameContext
 from ..core.schema import Choice, key
-from ._depth_device import NOISE_SEVERITIES, Devices, camera_of, filled, noise_of_device, of_device, range_contradiction
+from ._depth_device import (
+    DEVICE_TOOLTIPS,
+    NOISE_SEVERITIES,
+    Devices,
+    camera_of,
+    filled,
+    noise_of_device,
+    of_device,
+    range_contradiction,
+)
 from ._incidence import cosine_of_incidence
 from ._void import without_void
 
@@ -40,8 +50,16 @@ class Lidar:
     azimuth_step_deg: float = of_device("turn from one measurement to the next", 10, "deg")
     sigma_m: float = of_device("standard deviation of range", 10, "m")
     step_m: float = of_device("what range is rounded to; 0: not", 10, "m")
-    min_m: float = of_device("nearest range that is given", 1000, "m")
-    max_m: float = of_device("range at which a surface seen head on is just given", 1000, "m")
+    min_m: float = of_device("nearest range that is given", 1000, "m", slider=(0, 2))
+    max_m: float = of_device("range at which a surface seen head on is just given", 1000, "m", slider=(0.5, 20))
+    TOOLTIPS: ClassVar[Mapping[str, str]] = DEVICE_TOOLTIPS | {
+        "rows": "Higher: more rows of points",
+        "below_deg": "Higher: rows reach further down",
+        "above_deg": "Higher: rows reach further up",
+        "azimuth_step_deg": "Higher: fewer points in a row",
+        "sigma_m": "Higher: surfaces get rougher, at any distance",
+        "step_m": "Higher: ranges are in larger steps",
+    }
 
 
 # At 600 turns a minute. From memory of Velodyne's manuals, 63-9243 and 63-9113, not held against them; their accuracy,

@@ -3,6 +3,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,7 +31,12 @@ class MotionBlur:
     radius_px: int = key("the trail has 2 radius + 1 pixels", default=15, unit="px", minimum=0, maximum=100)
     sigma_px: float = key("standard deviation of its weights", default=8.0, unit="px", above=0, maximum=200)
     max_angle_deg: float = key(
-        "the angle to the rows is uniform between minus this and this", default=45.0, unit="deg", minimum=0, maximum=180
+        "the angle to the rows is uniform between minus this and this",
+        default=45.0,
+        unit="deg",
+        minimum=0,
+        maximum=180,
+        slider=(0, 90),
     )
     angle_deg: float = key(
         "middle of the range the angle is drawn from: 0 to the right, 90 down",
@@ -38,7 +44,14 @@ class MotionBlur:
         unit="deg",
         minimum=-180,
         maximum=180,
+        slider=(-90, 90),
     )
+    TOOLTIPS: ClassVar[Mapping[str, str]] = {
+        "radius_px": "Higher: longer streaks",
+        "sigma_px": "Higher: the streaks fade less toward their ends",
+        "max_angle_deg": "Higher: the streaks' direction varies more from frame to frame",
+        "angle_deg": "Turns the streaks",
+    }
 
 
 def apply(rgb: NDArray[np.float32], parameters: MotionBlur, context: FrameContext) -> NDArray[np.float32]:

@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Motion deviation: a robot shakes, so its camera is not exactly where the path says."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,8 +18,16 @@ from ..core.trajectories.trajectory import Trajectory
 class MotionDeviation:
     """Standard deviations of a normal deviation, drawn independently for each pose; 0 does not change poses."""
 
-    rotation_deg: float = key("standard deviation, each camera axis", unit="deg", default=3.0, minimum=0, maximum=180)
-    translation_m: float = key("standard deviation, each world axis", unit="m", default=0.025, minimum=0, maximum=100)
+    rotation_deg: float = key(
+        "standard deviation, each camera axis", unit="deg", default=3.0, minimum=0, maximum=180, slider=(0, 20)
+    )
+    translation_m: float = key(
+        "standard deviation, each world axis", unit="m", default=0.025, minimum=0, maximum=100, slider=(0, 0.2)
+    )
+    TOOLTIPS: ClassVar[Mapping[str, str]] = {
+        "rotation_deg": "Higher: the camera shakes more; at 20 degrees it looks elsewhere in each frame",
+        "translation_m": "Higher: the camera jumps further off its path",
+    }
 
 
 def drawn(count: int, parameters: MotionDeviation, context: SequenceContext) -> dict[str, NDArray[np.float64]]:

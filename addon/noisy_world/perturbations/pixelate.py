@@ -4,7 +4,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache, lru_cache
-from typing import Any, TypeVar
+from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,6 +40,9 @@ class Pixelate:
     """
 
     factor: float = key("width and height of the small image, of the frame's", default=0.4, minimum=0.001, maximum=1)
+    TOOLTIPS: ClassVar[Mapping[str, str]] = {
+        "factor": "Lower: larger squares of one color",
+    }
 
 
 def apply(rgb: NDArray[np.float32], parameters: Pixelate, _context: FrameContext) -> NDArray[np.float32]:

@@ -4,6 +4,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,6 +38,13 @@ class RainDepth(Falling):
         "standard deviation of each drop's own velocity", default=0.25, unit="m/s", minimum=0, maximum=10
     )
     shutter_ms: float = key("how long the shutter is open", default=2.5, unit="ms", minimum=0, maximum=1000)
+    TOOLTIPS: ClassVar[Mapping[str, str]] = {
+        "rate_mm_h": "Higher: more and larger drops, and what is far goes gray",
+        "brightness": "Higher: streaks and the gray in the distance get lighter",
+        "wind_m_s": "Further from 0: streaks lean further to the right, or to the left below 0",
+        "gusts_m_s": "Higher: drops go their own ways, and no two streaks lie alike",
+        "shutter_ms": "Higher: streaks get longer and fainter",
+    }
 
 
 KIND = Kind(rain, drop_speed_m_s, BRIGHTNESS)

@@ -1,16 +1,17 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Redwood's model of the first Kinect, as Open3D and Habitat have it, with a table of distortion if one is given."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..core.perturbing.kinds import DepthPerturbation, FrameContext
 from ..core.schema import Choice, key
-from ._depth_device import NOISE_SEVERITIES, Devices, filled, noise_of_device, of_device
+from ._depth_device import DEVICE_TOOLTIPS, NOISE_SEVERITIES, Devices, filled, noise_of_device, of_device
 from ._quantiles import look_up, scaled_normal, uniform_codes
 from ._shifted import shifted_places, taken
 from ._void import quotient, without_void
@@ -37,8 +38,13 @@ class Redwood:
     step_px: float = of_device("what disparity is rounded to", 8, "px")
     sigma_px: float = of_device("standard deviation of disparity before that", 8, "px")
     shift_px: float = of_device("standard deviation of the place, across and down, that a pixel shows", 8, "px")
-    max_m: float = of_device("depth from which on nothing is given", 1000, "m")
+    max_m: float = of_device("depth from which on nothing is given", 1000, "m", slider=(0.5, 20))
     warp: str = key("a file with a table of distortion, such as Redwood's dist-model.txt", default="", file=warp_table)
+    TOOLTIPS: ClassVar[Mapping[str, str]] = DEVICE_TOOLTIPS | {
+        "product_px_m": "Higher: depth gets better",
+        "sigma_px": "Higher: far surfaces get rougher",
+        "warp": "With a file: flat walls bend, otherwise at each distance, and parts of the image have no depth",
+    }
 
 
 # Choi, Zhou and Koltun, Robust reconstruction of indoor scenes, 2015; the same in Open3D and habitat-sim.

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Rolling shutter: the lines of an image are read one after another, each from where the camera is by then."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import ClassVar, Literal
 
 from ..core.perturbing.kinds import ExposurePerturbation
 from ..core.schema import Choice, key
@@ -49,6 +50,12 @@ class RollingShutter:
             "global": Choice("Global", "All depth is of one moment, that of the time stamp"),
         },
     )
+    TOOLTIPS: ClassVar[Mapping[str, str]] = {
+        "readout_ms": "Higher: a moving camera skews and bends the picture more",
+        "direction": "Where reading goes; what moves across that direction leans",
+        "stamp": "Which moment of the readout has the time stamp and the pose of the frame",
+        "depth": "Whether lines of depth are read one after another too, or all at once",
+    }
 
 
 def shutter(parameters: RollingShutter) -> Shutter:

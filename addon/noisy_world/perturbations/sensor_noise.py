@@ -4,6 +4,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,10 +43,14 @@ class SensorNoise:
         maximum=72,
     )
     full_well_electrons: float = key(
-        "electrons of a pixel that is full, white at no gain", default=10_000.0, minimum=10, maximum=1e6
+        "electrons of a pixel that is full, white at no gain",
+        default=10_000.0,
+        minimum=10,
+        maximum=1e6,
+        label="Full Well",
     )
     read_noise_electrons: float = key(
-        "standard deviation of reading a pixel, at its input", default=0.99, minimum=0, maximum=1000
+        "standard deviation of reading a pixel, at its input", default=0.99, minimum=0, maximum=1000, label="Read Noise"
     )
     dark_electrons_per_s: float = key("dark current of a pixel", default=10.0, unit="1/s", minimum=0, maximum=1e6)
     exposure_ms: float = key(
@@ -62,9 +67,12 @@ class SensorNoise:
         default=0.2,
         minimum=0,
         maximum=1000,
+        label="Row Noise",
     )
     black_level: float = key("black's number over the largest one", default=0.0625, minimum=0, maximum=0.5)
-    subtract_black: bool = key("the black level is taken off again, as a finished image has it", default=True)
+    subtract_black: bool = key(
+        "the black level is taken off again, as a finished image has it", default=True, label="Without Black"
+    )
     bits: int = key("bits of the numbers", default=10, minimum=1, maximum=16)
     grain_px: float = key(
         "size of the grain: 1 is a sensor's, each pixel by itself; larger is soft, as film",
@@ -80,6 +88,22 @@ class SensorNoise:
         maximum=16,
     )
     sensor: int = key("which one of its kind: it decides where hot pixels are", default=0, minimum=0, maximum=2**31 - 1)
+    TOOLTIPS: ClassVar[Mapping[str, str]] = {
+        "gain_db": "Higher: a darker scene, so stronger noise",
+        "full_well_electrons": "Higher: less noise in what is light, as of larger pixels",
+        "read_noise_electrons": "Higher: more noise in what is dark",
+        "dark_electrons_per_s": "Higher: a warmer sensor, with more noise in what is dark",
+        "exposure_ms": "Higher: hot pixels get brighter",
+        "hot_percent": "Higher: more pixels are brighter than they should be, always the same ones",
+        "hot_electrons_per_s": "Higher: hot pixels get brighter",
+        "row_noise_electrons": "Higher: rows are lighter and darker by chance",
+        "black_level": "Higher: less of the noise in black is cut off",
+        "subtract_black": "Off: black is gray, as of a raw image",
+        "bits": "Lower: colors in visible steps",
+        "grain_px": "Higher: soft and large grain",
+        "headroom_stops": "Lower: what shines is cut off earlier",
+        "sensor": "Another number: hot pixels are elsewhere",
+    }
 
 
 def apply(rgb: NDArray[np.float32], parameters: SensorNoise, context: FrameContext) -> NDArray[np.float32]:

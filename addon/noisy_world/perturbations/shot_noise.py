@@ -5,7 +5,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +32,9 @@ class ShotNoise:
     photons: float = key(
         "mean number of photons at full scale; 0 is darkness", default=12.0, minimum=0, maximum=MOST_PHOTONS
     )
+    TOOLTIPS: ClassVar[Mapping[str, str]] = {
+        "photons": "Lower: more grain, most of it in bright places; 0 is darkness",
+    }
 
 
 def apply(rgb: NDArray[np.float32], parameters: ShotNoise, context: FrameContext) -> NDArray[np.float32]:

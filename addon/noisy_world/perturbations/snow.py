@@ -4,6 +4,7 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,7 +33,19 @@ class Snow:
     blur_radius_px: int = key("a streak has 2 radius + 1 pixels", default=12, unit="px", minimum=0, maximum=100)
     blur_sigma_px: float = key("standard deviation of its weights", default=8.0, unit="px", above=0, maximum=200)
     blending_ratio: float = key("share of the image, the rest being whitened", default=0.7, minimum=0, maximum=1)
-    fall_px: float = key("drift: how far the flakes fall a frame", default=12.0, unit="px", minimum=0, maximum=1000)
+    fall_px: float = key(
+        "drift: how far the flakes fall a frame", default=12.0, unit="px", minimum=0, maximum=1000, slider=(0, 100)
+    )
+    TOOLTIPS: ClassVar[Mapping[str, str]] = {
+        "mean": "Higher: more flakes",
+        "std": "Higher: flakes differ more in brightness",
+        "scale": "Higher: larger flakes, and fewer",
+        "threshold": "Lower: more flakes",
+        "blur_radius_px": "Higher: longer streaks behind the flakes",
+        "blur_sigma_px": "Higher: the streaks fade less toward their ends",
+        "blending_ratio": "Lower: the picture itself gets whiter, as in thick snowfall",
+        "fall_px": "Higher: with the pattern Drift, the flakes fall faster",
+    }
 
 
 def apply(rgb: NDArray[Level], parameters: Snow, context: FrameContext) -> NDArray[Level]:

@@ -4,6 +4,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,6 +37,13 @@ class SnowDepth(Falling):
         "standard deviation of each flake's own velocity", default=0.25, unit="m/s", minimum=0, maximum=10
     )
     shutter_ms: float = key("how long the shutter is open", default=8.0, unit="ms", minimum=0, maximum=1000)
+    TOOLTIPS: ClassVar[Mapping[str, str]] = {
+        "rate_mm_h": "Higher: more and larger flakes, and what is far goes white",
+        "brightness": "Higher: flakes and the white in the distance get lighter",
+        "wind_m_s": "Further from 0: flakes fly further to the right, or to the left below 0",
+        "gusts_m_s": "Higher: flakes go their own ways, and no two streaks lie alike",
+        "shutter_ms": "Higher: flakes become longer and fainter streaks",
+    }
 
 
 KIND = Kind(snow, flake_speed_m_s, BRIGHTNESS)

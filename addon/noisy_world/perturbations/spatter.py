@@ -4,6 +4,7 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,7 +47,18 @@ class Spatter:
         maximum=50,
     )
     complexity: int = key("0 is water, 1 is mud", default=0, minimum=0, maximum=1)
-    run_px: float = key("drift: how far the drops run down a frame", default=0.5, unit="px", minimum=0, maximum=1000)
+    run_px: float = key(
+        "drift: how far the drops run down a frame", default=0.5, unit="px", minimum=0, maximum=1000, slider=(0, 10)
+    )
+    TOOLTIPS: ClassVar[Mapping[str, str]] = {
+        "mean": "Higher: more of the lens is covered",
+        "std": "Higher: drops differ more in size",
+        "sigma_px": "Higher: larger, rounder drops",
+        "threshold": "Lower: more drops",
+        "scaling": "Higher: the drops cover the picture more",
+        "complexity": "0 shows drops of water, 1 mud",
+        "run_px": "Higher: with the pattern Drift, the drops run down faster",
+    }
 
 
 def apply(rgb: NDArray[Level], parameters: Spatter, context: FrameContext) -> NDArray[Level]:

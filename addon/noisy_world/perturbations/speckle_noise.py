@@ -4,6 +4,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +25,9 @@ class SpeckleNoise:
     """Each channel of each pixel times its own normal gain of mean 1, as ImageNet-C."""
 
     std: float = key("standard deviation, of the pixel's value", default=0.35, minimum=0, maximum=2)
+    TOOLTIPS: ClassVar[Mapping[str, str]] = {
+        "std": "Higher: more grain in bright places; dark ones stay clean",
+    }
 
 
 def apply(rgb: NDArray[np.float32], parameters: SpeckleNoise, context: FrameContext) -> NDArray[np.float32]:

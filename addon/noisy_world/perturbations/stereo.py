@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A stereo depth camera with a projector: errors of disparity, its baseline's shadow, and walls without texture."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 from ..core.perturbing.kinds import DepthPerturbation, FrameContext
 from ..core.schema import Choice, key
 from ._bands import by_bands
-from ._depth_device import NOISE_SEVERITIES, Devices, camera_of, filled, noise_of_device, of_device
+from ._depth_device import DEVICE_TOOLTIPS, NOISE_SEVERITIES, Devices, camera_of, filled, noise_of_device, of_device
 from ._depth_shadow import shadowed
 from ._quantiles import look_up, normal_quantiles, scaled_normal, uniform_codes
 from ._void import quotient, without_void
@@ -44,10 +45,17 @@ class Stereo:
     sigma_px: float = of_device("standard deviation of disparity", 100, "px")
     step_px: float = of_device("what disparity is rounded to; 0: not", 8, "px")
     search_px: float = of_device("largest disparity that is searched for", 10_000, "px")
-    max_m: float = of_device("farthest depth that is given", 1000, "m")
+    max_m: float = of_device("farthest depth that is given", 1000, "m", slider=(0.5, 20))
     least_contrast: float = of_device("least standard deviation of brightness (0 to 1) that is matched", 1)
     pattern: float = of_device("contrast that the projector adds to white at 1 m", 100)
     speckle: float = of_device("standard deviation of the speckle that contrast is multiplied by", 1)
+    TOOLTIPS: ClassVar[Mapping[str, str]] = DEVICE_TOOLTIPS | {
+        "sigma_px": "Higher: far surfaces get rougher",
+        "search_px": "Lower: more of what is near has no depth",
+        "least_contrast": "Higher: more plain walls have no depth; 0: none is lost",
+        "pattern": "Higher: plain walls have depth further away",
+        "speckle": "Higher: the borders of holes get more ragged",
+    }
 
 
 # focal_px: 424 at 848 x 480 and 90 degrees, sigma_px: Intel's figure for D4xx, librealsense thread 3904; the best of it

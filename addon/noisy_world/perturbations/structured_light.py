@@ -2,8 +2,9 @@
 """A structured-light camera such as the first Kinect: disparity in eighths, a window, and the projector's shadow."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +12,16 @@ from numpy.typing import NDArray
 from ..core.perturbing.kinds import DepthPerturbation, FrameContext
 from ..core.schema import Choice, key
 from ._bands import bands, by_bands
-from ._depth_device import NOISE_SEVERITIES, Devices, camera_of, filled, noise_of_device, of_device, range_contradiction
+from ._depth_device import (
+    DEVICE_TOOLTIPS,
+    NOISE_SEVERITIES,
+    Devices,
+    camera_of,
+    filled,
+    noise_of_device,
+    of_device,
+    range_contradiction,
+)
 from ._depth_shadow import shadowed
 from ._quantiles import look_up, scaled_normal, uniform_codes
 from ._shifted import shifted_places, taken
@@ -45,8 +55,13 @@ class StructuredLight:
     shift_px: float = of_device("standard deviation of the place, across and down, that a pixel shows", 8, "px")
     window_px: float = of_device("side of the window that is matched; 0: none", 99, "px")
     least_share: float = of_device("share of the window that has to show the pixel's own surface", 1)
-    min_m: float = of_device("nearest depth that is given", 1000, "m")
-    max_m: float = of_device("farthest depth that is given", 1000, "m")
+    min_m: float = of_device("nearest depth that is given", 1000, "m", slider=(0, 2))
+    max_m: float = of_device("farthest depth that is given", 1000, "m", slider=(0.5, 20))
+    TOOLTIPS: ClassVar[Mapping[str, str]] = DEVICE_TOOLTIPS | {
+        "sigma_px": "Higher: steps of depth get more ragged",
+        "window_px": "Higher: larger thin things have no depth",
+        "least_share": "Higher: corners and thin things lose more",
+    }
 
 
 # f b / step of 351.3 m, an error of a sixth of a step, half a pixel of shift, a window of 9 x 9: ICL-NUIM (simkinect).

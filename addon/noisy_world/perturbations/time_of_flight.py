@@ -2,10 +2,10 @@
 """A time-of-flight camera: the phase of modulated light, summed over what a pixel sees, from four noisy samples."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +14,16 @@ from ..core.geometry import Intrinsics
 from ..core.linear_light import decoded
 from ..core.perturbing.kinds import DepthPerturbation, FrameContext
 from ..core.schema import Choice, key
-from ._depth_device import NOISE_SEVERITIES, Devices, camera_of, filled, noise_of_device, of_device, range_contradiction
+from ._depth_device import (
+    DEVICE_TOOLTIPS,
+    NOISE_SEVERITIES,
+    Devices,
+    camera_of,
+    filled,
+    noise_of_device,
+    of_device,
+    range_contradiction,
+)
 from ._detours import by_one_bounce
 from ._incidence import cosine_of_incidence
 from ._quantiles import look_up, scaled_normal, uniform_codes
@@ -49,7 +58,7 @@ class TimeOfFlight:
     frequency_mhz: float = of_device("frequency that the phase is measured at", 10_000, "MHz")
     unambiguous_m: float = of_device("range that further frequencies tell apart, rounded to turns; 0: one", 10_000, "m")
     electrons: float = of_device("of a sample, from a white surface at 1 m, head on", 1e9)
-    ambient_electrons: float = of_device("of a sample, from other light", 1e9)
+    ambient_electrons: float = of_device("of a sample, from other light", 1e9, label="Ambient")
     read_electrons: float = of_device("standard deviation of reading a sample", 1e6)
     contrast: float = of_device("modulation contrast of the samples", 1)
     least_electrons: float = of_device("least amplitude that is taken for a signal", 1e9)
@@ -64,8 +73,21 @@ class TimeOfFlight:
         minimum=0,
         maximum=10,
     )
-    min_m: float = of_device("nearest depth that is given", 1000, "m")
-    max_m: float = of_device("farthest depth that is given", 1000, "m")
+    min_m: float = of_device("nearest depth that is given", 1000, "m", slider=(0, 2))
+    max_m: float = of_device("farthest depth that is given", 1000, "m", slider=(0.5, 20))
+    TOOLTIPS: ClassVar[Mapping[str, str]] = DEVICE_TOOLTIPS | {
+        "frequency_mhz": "Higher: depth gets better, and begins again at 0 sooner",
+        "unambiguous_m": "Lower: what is far comes back as near",
+        "electrons": "Higher: less noise, and what is near gets too bright",
+        "ambient_electrons": "Higher: more noise, as in sunlight",
+        "read_electrons": "Higher: more noise where it is dark or far",
+        "contrast": "Higher: less noise",
+        "least_electrons": "Higher: more of what is dark or far has no depth",
+        "most_electrons": "Lower: more of what is bright and near has no depth",
+        "spread": "Higher: more pixels hang in the air between near and far",
+        "jump_m": "Lower: wider gaps beside edges; 0: none",
+        "multipath": "Higher: corners of rooms get deeper and rounder",
+    }
 
 
 # Ranges: Microsoft, Azure Kinect DK hardware specifications. electrons: so that the deviation on a grey of albedo 0.5

@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Vibration: a body shakes as a hand, a walker, a machine does, in bands of frequency, continuously in time."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 
@@ -33,13 +35,31 @@ class Vibration:
     )
     strength: float = key("what translation and rotation are multiplied by", default=1.0, minimum=0, maximum=1000)
     translation_m: float = key(
-        "root mean square of the translation, below 0 the source's", unit="m", default=-1.0, minimum=-1, maximum=100
+        "root mean square of the translation, below 0 the source's",
+        unit="m",
+        default=-1.0,
+        minimum=-1,
+        maximum=100,
+        slider=(0, 0.2),
     )
     rotation_deg: float = key(
-        "root mean square of the rotation, below 0 the source's", unit="deg", default=-1.0, minimum=-1, maximum=90
+        "root mean square of the rotation, below 0 the source's",
+        unit="deg",
+        default=-1.0,
+        minimum=-1,
+        maximum=90,
+        slider=(0, 20),
     )
     low_hz: float = key("lowest frequency, below 0 the source's", unit="Hz", default=-1.0, minimum=-1, maximum=1e4)
     high_hz: float = key("highest frequency, below 0 the source's", unit="Hz", default=-1.0, minimum=-1, maximum=1e4)
+    TOOLTIPS: ClassVar[Mapping[str, str]] = {
+        "source": "What shakes the camera",
+        "strength": "Higher: the camera shakes further",
+        "translation_m": "Higher: it shakes further aside; below 0: as far as the source",
+        "rotation_deg": "Higher: it turns further; below 0: as far as the source",
+        "low_hz": "Higher: slow movements are left out; below 0: none",
+        "high_hz": "Lower: fast movements are left out; below 0: none",
+    }
 
 
 def signals(parameters: Vibration, context: SequenceContext) -> tuple[Sines, Sines]:

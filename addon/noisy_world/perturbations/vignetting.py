@@ -4,6 +4,7 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,6 +49,14 @@ class Vignetting:
     axis_down: float = key(
         "where the axis is, of the height, where intrinsics are unknown", default=0.5, minimum=-1, maximum=2
     )
+    TOOLTIPS: ClassVar[Mapping[str, str]] = {
+        "corner_loss": "Higher: the corners get darker; 1: black",
+        "radius_power": "Higher: the loss begins nearer to the corners",
+        "cosine_power": "Higher: the border gets darker, in a wide view most; 4 as behind a thin lens",
+        "view_deg": "Higher: a wider view, in which the law of the cosine darkens more",
+        "axis_across": "Higher: the brightest place is further right",
+        "axis_down": "Higher: the brightest place is further down",
+    }
 
 
 def gain(parameters: Vignetting, context: FrameContext, size_px: tuple[int, int]) -> NDArray[np.float32]:

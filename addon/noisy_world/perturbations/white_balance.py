@@ -4,6 +4,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from math import log2
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,6 +37,13 @@ class WhiteBalance:
     tint_stops: float = key(
         "error: red and blue over green; below 0 all is greener", default=0.0, minimum=-4, maximum=4
     )
+    TOOLTIPS: ClassVar[Mapping[str, str]] = {
+        "strength": "Higher: scenes of one color get grayer",
+        "lag_s": "Higher: colors stay wrong for longer",
+        "most_stops": "Lower: strongly colored light stays so",
+        "warmth_stops": "Higher: too red; below 0 too blue",
+        "tint_stops": "Higher: too purple; below 0 too green",
+    }
 
 
 def decides(parameters: WhiteBalance, context: FrameContext) -> Mapping[str, float]:

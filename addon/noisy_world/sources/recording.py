@@ -57,6 +57,7 @@ class RecordingKeys(SceneKeys):
         above=0,
         maximum=10_000,
         identity="meaning",
+        slider=(1, 120),
     )
     layout: ReadAs = key(
         "how the folder of a sequence is read: auto by the layout that its files tell; images as plain PNG or JPEG "
@@ -95,6 +96,7 @@ class RecordingKeys(SceneKeys):
         minimum=SCALES_PER_M[0],
         maximum=SCALES_PER_M[1],
         identity="meaning",
+        slider=(100, 10_000),
     )
     void: Void = key(VOID_MEANING, default="unmeasured", choices=VOID_CHOICES)
     distortion: DistortionSpec | None = key(

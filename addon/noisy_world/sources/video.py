@@ -35,6 +35,7 @@ class VideoKeys(SceneKeys):
         minimum=SCALES_PER_M[0],
         maximum=SCALES_PER_M[1],
         identity="meaning",
+        slider=(100, 10_000),
     )
     void: Void = key(VOID_MEANING, default="unmeasured", choices=VOID_CHOICES)
 

@@ -12,13 +12,13 @@ from typing import Any, Literal, TypeAlias, Union, get_args, get_origin, get_typ
 import bpy
 
 from ..core.channels import COLOUR_AND_DEPTH, Channel
-from ..core.labels import american, parameter_label, title
+from ..core.labels import american, title
 from ..core.presets.distortion import DistortionSpec
 from ..core.presets.output import OutputSpec
 from ..core.presets.preset import CameraSpec, ImuSpec, PresetSpec, RenderSpec
 from ..core.presets.scene_keys import BodySpec, HandheldSpec, SceneKeys, TrajectorySpec
 from ..core.presets.settings import SettingSpec
-from ..core.schema import KeyInfo
+from ..core.schema import KeyInfo, label_of, tooltip_of
 from ..perturbations.faster_motion import FasterMotion
 from ..perturbations.motion_deviation import MotionDeviation
 from ..sources import SOURCES
@@ -59,17 +59,6 @@ _SUBTYPES = {
 }  # fmt: skip
 _SPOKEN_UNITS = {"frames": "frames", "Hz": "Hz"}
 _FRAME_RATE = "Frame Rate"  # which artists count in fps
-_SOFT: dict[str, tuple[float, float]] = {
-    "width": (16, 4096), "height": (16, 4096), "fx": (50, 4000), "fy": (50, 4000), "cx": (0, 4096), "cy": (0, 4096),
-    "near_m": (0.001, 1), "far_m": (1, 1000), "rotation_deg": (0, 20), "translation_m": (0, 0.2),
-    "frames": (2, 2000), "rate_hz": (1, 120), "speed_m_s": (0.05, 3), "clearance_m": (0, 1), "every": (1, 20),
-    "samples": (1, 256), "depth_scale_per_m": (100, 10_000),
-    "focus_m": (0.1, 10), "f_number": (1, 32), "focal_length_mm": (10, 200), "sensor_width_mm": (4, 50),
-    "max_radius_px": (1, 30), "alias_sigma_px": (0, 3), "flow_px": (0, 50), "creep_px": (0, 10), "fall_px": (0, 100),
-    "run_px": (0, 10), "angle_deg": (-90, 90), "max_angle_deg": (0, 90), "smoothness": (1, 4), "airlight": (0, 1),
-    "min_m": (0, 2), "max_m": (0.5, 20), "offset": (-30, 30), "blur_sigma_px": (0.1, 20), "blending_ratio": (0, 1),
-}  # fmt: skip
-"""Where a slider of a field ends, chosen: what is of use; the keyboard reaches the whole range."""
 _INT_SUBTYPES: dict[str, dict[str, Any]] = {"px": {"subtype": "PIXEL"}, "frames": {"subtype": "TIME"}}
 _IN_UNITS = ("default", "min", "max", "soft_min", "soft_max")
 
@@ -85,7 +74,7 @@ def described(
     update: str | Callable[[Any, bpy.types.Context], None] = "",
     **other: Any,
 ) -> Any:
-    """Return a property for a dataclass's field, with the field's meaning as tooltip, its range, unit and default.
+    """Return a property for a dataclass's field, with the field's tooltip, range, unit, slider and default.
 
     An angle is in radians there, as Blender's are. Presets hold no keyframes, so it cannot be animated.
     label: replaces the field's name. section: of the tab, where it is not that of the dataclass. update: the name that
@@ -94,7 +83,7 @@ def described(
     item: Field[Any] = next(field for field in fields(cls) if field.name == name)
     info: KeyInfo = item.metadata["key"]
     hint = _plain(get_type_hints(cls)[name])
-    label, items = label or parameter_label(name), _items(hint, info)
+    label, items = label or label_of(cls, name), _items(hint, info)
     choices = {"true": "On", "false": "Off"} if hint is bool else {value: shown for value, shown, _ in items}
     SHOWN[cls, name] = ShownField(f"{section or SECTIONS[cls]} > {label}", choices)
     if info.unit in _SPOKEN_UNITS:
@@ -102,7 +91,7 @@ def described(
     on_change = tell(update or name) if isinstance(update, str) else update
     common: dict[str, Any] = {
         "name": label,
-        "description": sentence(info.meaning),
+        "description": sentence(tooltip_of(cls, name)),
         "update": on_change,
         "options": set(),
     }
@@ -121,8 +110,8 @@ def described(
             {} if info.file is None else {"subtype": "FILE_PATH", "options": {"PATH_SUPPORTS_BLEND_RELATIVE"}}
         )
         return bpy.props.StringProperty(**(common | named | other))
-    if name in _SOFT:
-        common["soft_min"], common["soft_max"] = _SOFT[name]
+    if info.slider is not None:
+        common["soft_min"], common["soft_max"] = info.slider
     return _number(hint, info, common | other)
 
 

@@ -10,7 +10,7 @@ import bpy
 
 from ..core.channels import CHANNELS
 from ..core.errors import NoisyWorldError
-from ..core.labels import parameter_label, title
+from ..core.labels import title
 from ..core.perturbing.kinds import SEVERITIES, Perturbation
 from ..core.presets.output import OutputSpec
 from ..core.presets.preset import (
@@ -21,6 +21,7 @@ from ..core.presets.preset import (
     SettingSpec,
 )
 from ..core.presets.scene_keys import BodySpec, HandheldSpec, SceneKeys, TrajectorySpec
+from ..core.schema import label_of
 from ..perturbations import registry
 from ..perturbations.faster_motion import FasterMotion
 from ..perturbations.motion_deviation import MotionDeviation
@@ -29,7 +30,6 @@ from .imu_fields import imu_members
 from .lens_fields import lens_members
 from .shot_fields import NoisyWorldShot, shot_list_members
 from .source_fields import GROUPS, ITEMS, source_members
-from .tooltips import seen
 from .typed_numbers import property_name, set_value
 
 OUTPUT = OutputSpec().format  # the format of a new scene
@@ -51,15 +51,13 @@ def _parameters_class(perturbation: Perturbation) -> type:
     """Return the property group of a perturbation's parameters, and of which of them override the severity's."""
     members: dict[str, Any] = {}
     for item in fields(perturbation.parameters):
-        more: dict[str, Any] = {"description": text} if (text := seen(perturbation.name, item.name)) else {}
-        if item.name in perturbation.severities:
-            more |= _soft_range(perturbation, item.name)
+        more: dict[str, Any] = _soft_range(perturbation, item.name) if item.name in perturbation.severities else {}
         members[property_name(item.name)] = described(
             perturbation.parameters, item.name, update="steps", section=title(perturbation.label), **more
         )
         if item.name in perturbation.severities:
             members[OVERRIDE + item.name] = _flag(
-                name=f"Override {parameter_label(item.name)}",
+                name=f"Override {label_of(perturbation.parameters, item.name)}",
                 description="Set this parameter by hand instead of taking the severity's value",
                 update=_take_severity(perturbation, item.name),
                 default=False,
@@ -69,7 +67,7 @@ def _parameters_class(perturbation: Perturbation) -> type:
     return type(name, (bpy.types.PropertyGroup,), {"__annotations__": members, "__module__": __name__})
 
 
-def _soft_range(perturbation: Perturbation, parameter: str) -> dict[str, float]:
+def _soft_range(perturbation: Perturbation, parameter: str) -> dict[str, Any]:
     """Return where a slider ends: at nothing, and at half as much again as at the strongest severity."""
     table = perturbation.severities[parameter]
     low, high = min(table), max(table)
@@ -266,16 +264,14 @@ def _panel_members() -> dict[str, Any]:
             description="Use every pose, every second one, every third, and so on",
         ),
         "deviation_rotation": described(
-            MotionDeviation, "rotation_deg", label="Rotation", update="deviation_rotation", default=0.0,
-            description=seen("motion_deviation", "rotation_deg"),
+            MotionDeviation, "rotation_deg", label="Rotation", update="deviation_rotation", default=0.0
         ),
         "deviation_translation_m": described(
             MotionDeviation, "translation_m", label="Translation", update="deviation_translation_m", default=0.0,
-            precision=4, description=seen("motion_deviation", "translation_m"),
+            precision=4,
         ),
         "speed_factor": described(
-            FasterMotion, "factor", label="Speed Factor", update="speed_factor", default=1,
-            description=seen("faster_motion", "factor"),
+            FasterMotion, "factor", label="Speed Factor", update="speed_factor", default=1
         ),
         **{
             name: described(

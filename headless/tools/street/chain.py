@@ -111,7 +111,7 @@ def _group(tree: bpy.types.NodeTree, link: Link, camera: Intrinsics) -> bpy.type
     if OVERRIDE_CAMERA in node.inputs:
         set_value(node.inputs[OVERRIDE_CAMERA], True)
     for name, value in seen.items():
-        set_value(node.inputs[socket_name(name)], socket_value(perturbation, name, value))
+        set_value(node.inputs[socket_name(perturbation, name)], socket_value(perturbation, name, value))
     for name, value in link.values.items():
         set_value(node.inputs[name], value)
     for name, keys in link.keys.items():

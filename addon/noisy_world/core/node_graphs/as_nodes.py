@@ -29,7 +29,7 @@ def as_nodes(
     if context.intrinsics is not None and perturbation.by_camera is not None:
         parameters = replace(parameters, **perturbation.by_camera(context.intrinsics))
     given |= {
-        socket_name(item.name): socket_value(perturbation, item.name, getattr(parameters, item.name))
+        socket_name(perturbation, item.name): socket_value(perturbation, item.name, getattr(parameters, item.name))
         for item in fields(parameters)
     }
     if perturbation.uses_motion:

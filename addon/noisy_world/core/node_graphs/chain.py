@@ -180,14 +180,14 @@ def socket_values(
     perturbation = step.perturbation
     told = {} if severity == 0 else _told(step, severity, replace(decided or without_frames(context), lit=lit))
     if not perturbation.has_parameter_sockets:
-        values |= {socket_name(name): value for name, value in told.items()}
+        values |= {socket_name(perturbation, name): value for name, value in told.items()}
     elif severity != 0:
         parameters = replace(step.parameters(severity), **told)
         if intrinsics is not None and perturbation.by_camera is not None:
             parameters = replace(parameters, **perturbation.by_camera(intrinsics))
         for item in fields(parameters):
             value = socket_value(perturbation, item.name, getattr(parameters, item.name))
-            values[socket_name(item.name)] = value
+            values[socket_name(perturbation, item.name)] = value
     if severity != 0 and perturbation.is_repeatable(step.parameters(severity)):
         return values, note
     if camera_state is not None:
@@ -251,7 +251,7 @@ def shown_values(
     severity = note.get("severity")
     if severity not in SEVERITIES or not _is_by_table(step.perturbation, severity, values):
         return values | {OVERRIDE: True}
-    names = [socket_name(name) for name in table]
+    names = [socket_name(step.perturbation, name) for name in table]
     kept = {name: value for name, value in values.items() if name not in names}
     return kept | {OVERRIDE: False, SEVERITY_INPUT.name: float(severity)}
 
@@ -260,7 +260,7 @@ def _is_by_table(perturbation: ColourPerturbation, severity: float, values: Mapp
     """Tell whether all parameters of the table are as at this severity."""
     wanted = perturbation.at_severity(severity)
     return all(
-        values[socket_name(name)] == socket_value(perturbation, name, getattr(wanted, name))
+        values[socket_name(perturbation, name)] == socket_value(perturbation, name, getattr(wanted, name))
         for name in perturbation.severities
     )
 

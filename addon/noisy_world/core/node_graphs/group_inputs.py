@@ -9,6 +9,7 @@ from typing import Any, Literal, get_args, get_origin, get_type_hints
 from ..labels import american, parameter_label, title
 from ..perturbing.contexts import Temporal
 from ..perturbing.kinds import ColourPerturbation, Perturbation
+from ..schema import label_of
 from ..streams import stream
 from .graph import Graph, GroupInput, Kind, Panel, Socket
 
@@ -68,9 +69,13 @@ _MEANINGS: Mapping[Temporal, str] = {
 _SUBTYPES = {"px": "PIXEL", "deg": "ANGLE", "m": "DISTANCE"}
 
 
-def socket_name(parameter: str) -> str:
-    """Return the name of a parameter's socket: its label, without the unit, which the socket's subtype gives."""
-    return parameter_label(parameter)
+def socket_name(perturbation: Perturbation, name: str) -> str:
+    """Return the name of the socket of a parameter, or of a value told for a frame: its label, without the unit.
+
+    The socket's subtype gives that.
+    """
+    parameters = perturbation.parameters
+    return label_of(parameters, name) if name in parameters.__dataclass_fields__ else parameter_label(name)
 
 
 def socket_value(perturbation: Perturbation, parameter: str, value: Any) -> Any:
@@ -102,7 +107,9 @@ def frame_inputs(perturbation: ColourPerturbation) -> dict[str, GroupInput]:
     """Return an input for each value that a group is told for a frame."""
     values = {} if perturbation.by_frame is None else perturbation.by_frame.values
     return {
-        name: GroupInput(socket_name(name), "float", item.default, american(item.meaning), item.minimum, item.maximum)
+        name: GroupInput(
+            socket_name(perturbation, name), "float", item.default, american(item.meaning), item.minimum, item.maximum
+        )
         for name, item in values.items()
     }
 
@@ -115,14 +122,14 @@ def _parameter_input(perturbation: Perturbation, name: str, served: float | None
     panel = OVERRIDE_PANEL if name in perturbation.severities else None
     if get_origin(hint) is Literal:
         items = tuple(title(value) for value in get_args(hint))
-        return GroupInput(socket_name(name), "menu", default, meaning, panel=panel, items=items)
+        return GroupInput(socket_name(perturbation, name), "menu", default, meaning, panel=panel, items=items)
     kinds: dict[Any, Kind] = {float: "float", int: "int", bool: "bool"}
     kind = kinds[hint]
     low = info.minimum if info.above is None else info.above
     high = info.maximum if served is None or info.maximum is None else min(info.maximum, served)
     subtype = _SUBTYPES.get(info.unit, "FACTOR" if kind == "float" and (low, high) == (0, 1) else "NONE")
     limits = [None if bound is None else socket_value(perturbation, name, bound) for bound in (low, high)]
-    return GroupInput(socket_name(name), kind, default, meaning, limits[0], limits[1], subtype, panel)
+    return GroupInput(socket_name(perturbation, name), kind, default, meaning, limits[0], limits[1], subtype, panel)
 
 
 def timing_sockets(graph: Graph, perturbation: ColourPerturbation) -> dict[str, Socket]:

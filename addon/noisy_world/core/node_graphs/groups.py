@@ -136,7 +136,8 @@ def build_group(
     if perturbation.build is None:
         raise NoisyWorldError(f"{perturbation.name}: has no node group; the backend reference carries it out")
     served = dict(perturbation.capacity) | dict(capacity or {})
-    more = [f"{socket_name(name)} {value:g}" for name, value in served.items() if value != perturbation.capacity[name]]
+    larger = {name: value for name, value in served.items() if value != perturbation.capacity[name]}
+    more = [f"{socket_name(perturbation, name)} {value:g}" for name, value in larger.items()]
     text = " ".join((perturbation.parameters.__doc__ or "").split("\n\n")[0].split())
     graph = Graph(
         group_name(perturbation) + (f" ({', '.join(more)})" if more else ""),

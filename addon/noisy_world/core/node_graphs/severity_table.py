@@ -51,7 +51,8 @@ def _looked_up(
     inputs: dict[str, Any] = {"Index": level, "Item_0": items[0]}  # there is no level 0
     inputs |= {f"Item_{place}": item for place, item in zip(SEVERITIES, items, strict=True)}
     kind = "FLOAT" if len(names) == 1 else "VECTOR"
-    label, properties = ", ".join(map(socket_name, names)), {"data_type": kind, "items": len(items) + 1}
+    label = ", ".join(socket_name(perturbation, name) for name in names)
+    properties = {"data_type": kind, "items": len(items) + 1}
     made = level.graph.node("GeometryNodeIndexSwitch", inputs, properties, label=label)
     return made.out("Output", "float" if len(names) == 1 else "vector")
 

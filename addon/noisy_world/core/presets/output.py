@@ -77,6 +77,7 @@ class OutputSpec:
         above=0,
         maximum=1e6,
         identity="meaning",
+        slider=(100, 10_000),
     )
     depth_beyond: Beyond = key(
         "what becomes of depth that 16 bits do not hold: void, or the farthest that they do",

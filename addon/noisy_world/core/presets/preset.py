@@ -37,17 +37,29 @@ EMBREE_SAMPLES = (1, 4, 9, 16, 25, 36, 49, 64)  # of square grids; the last is c
 class CameraSpec:
     """Pinhole intrinsics; integer pixel coordinates name pixel centres."""
 
-    width: int = key("image width", unit="px", minimum=1, maximum=65500, identity="meaning")
-    height: int = key("image height", unit="px", minimum=1, maximum=65500, identity="meaning")
-    fx: float = key("focal length", unit="px", above=0, maximum=1e6, identity="meaning")
-    fy: float = key("focal length", unit="px", above=0, maximum=1e6, identity="meaning")
-    cx: float = key("principal point", unit="px", minimum=-1e6, maximum=1e6, identity="meaning")
-    cy: float = key("principal point", unit="px", minimum=-1e6, maximum=1e6, identity="meaning")
+    width: int = key("image width", unit="px", minimum=1, maximum=65500, identity="meaning", slider=(16, 4096))
+    height: int = key("image height", unit="px", minimum=1, maximum=65500, identity="meaning", slider=(16, 4096))
+    fx: float = key("focal length", unit="px", above=0, maximum=1e6, identity="meaning", slider=(50, 4000))
+    fy: float = key("focal length", unit="px", above=0, maximum=1e6, identity="meaning", slider=(50, 4000))
+    cx: float = key("principal point", unit="px", minimum=-1e6, maximum=1e6, identity="meaning", slider=(0, 4096))
+    cy: float = key("principal point", unit="px", minimum=-1e6, maximum=1e6, identity="meaning", slider=(0, 4096))
     near_m: float = key(
-        "what is nearer is not seen", unit="m", default=0.01, minimum=1e-6, maximum=1e6, identity="meaning"
+        "what is nearer is not seen",
+        unit="m",
+        default=0.01,
+        minimum=1e-6,
+        maximum=1e6,
+        identity="meaning",
+        slider=(0.001, 1),
     )
     far_m: float = key(
-        "what is farther is not seen", unit="m", default=1000.0, above=0, maximum=1e6, identity="meaning"
+        "what is farther is not seen",
+        unit="m",
+        default=1000.0,
+        above=0,
+        maximum=1e6,
+        identity="meaning",
+        slider=(1, 1000),
     )
     device: str | None = key(
         "a real camera, whose intrinsics and distortion stand for keys that are not given",
@@ -159,6 +171,7 @@ class RenderSpec:
         minimum=1,
         maximum=65536,
         identity="meaning",
+        slider=(1, 256),
     )
     allow_empty: bool = key(
         "whether a path may begin with frames that see nothing, which is an error", default=False, identity="nothing"

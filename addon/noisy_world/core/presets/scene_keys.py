@@ -13,14 +13,20 @@ from .names import scene_name
 class HandheldSpec:
     """A seeded path of a camera held in the hand, walking through the scene."""
 
-    frames: int = key("length of the path", unit="frames", minimum=1, maximum=1_000_000, identity="meaning")
-    rate_hz: float = key("frames a second", unit="Hz", default=20.0, above=0, maximum=10_000, identity="meaning")
+    frames: int = key(
+        "length of the path", unit="frames", minimum=1, maximum=1_000_000, identity="meaning", slider=(2, 2000)
+    )
+    rate_hz: float = key(
+        "frames a second", unit="Hz", default=20.0, above=0, maximum=10_000, identity="meaning", slider=(1, 120)
+    )
     seed: int | None = key(
         "seed of the path, where it should not follow the preset's", default=None, minimum=0, identity="meaning"
     )
-    speed_m_s: float = key("walking speed", unit="m/s", default=0.5, above=0, maximum=10, identity="meaning")
+    speed_m_s: float = key(
+        "walking speed", unit="m/s", default=0.5, above=0, maximum=10, identity="meaning", slider=(0.05, 3)
+    )
     clearance_m: float = key(
-        "distance kept from everything", unit="m", default=0.45, above=0, maximum=10, identity="meaning"
+        "distance kept from everything", unit="m", default=0.45, above=0, maximum=10, identity="meaning", slider=(0, 1)
     )
     revisit: bool = key(
         "whether earlier stretches are walked again, looking the same way: loops to close",
@@ -114,6 +120,7 @@ class TrajectorySpec:
         above=0,
         maximum=10_000,
         identity="meaning",
+        slider=(1, 120),
     )
     stamp_unit: Literal["auto", "s", "ms", "us", "ns"] = key(
         "the unit of the file's time stamps; auto tells seconds from nanoseconds",
@@ -129,7 +136,7 @@ class TrajectorySpec:
     )
     start: int = key("first pose used", default=0, minimum=0, identity="meaning")
     stop: int | None = key("the pose after the last one used", default=None, minimum=1, identity="meaning")
-    every: int = key("use every n-th pose", default=1, minimum=1, identity="meaning")
+    every: int = key("use every n-th pose", default=1, minimum=1, identity="meaning", slider=(1, 20))
     resample_hz: float | None = key(
         "take poses at this rate, from the smooth path through all poses",
         unit="Hz",
