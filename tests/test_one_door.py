@@ -26,7 +26,7 @@ ELSEWHERE = {
     "core/datasets/video_files.py": "asks the door before OpenCV opens it by its name",
     "executors/node.py": "carried to nodes without this package; it asks whether a file is a regular one",
     "evaluation/systems/guard.py": "/proc, and run without this package",
-    "evaluation/systems/programs": "run in other Pythons, without this package",
+    "evaluate/programs": "run in other Pythons, without this package",
 }
 
 

@@ -162,7 +162,7 @@ NAMED = {"filepath", "directory"}
 ATTRIBUTES = {"filepath", "filepath_raw", "directory"}
 WORDS = CALLS | NAMED | ATTRIBUTES | {library for library, _ in OPENERS}
 OWN = {"self", "entry"}  # properties of our own operators, which Blender does not open
-ELSEWHERE = {"evaluation/systems/programs": "run in other Pythons, without this package"}
+ELSEWHERE = {"evaluate/programs": "run in other Pythons, without this package"}
 
 
 def arounds_of(text):

@@ -16,7 +16,8 @@ from noisy_world.cli import command
 from noisy_world.core.errors import NoisyWorldError
 from noisy_world.core.trajectories.trajectory import Trajectory
 from noisy_world.evaluation.estimate import Estimate
-from noisy_world.evaluation.metrics import METRICS, score_trajectory
+from noisy_world.evaluation.metrics import METRICS
+from noisy_world.evaluation.metrics.score import score_trajectory
 from noisy_world.evaluation.study.identity import merged, why_not
 from noisy_world.evaluation.systems.registry import find_system, system_names
 

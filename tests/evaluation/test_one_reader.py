@@ -7,7 +7,7 @@ from trajectory_pairs import moved, path, rotation
 
 from noisy_world.core.trajectories.files import tum_text
 from noisy_world.core.trajectories.trajectory import Trajectory
-from noisy_world.evaluation.metrics import score_trajectory
+from noisy_world.evaluation.metrics.score import score_trajectory
 from noisy_world.evaluation.metrics.reading import read_poses_to_compare
 from noisy_world.evaluation.outcome import Outcome, RunRecord
 from noisy_world.evaluation.study.scoring import STRICT, score_run

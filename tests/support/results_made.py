@@ -16,7 +16,8 @@ import numpy as np
 
 from noisy_world.core.trajectories.trajectory import Trajectory
 from noisy_world.evaluation.estimate import Estimate
-from noisy_world.evaluation.metrics import frame_errors_text, score_trajectory
+from noisy_world.evaluation.metrics import frame_errors_text
+from noisy_world.evaluation.metrics.score import score_trajectory
 
 SYSTEMS = {"rgbd_odometry": 0.002, "my_system": 0.02, "orb_slam3": 0.01}
 SCENES = ("room0", "room1", "room2")

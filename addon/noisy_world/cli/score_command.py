@@ -15,8 +15,8 @@ from .parser import Parser
 from .places import path
 
 if TYPE_CHECKING:
-    from ..evaluation.metrics import Score
     from ..evaluation.metrics.alignment import Conditioning
+    from ..evaluation.metrics.score import Score
 
 # Known before packages are: what `evaluation.metrics` has, which a test holds against it.
 PROTOCOLS = ("strict", "paper", "paper_go_slam", "paper_mean")
@@ -76,8 +76,9 @@ def _score_path(options: argparse.Namespace, _: Entry) -> int:
     from ..core.errors import NoisyWorldError
     from ..core.extras import need
     from ..evaluation.estimates import FORMATS
-    from ..evaluation.metrics import Alignment, frame_errors_text, score_trajectory
+    from ..evaluation.metrics import Alignment, frame_errors_text
     from ..evaluation.metrics.reading import read_poses_to_compare
+    from ..evaluation.metrics.score import score_trajectory
 
     if options.plot is not None:
         need(("matplotlib",), "evaluate")
@@ -158,7 +159,8 @@ _SPOKEN = {"none": "no alignment", "first_pose": "aligned at the first pose", "s
 
 def format_score(score: "Score", frames_from: str) -> str:
     """Return a score as text: what was compared, how, and a row for each metric."""
-    from ..evaluation.metrics import FAILURES, PROTOCOLS, metrics_of
+    from ..evaluation.metrics import PROTOCOLS, metrics_of
+    from ..evaluation.metrics.score import FAILURES
     from ..evaluation.metrics.success import INCOMPLETE, IS_INCOMPLETE
 
     protocol = PROTOCOLS[score.protocol]
@@ -199,7 +201,7 @@ def conditioning_line(known: "Conditioning") -> str:
 
 def picture(score: "Score", ending: str) -> bytes:
     """Return a figure of a score's path and errors as a file. ending: of PLOTS."""
-    from ..evaluation.metrics import FAILURES
+    from ..evaluation.metrics.score import FAILURES
     from ..evaluation.report.figures.scored_path import ScoredPath, scored_path_bytes
 
     errors_m = score.frame_errors.error_m

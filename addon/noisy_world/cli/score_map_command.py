@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from ..evaluation.maps.reading import SequenceToMap
     from ..evaluation.maps.score import MapScore
     from ..evaluation.maps.truth import TrueMap
-    from ..evaluation.metrics import Score
+    from ..evaluation.metrics.score import Score
 
 CULLINGS = ("frustum_occlusion", "frustum", "none")  # known before packages are; a test holds them together
 
@@ -117,8 +117,8 @@ def _path(
 ) -> "tuple[Estimate, Score] | tuple[None, None]":
     """Return the estimated path and what is said of it; None twice where a mesh is taken as it lies."""
     from ..core.errors import InputError
-    from ..evaluation.metrics import score_trajectory
     from ..evaluation.metrics.reading import read_poses_to_compare
+    from ..evaluation.metrics.score import score_trajectory
 
     estimate = options.estimate
     if estimate is None and options.map.suffix.lower() != ".ply":
@@ -202,7 +202,7 @@ def _content(score: "MapScore", failure: str) -> dict[str, Any]:
 def _format_score(score: "MapScore", failure: str) -> str:
     """Return a score as text: what was compared, and a row for each metric."""
     from ..evaluation.maps.names import MAP_METRICS
-    from ..evaluation.metrics import FAILURES
+    from ..evaluation.metrics.score import FAILURES
 
     lines = [f"held against {_TRUTHS[score.truth]}; compared: {_COMPARED[score.culling]}; {score.samples:,} points"]
     if failure:

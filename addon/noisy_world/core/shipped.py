@@ -3,18 +3,19 @@
 
 from pathlib import Path
 
-_PACKAGE = Path(__file__).resolve().parents[1]
+PACKAGE = Path(__file__).resolve().parents[1]
+"""The folder of the package noisy_world."""
 
 
 def shipped(name: str) -> Path:
     """Return a file or folder that is shipped, such as presets."""
-    for folder in (_PACKAGE, _PACKAGE.parents[1]):  # installed, or in a checkout
+    for folder in (PACKAGE, PACKAGE.parents[1]):  # installed, or in a checkout
         if (folder / name).exists():
             return folder / name
-    raise RuntimeError(f"no {name} at {_PACKAGE} or above")
+    raise RuntimeError(f"no {name} at {PACKAGE} or above")
 
 
 def checkout() -> Path | None:
     """Return the checkout that this package is run from; None where it was installed."""
-    top = _PACKAGE.parents[1]
+    top = PACKAGE.parents[1]
     return top if (top / "pyproject.toml").is_file() and (top / "blender_manifest.toml").is_file() else None

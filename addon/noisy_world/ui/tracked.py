@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from ..core.datasets.layouts import find_sequence
 
 if TYPE_CHECKING:
-    from ..evaluation.metrics import Score
+    from ..evaluation.metrics.score import Score
 
 Float64: TypeAlias = NDArray[np.float64]
 Part: TypeAlias = Literal["true", "lost", "near", "off", "far"]
@@ -40,7 +40,7 @@ class TrackedPath:
 
 def read_tracked(dataset: Path, found: Path, name: str) -> TrackedPath:
     """Compare what the tracker found of a sequence with its true path. Raises InputError for files that are damaged."""
-    from ..evaluation.metrics import score_trajectory
+    from ..evaluation.metrics.score import score_trajectory
     from ..evaluation.systems.estimate_file import ESTIMATE, read_estimate_file
 
     truth = find_sequence(dataset / name).trajectory
@@ -55,7 +55,7 @@ def read_tracked(dataset: Path, found: Path, name: str) -> TrackedPath:
 
 def spoken(score: "Score") -> str:
     """Return a score in a few words: its error, how much was tracked, and how often the camera was lost."""
-    from ..evaluation.metrics import FAILURES
+    from ..evaluation.metrics.score import FAILURES
 
     tracked = f"{int(score.frame_errors.tracked.sum())} of {score.frames} frames tracked"
     error_m = score.values["ate_rmse_m"]

@@ -9,7 +9,8 @@ import trajectory_pairs
 
 from noisy_world.core.trajectories.trajectory import Trajectory
 from noisy_world.evaluation.estimate import Estimate
-from noisy_world.evaluation.metrics import Alignment, score_trajectory
+from noisy_world.evaluation.metrics import Alignment
+from noisy_world.evaluation.metrics.score import score_trajectory
 from noisy_world.evaluation.metrics.alignment import aligned_poses
 from noisy_world.evaluation.association import associate_poses
 from noisy_world.evaluation.metrics.errors import consecutive_pairs, pairs_apart, relative_errors, travelled_m

@@ -13,7 +13,7 @@ from noisy_world.cli import command
 from noisy_world.core.trajectories.files import tum_text
 from noisy_world.core.trajectories.trajectory import Trajectory
 from noisy_world.evaluation.estimate import Estimate
-from noisy_world.evaluation.metrics import score_trajectory
+from noisy_world.evaluation.metrics.score import score_trajectory
 from noisy_world.evaluation.report.figures.scored_path import ScoredPath, draw_scored_path, plane_of
 
 COUNT, LOST = 30, (10, 11, 12)

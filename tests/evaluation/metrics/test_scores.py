@@ -12,7 +12,8 @@ from worlds import ROOT
 
 from noisy_world.core.trajectories.trajectory import Trajectory
 from noisy_world.evaluation.estimate import Estimate
-from noisy_world.evaluation.metrics import FAILURES, METRICS, PAPER_METRICS, PROTOCOLS, Alignment, score_trajectory
+from noisy_world.evaluation.metrics import METRICS, PAPER_METRICS, PROTOCOLS, Alignment
+from noisy_world.evaluation.metrics.score import FAILURES, score_trajectory
 from noisy_world.evaluation.association import associate_poses
 from noisy_world.evaluation.metrics.errors import pairs_apart
 

@@ -10,7 +10,7 @@ from noisy_world.core.errors import InputError
 from noisy_world.core.geometry import quat_wxyz_from_rotation
 from noisy_world.core.trajectories.trajectory import Trajectory
 from noisy_world.evaluation.estimate import Estimate
-from noisy_world.evaluation.metrics import score_trajectory
+from noisy_world.evaluation.metrics.score import score_trajectory
 from noisy_world.evaluation.metrics.reading import read_poses_to_compare
 from noisy_world.evaluation.outcome import Outcome
 from noisy_world.evaluation.systems.definition import Writes

@@ -15,7 +15,7 @@ from refusals import refused
 from slam_systems import script_system, write_recording
 
 from noisy_world.core.errors import MissingDependencyError
-from noisy_world.evaluation.systems import checking
+from noisy_world.evaluation.systems import checking, watching
 from noisy_world.evaluation.systems.checking import system_versions
 from noisy_world.evaluation.systems.guard import LEAST_FREE_BYTES, ResourceLimits, CommandProcesses
 from noisy_world.evaluation.systems.leavings import LONGEST_SENTENCE, sentence, remove_tree
@@ -269,7 +269,7 @@ def is_running(pid):
 def test_processes_that_left_the_session_are_ended(tmp_path, recording, cgroup, monkeypatch):
     variables = [] if cgroup else ["NOISY_WORLD_TEST=1"]
     if not cgroup:  # a guard that may make no cgroup
-        source = (checking.PROGRAMS.parent / "guard.py").read_text()
+        source = watching.GUARD.read_text()
         (tmp_path / "guard.py").write_text(
             source.replace('folder = f"{own_cgroup()}', 'folder = f"/nowhere{own_cgroup()}')
         )

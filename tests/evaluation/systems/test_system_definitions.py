@@ -10,7 +10,8 @@ from refusals import refused
 import yaml
 
 from noisy_world.core.errors import MissingDependencyError
-from noisy_world.evaluation.systems.checking import PACKAGE_FOLDER, check_system
+from noisy_world.core.shipped import PACKAGE
+from noisy_world.evaluation.systems.checking import check_system
 from noisy_world.evaluation.systems.definition import ExpectedClean, filled, read_system
 from noisy_world.evaluation.systems.registry import SHIPPED, find_system, find_systems, shipped_names
 
@@ -140,4 +141,4 @@ def test_versions_are_asked_before_anything_is_run(tmp_path, script, message):
 def test_systems_can_be_named_where_none_can_be_run():
     """Windows has no module `resource`, and names systems nevertheless."""
     script = "import sys; sys.modules['resource'] = None; import noisy_world.evaluation.study.study"
-    subprocess.run([sys.executable, "-c", script], check=True, env={**os.environ, "PYTHONPATH": str(PACKAGE_FOLDER)})
+    subprocess.run([sys.executable, "-c", script], check=True, env={**os.environ, "PYTHONPATH": str(PACKAGE.parent)})

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..study.cases import CLEAN
 from .columns import Columns, Key, hashable, table_of
-from .run_table import CLEAN, SEQUENCE, errors_of, indicators_in
+from .run_table import SEQUENCE, errors_of, indicators_in
 
 if TYPE_CHECKING:
     from pandas import DataFrame

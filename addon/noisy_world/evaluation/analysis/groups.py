@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..study.cases import CLEAN
 from .columns import Columns, table_of
-from .run_table import CLEAN
 from .spread import COUNTS, MEAN, Cells, cells_of, means_with_intervals, spread_of
 
 if TYPE_CHECKING:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ..metrics.over_clean import OVER_CLEAN, THRESHOLDS_OVER_CLEAN, is_success_over_clean, success_over_clean_name
 from ..metrics.success import COMPLETE
+from ..study.cases import CLEAN
 from .columns import Columns, table_of
 from .log_scale import log_errors
 from .run_results import RESULT
@@ -20,7 +21,6 @@ if TYPE_CHECKING:
 
 ATE = "ate_rmse_m"
 CLEAN_ATE = "clean_ate_rmse_m"
-CLEAN = "clean"
 COUNTS = ["n_runs", "n_failed", "n_incomplete", "n", "n_scenes"]
 OVER = [*COUNTS, "ate_m", "clean_ate_m", "over_clean", "least", "most"]
 

@@ -9,10 +9,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..metrics.over_clean import success_over_clean_name
+from ..study.cases import CLEAN
 from .columns import Columns, table_of
 from .correlation import with_indicators
 from .intervals import NONE, Interval, bootstrap_interval, clipped
-from .run_table import CLEAN, SEQUENCE, SUCCESS
+from .run_table import SEQUENCE, SUCCESS
 
 if TYPE_CHECKING:
     from pandas import DataFrame

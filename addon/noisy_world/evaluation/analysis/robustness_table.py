@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..metrics import Rate, corruption_error, resilience_rate
+from ..study.cases import CLEAN
 from .columns import Columns, table_of
 from .intervals import Interval, bootstrap_interval
-from .run_table import CLEAN, SCORES
+from .run_table import SCORES
 
 if TYPE_CHECKING:
     from pandas import DataFrame

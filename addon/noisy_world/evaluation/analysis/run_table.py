@@ -18,7 +18,6 @@ from .run_results import RESULT, with_results
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-CLEAN = "clean"
 SETTING = ["setting", "perturbation", "mode", "severity"]
 SEQUENCE = ["scene", "setting", "seed"]
 TEXTS = ("scene", "setting", "perturbation", "mode", "system", "outcome", "failure", RESULT)

@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ..study.cases import CLEAN
 from .columns import Columns, table_of
 from .log_scale import log_errors
-from .run_table import CLEAN, SETTING, is_averaged_in_logs, is_error, worst_if_failed
+from .run_table import SETTING, is_averaged_in_logs, is_error, worst_if_failed
 
 if TYPE_CHECKING:
     from pandas import DataFrame

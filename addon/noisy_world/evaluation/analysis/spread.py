@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from ..study.cases import CLEAN
 from .columns import Columns, table_of
 from .intervals import (
     Interval,
@@ -23,7 +24,7 @@ from .intervals import (
     share_interval,
 )
 from .log_scale import log_errors
-from .run_table import CLEAN, FAILED, INCOMPLETE, SETTING, is_averaged_in_logs, is_error, is_score, is_share
+from .run_table import FAILED, INCOMPLETE, SETTING, is_averaged_in_logs, is_error, is_score, is_share
 from .significance import holm
 
 if TYPE_CHECKING:

@@ -13,8 +13,9 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from ..study.cases import CLEAN
 from .columns import Columns, table_of
-from .run_table import CLEAN, HEADLINE, SETTING, is_averaged_in_logs
+from .run_table import HEADLINE, SETTING, is_averaged_in_logs
 from .spread import Cells, cells_of
 
 if TYPE_CHECKING:

@@ -8,10 +8,8 @@ from .metric import Metric, TrajectoryMetric
 from .names import METRICS, PAPER_METRICS, PAPER_PREFIX, metrics_of
 from .protocols import PROTOCOLS, Protocol, paper_protocol
 from .robustness import Rate, corruption_error, resilience_rate
-from .score import FAILURES, Score, score_trajectory
 
 __all__ = [
-    "FAILURES",
     "METRICS",
     "PAPER_METRICS",
     "PAPER_PREFIX",
@@ -22,7 +20,6 @@ __all__ = [
     "Metric",
     "Protocol",
     "Rate",
-    "Score",
     "Similarity",
     "TrajectoryMetric",
     "corruption_error",
@@ -30,5 +27,4 @@ __all__ = [
     "metrics_of",
     "paper_protocol",
     "resilience_rate",
-    "score_trajectory",
 ]

@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING, Any
 
 from ...core.datasets.json_text import finite_number
 from ..analysis.run_results import complete_runs
+from ..study.cases import CLEAN
 from ..study.identity import EXPECTED
 from ..systems.definition import ExpectedClean
 from .findings import ERROR
 from .labels import column_of
-from .paper_conditions import CLEAN
 from .reading import Results
 from .tables import Column, Table
 

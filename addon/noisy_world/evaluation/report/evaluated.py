@@ -13,9 +13,9 @@ from ..metrics import PROTOCOLS
 from ..metrics.alignment import CONDITIONING, WELL_CONDITIONED
 from ..metrics.rotation_order import WRONG_DEG
 from ..metrics.success import IS_INCOMPLETE, LEAST_TRACKED
+from ..study.cases import CLEAN
 from ..study.record import VERSIONS
 from .labels import column_of
-from .paper_conditions import CLEAN
 from .reading import KEY, Results, read_object, records
 
 LONGEST_LIST = 12

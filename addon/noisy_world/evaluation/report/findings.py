@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 from ..analysis.run_results import complete_runs
 from ..metrics.over_clean import OVER_CLEAN
+from ..study.cases import CLEAN
 from .figures.ranking import Bar, RankPanel, ranking
-from .paper_conditions import CLEAN
 from .reading import Results, records
 from .tables import shown
 

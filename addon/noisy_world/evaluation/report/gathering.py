@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
+from ..study.cases import CLEAN
 from . import analysed
 from .analysed import Analyses, curves_of
 from .clean_gate import CleanGate, clean_gate
@@ -18,7 +19,6 @@ from .found_thresholds import threshold_section
 from .headline import headline_table
 from .labels import column_of
 from .paper_comparison import notes, paper_comparison
-from .paper_conditions import CLEAN
 from .per_setting import in_order, main_metrics, settings_table
 from .published import published
 from .reading import RUN_KEY, Results

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from ...core.datasets.recorded_setting import RecordedStep
+from ..study.cases import CLEAN
 
-CLEAN = "clean"
 PARAMETERS = {
     "faster_motion": ("factor",),
     "motion_deviation": ("rotation_deg", "translation_m"),

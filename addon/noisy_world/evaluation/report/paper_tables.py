@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING
 from ..analysis.log_scale import geometric_deviation, geometric_mean
 from ..analysis.run_results import complete_runs
 from ..metrics.success import IS_INCOMPLETE
+from ..study.cases import CLEAN
 from .escaping import latex
 from .paper_comparison import LABELS, OURS, STRICT, paper_conditions, with_spread
-from .paper_conditions import CLEAN, PaperCondition
+from .paper_conditions import PaperCondition
 from .published import Printed, Published
 from .reading import Results
 from .tables import NOTHING, latex_tabular, shown

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 from ..analysis.run_results import LEFT_OUT, RESULT
 from ..metrics import METRICS
 from ..metrics.success import FAILED
+from ..study.cases import CLEAN
 from .labels import column_of
-from .paper_conditions import CLEAN
 from .reading import Results, records
 from .tables import NOTHING, Column, Table, shown
 

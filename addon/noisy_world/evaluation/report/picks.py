@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..analysis.run_results import complete_runs
 from ..metrics.success import FAILED, INCOMPLETE
-from .paper_conditions import CLEAN
+from ..study.cases import CLEAN
 from .reading import KEY, Results, records
 
 if TYPE_CHECKING:

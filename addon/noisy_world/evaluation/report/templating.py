@@ -3,15 +3,15 @@
 
 import base64
 from functools import cache
-from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ...core.shipped import PACKAGE
 from .escaping import latex, markdown
 
 if TYPE_CHECKING:
     from jinja2 import Environment
 
-FOLDER = Path(__file__).with_name("templates")
+FOLDER = PACKAGE / "evaluate" / "templates"
 
 
 @cache

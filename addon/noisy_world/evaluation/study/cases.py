@@ -10,6 +10,11 @@ from ...core.datasets.recorded_setting import RecordedSetting, RecordedStep
 from ...core.perturbing.kinds import MotionPerturbation, PairingPerturbation
 from ...core.perturbing.reading import Registry
 
+CLEAN = "clean"
+"""The setting in which nothing is done, and what is said to be done there."""
+RECORDED = "recorded"
+"""The setting of a recording, whose folder does not tell of one."""
+
 _CASE = re.compile(r"([^/]+)/([^/]+)/seed-([0-9]+)")
 
 
@@ -58,7 +63,7 @@ class SystemRun:
 class Condition:
     """What is done in a setting, in the words of the tables.
 
-    perturbation: the names of its steps, joined by +; "clean" where there is none. mode: "static" or "dynamic" (where
+    perturbation: the names of its steps, joined by +; CLEAN where there is none. mode: "static" or "dynamic" (where
     it changes from frame to frame); "" where only the motion is another, and where nothing is done. severity: 1 to 5
     where all steps have one and the same, else "".
     """
@@ -72,9 +77,14 @@ class Condition:
         """Return the condition of a setting as a dataset's identity has it, which is one that can be read."""
         steps = RecordedSetting.read(setting).steps
         if not steps:
-            return cls("clean", "", "")
+            return cls(CLEAN, "", "")
         name = "+".join(step.name for step in steps)
         return cls(name, _mode(steps, known), _severity(step.severity for step in steps))
+
+    @classmethod
+    def of_name(cls, setting: str) -> "Condition":
+        """Return the condition of a setting of which nothing but its name is known."""
+        return cls(CLEAN if setting in (CLEAN, RECORDED) else setting, "", "")
 
 
 def _mode(steps: Iterable[RecordedStep], known: Registry) -> str:

@@ -18,12 +18,8 @@ from ...core.schema import ConfigPath
 from ...perturbations import registry
 from ...recipes.from_files import OpenedFolder, SequenceOfFiles
 from ...recipes.opening import open_path
-from .cases import Case, Condition
+from .cases import CLEAN, RECORDED, Case, Condition
 from .origin import CaseSequence
-
-CLEAN = "clean"
-RECORDED = "recorded"
-"""The setting of a recording, whose folder does not tell of one."""
 
 
 class FoundOrigin:
@@ -92,7 +88,7 @@ class FoundOrigin:
         """Return what is done in a setting: of one that no manifest tells of, its name."""
         if setting in self._settings:
             return Condition.of(self._settings[setting], registry())
-        return Condition("clean" if setting in (CLEAN, RECORDED) else setting, "", "")
+        return Condition.of_name(setting)
 
     @contextmanager
     def sequence(self, case: Case, progress: Progress) -> Iterator[CaseSequence]:

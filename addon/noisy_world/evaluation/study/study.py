@@ -19,9 +19,9 @@ from ..outcome import Outcome, RunRecord
 from ..systems.definition import ExpectedClean, System
 from ..systems.registry import find_systems, isolating
 from ..systems.running import run_system
-from .cases import Case, SystemRun
+from .cases import CLEAN, Case, SystemRun
 from .describing import describe, show, worst_frames
-from .found_origin import CLEAN, FoundOrigin
+from .found_origin import FoundOrigin
 from .made_origin import MadeOrigin
 from .mapping import MapsOfCase, maps_of
 from .order import StudyOrder

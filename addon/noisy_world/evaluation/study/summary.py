@@ -21,7 +21,7 @@ NEEDED = ("tabulate",)
 SHOWN = {"strict": ("ate_rmse_m", "tracked_share"), "paper": ("ate_m", "sr")}
 """What is shown by each protocol: the first is the error, in metres; by strict that of complete runs alone."""
 OF_COMPLETE = SHOWN["strict"][0]
-Row: TypeAlias = dict[str, str]
+Cells: TypeAlias = dict[str, str]
 
 
 def summary_text(results: ResultsFolder, protocol: str) -> str:
@@ -35,7 +35,7 @@ def summary_text(results: ResultsFolder, protocol: str) -> str:
     written = csv.DictReader(StringIO(read_text(results.tables / RUNS)))
     rows = [{name: one_line(text_of(cell)) for name, cell in row.items()} for row in written]
     systems = list(dict.fromkeys(row["system"] for row in rows))
-    groups: dict[tuple[str, ...], list[Row]] = {}
+    groups: dict[tuple[str, ...], list[Cells]] = {}
     for row in rows:
         groups.setdefault((row["setting"],), []).append(row)
     metrics = SHOWN[protocol]
@@ -52,12 +52,12 @@ def summary_text(results: ResultsFolder, protocol: str) -> str:
     return tabulate(table, header, disable_numparse=True)
 
 
-def rows_of(rows: Iterable[Row], system: str) -> list[Row]:
+def rows_of(rows: Iterable[Cells], system: str) -> list[Cells]:
     """Return the rows of a system."""
     return [row for row in rows if row["system"] == system]
 
 
-def _median(rows: list[Row], name: str) -> str:
+def _median(rows: list[Cells], name: str) -> str:
     """Return the median of a metric: an error in millimetres; and of the runs without one how many ended how."""
     counted = [row for row in rows if row["result"] == COMPLETE] if name == OF_COMPLETE else rows
     values = [float(row[name]) for row in counted if row[name]]

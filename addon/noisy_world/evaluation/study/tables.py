@@ -12,7 +12,6 @@ from ..metrics.names import METRICS, PAPER_METRICS
 from ..metrics.success import result_of
 from ..outcome import Outcome
 from .cases import Case, Condition, SystemRun
-from .found_origin import CLEAN, RECORDED
 from .results import ResultsFolder
 from .run_files import read_run_record
 from .scoring import MAP, PAPER, STRICT
@@ -49,8 +48,7 @@ class _Conditions:
 
     def columns(self, case: Case) -> Row:
         name = case.setting
-        plain = Condition("clean" if name in (CLEAN, RECORDED) else name, "", "")
-        found = self._found.get(name, plain)
+        found = self._found.get(name) or Condition.of_name(name)
         condition = {"perturbation": found.perturbation, "mode": found.mode, "severity": found.severity}
         return {"scene": case.scene, "setting": name, **condition, "seed": case.seed}
 

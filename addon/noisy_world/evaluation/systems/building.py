@@ -15,10 +15,11 @@ from pathlib import Path
 from ...core.datasets.storage import StorageError, storage_errors, write_atomic
 from ...core.errors import InputError, MissingDependencyError
 from ...core.regular_files import read_bytes
+from ...core.shipped import PACKAGE
 from .installing import VOCABULARY, run_step
 from .orb_vocabulary import train
 
-DRIVER = Path(__file__).resolve().parent / "orb_slam"
+DRIVER = PACKAGE / "evaluate" / "orb_slam"
 PROGRAM = "orb_slam"
 BUILT = "built.json"
 _COMPILED = ("include", "src", "Thirdparty")

@@ -12,14 +12,14 @@ from typing import Any
 from ...core.datasets.json_text import parse_json
 from ...core.errors import MissingDependencyError
 from ...core.regular_files import read_text
+from ...core.shipped import PACKAGE
 from .definition import STUDY_NAMES, System, filled
 from .environments import environment_folder, environment_python
 from .isolation import isolated, isolated_variables, isolation_problem, own_folders, program_folders
 from .leavings import sentence
 from .watching import watched
 
-PACKAGE_FOLDER = Path(__file__).resolve().parents[3]
-PROGRAMS = Path(__file__).resolve().parent / "programs"
+PROGRAMS = PACKAGE / "evaluate" / "programs"
 GPU_DEVICES = (Path("/dev/nvidiactl"), Path("/dev/dxg"))
 THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMEXPR_NUM_THREADS")
 VERSIONS_LIMIT_S = 120.0
@@ -69,7 +69,7 @@ def variables_of(system: System) -> dict[str, str]:
     for name in ("PYTHONPATH", "PYTHONHOME"):
         own.pop(name, None)
     if not system.environment:  # its {python} is this one, which may have this package from a checkout
-        own["PYTHONPATH"] = os.pathsep.join(filter(None, (str(PACKAGE_FOLDER), os.environ.get("PYTHONPATH"))))
+        own["PYTHONPATH"] = os.pathsep.join(filter(None, (str(PACKAGE.parent), os.environ.get("PYTHONPATH"))))
     own["PYTHONUNBUFFERED"] = "1"  # so that the log of a process that is ended is whole
     if system.threads is not None:
         own.update(dict.fromkeys(THREAD_VARIABLES, str(system.threads)))
@@ -84,7 +84,7 @@ def prepared(system: System, command: list[str], work: Path) -> tuple[list[str],
     variables = variables_of(system)
     if system.isolate == "none":
         return command, variables
-    reads = [work / "given", PACKAGE_FOLDER, *own_folders(), *program_folders(command[0]), *reached(system)]
+    reads = [work / "given", PACKAGE.parent, *own_folders(), *program_folders(command[0]), *reached(system)]
     own = [*(variable.split("=", 1)[0] for variable in system.variables), *THREAD_VARIABLES]
     inside = isolated(command, reads=reads, out=work / "out", temporary=work / "tmp", gpu=system.gpu)
     return inside, isolated_variables(variables, own)

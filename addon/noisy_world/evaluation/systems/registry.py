@@ -10,9 +10,10 @@ from typing import cast, get_args
 from ...core.errors import InputError, NoisyWorldError
 from ...core.installed import Brought, Distribution, add, loaded_entries
 from ...core.schema import ConfigPath, unknown_name
+from ...core.shipped import PACKAGE
 from .definition import IsolateBy, System, read_system
 
-SHIPPED = Path(__file__).parent / "shipped"
+SHIPPED = PACKAGE / "evaluate" / "definitions"
 SUFFIXES = (".yaml", ".yml")
 GROUP = "noisy_world.systems"
 

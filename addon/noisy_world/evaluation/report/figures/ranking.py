@@ -12,8 +12,8 @@ from .drawing import COLOURS, GREY, NARROW_IN, Picture, drawing, shortened, svg_
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-WIDE_IN, ACROSS = 9.0, 2
-ROW_IN, HEAD_IN = 0.2, 0.62
+WIDE_IN, SYSTEMS_ACROSS = 9.0, 2
+BAR_ROW_IN, HEAD_IN = 0.2, 0.62
 MARK = 10.0  # times the clean error: a success below
 BEHIND = {"facecolor": "white", "edgecolor": "none", "pad": 0.5, "alpha": 0.8}
 BLUE, RED = COLOURS[0], COLOURS[1]
@@ -45,7 +45,7 @@ class RankPanel:
 
 def ranking(panels: Sequence[RankPanel]) -> Picture:
     """Draw a panel for each system; all share one scale, which is logarithmic."""
-    across = min(ACROSS, len(panels))
+    across = min(SYSTEMS_ACROSS, len(panels))
     about = (
         "The error (ATE) of each system in each setting over its error on clean frames of the same scenes and seeds, "
         "the worst on top: bars are geometric means, dots single runs; the median clean error in brackets. "
@@ -59,7 +59,7 @@ def ranking(panels: Sequence[RankPanel]) -> Picture:
 def _drawn(panels: Sequence[RankPanel], width_in: float, across: int) -> bytes:
     rows = math.ceil(len(panels) / across)
     most = [max(len(panel.bars) for panel in panels[row * across : (row + 1) * across]) for row in range(rows)]
-    heights = [HEAD_IN + ROW_IN * count for count in most]
+    heights = [HEAD_IN + BAR_ROW_IN * count for count in most]
     low, high = _limits(panels)
     with drawing(width_in, sum(heights)) as figure:
         grid = figure.subplots(rows, across, squeeze=False, height_ratios=heights)

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-WIDTH_IN, HEIGHT_IN = 6.4, 7.2
+PLOT_WIDTH_IN, PLOT_HEIGHT_IN = 6.4, 7.2
 DPI = 150.0
 # By the ending of the file; no date and no program's name, so that equal scores give equal bytes.
 METADATA: dict[str, dict[str, Any]] = {
@@ -38,7 +38,7 @@ class ScoredPath:
 
 def scored_path_bytes(scored: ScoredPath, ending: str) -> bytes:
     """Return the figure as a file. ending: of METADATA."""
-    with drawing(WIDTH_IN, HEIGHT_IN) as figure:
+    with drawing(PLOT_WIDTH_IN, PLOT_HEIGHT_IN) as figure:
         draw_scored_path(figure, scored)
         fixed_layout(figure)
         target = BytesIO()

@@ -3,14 +3,15 @@
 
 from dataclasses import dataclass
 from functools import cache
-from pathlib import Path
 from typing import Any
 
 from ....core.regular_files import read_bytes
+from ....core.shipped import PACKAGE
 from ....core.yaml_reading import read_yaml
+from ...study.cases import CLEAN
 from ..paper_conditions import PaperCondition, paper_condition
 
-FILE = Path(__file__).with_name("noisy_replica.yaml")
+FILE = PACKAGE / "evaluate" / "noisy_replica.yaml"
 UNACCEPTABLE = "x"
 WITH_FAILURES = "F"
 UNITS = {"ate": "m", "rpe": "rad", "sr": ""}
@@ -84,7 +85,7 @@ def _numbers(table: dict[str, Any], columns: list[str]) -> list[Printed]:
         spreads = table.get("spread", {}).get(system, [None] * len(values))
         for where, given, spread in zip(conditions, values, spreads, strict=True):
             value, mark = _value(given)
-            severities = () if where.perturbation == "clean" else tuple(table.get("severities", ()))
+            severities = () if where.perturbation == CLEAN else tuple(table.get("severities", ()))
             numbers.append(Printed(table["label"], table["metric"], system, where, severities, value, spread, mark))
     return numbers
 

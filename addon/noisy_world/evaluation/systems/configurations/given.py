@@ -16,11 +16,12 @@ from ....core.datasets.image_reading import read_pixels
 from ....core.datasets.images import encode_png
 from ....core.datasets.storage import storage_errors
 from ....core.errors import InputError
+from ....core.shipped import PACKAGE
 from ....core.trajectories.files import replica_text
 from ....core.trajectories.trajectory import evenly_stamped
 from ...estimates.frames import Index
 
-TO_POSES = Path(__file__).resolve().parents[1] / "programs" / "checkpoint_poses.py"
+TO_POSES = PACKAGE / "evaluate" / "programs" / "checkpoint_poses.py"
 SEQUENCE = "sequence"  # of a run's folder
 RESULT = "result"  # what the system writes
 # The published configurations are of images of this size, width and height.
