@@ -131,10 +131,10 @@ class _CleanFrames:
         clean_grey, clean_m = picture.grey_of(clean.rgb), clean.depth_m
         if clean_grey.shape != grey.shape or clean_m.shape != depth_m.shape:
             return {}
-        rmse = picture.rmse(grey, clean_grey)
+        error = picture.rmse(grey, clean_grey)
         return {
-            "image_rmse": rmse,
-            "psnr_db": 20.0 * float(np.log10(255.0 / rmse)) if rmse else float("nan"),
+            "image_rmse": error,
+            "psnr_db": 20.0 * float(np.log10(255.0 / error)) if error else float("nan"),
             "ssim": picture.ssim(grey, clean_grey),
             "depth_error_m": picture.depth_error_m(depth_m, clean_m),
         }
