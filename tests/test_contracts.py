@@ -1,10 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Everything of ours keeps the contracts that authors test theirs with; what breaks a rule is told which."""
 
+import json
 from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
+from pose_texts import NS, blocks, expected, rows
 from recorded_layouts import WRITERS
 
 from noisy_world import testing
@@ -12,6 +14,7 @@ from noisy_world.core.channels import CHANNELS, COLOUR_AND_DEPTH
 from noisy_world.core.datasets.layouts import LAYOUTS, RECORDED
 from noisy_world.core.datasets.layouts.replica import ReplicaLayout
 from noisy_world.core.datasets.layouts.tum import TumLayout
+from noisy_world.core.trajectories.files import TRAJECTORY_FORMATS
 from noisy_world.evaluation.maps.names import MAP_METRICS, MapMetric
 from noisy_world.evaluation.metrics import METRICS
 from noisy_world.evaluation.systems.registry import SHIPPED
@@ -55,6 +58,23 @@ def test_layouts_of_recordings_keep_theirs(name, tmp_path):
     folder.mkdir()
     WRITERS[name](folder)
     testing.check_layout(RECORDED[name], folder)
+
+
+POSES = {
+    "replica": lambda: "".join(text.replace("\n", " ") + "\n" for text in blocks()),
+    "kitti": lambda: "".join(" ".join(text.split()[:12]) + "\n" for text in blocks()),
+    "tum": lambda: rows([0.1, 0.2, 0.3, 0.4], "pxyzw", " "),
+    "euroc": lambda: rows(NS),
+    "matrices": lambda: "".join(blocks()),
+    "log": lambda: "".join(f"{k} {k} {k + 1}\n{text}" for k, text in enumerate(blocks())),
+    "transforms": lambda: json.dumps({"frames": [{"transform_matrix": pose.tolist()} for pose in expected()]}),
+}
+
+
+@pytest.mark.parametrize("name", list(TRAJECTORY_FORMATS))
+def test_trajectory_formats_keep_theirs(name, tmp_path):
+    (file := tmp_path / "poses").write_text(POSES[name]())
+    testing.check_trajectory_format(TRAJECTORY_FORMATS[name], file, tmp_path)
 
 
 @pytest.mark.parametrize("name", [name for name in CHANNELS if name not in COLOUR_AND_DEPTH])

@@ -23,13 +23,15 @@ for package in ("embreex", "tabulate", "pandas", "jinja2", "matplotlib"):
     pytest.importorskip(package, reason=f"{package} comes with the extra evaluate")
 
 PAGE = (ROOT / "docs/extend.md").read_text(encoding="utf-8")
-CORRIDOR, FLAT, PHONE, FACING, UPWARD, STRAYS, HOLES, STILL, TESTS = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
+PROGRAMS = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
+CORRIDOR, FLAT, PHONE, ODOMETER, FACING, UPWARD, STRAYS, HOLES, STILL, TESTS = PROGRAMS
 PROJECT = tomllib.loads(re.search(r"```toml\n(.*?)```", PAGE, re.DOTALL)[1])["project"]
 MODULES = {
     "__init__.py": "",
     "corridor.py": CORRIDOR,
     "flat.py": FLAT,
     "phone.py": PHONE,
+    "odometer.py": ODOMETER,
     "facing.py": FACING,
     "strays.py": STRAYS,
     "upward.py": UPWARD,
@@ -47,6 +49,7 @@ from noisy_world.cli import command
 from noisy_world.core.datasets.layouts import find_sequence
 for words in (
     ["list", "layouts"],
+    ["list", "formats"],
     ["list", "sources"],
     ["list", "metrics"],
     ["list", "keys"],
@@ -72,11 +75,12 @@ print("> help")
 print(command.help_text())
 import os, pathlib, my_lab_tests
 os.chdir("tested")
-for name in ("corridor", "flat", "upward", "still"):
+for name in ("corridor", "flat", "odometer", "upward", "still"):
     pathlib.Path("..", name + "_works").mkdir()
 my_lab_tests.test_corridor(pathlib.Path("../corridor_works"))
 my_lab_tests.test_flat(pathlib.Path("../flat_works"))
 my_lab_tests.test_phone()
+my_lab_tests.test_odometer(pathlib.Path("../odometer_works"))
 my_lab_tests.test_facing()
 my_lab_tests.test_upward()
 my_lab_tests.test_strays()
@@ -142,6 +146,11 @@ def test_lists_have_them(worked):
     written, alone = said["list layouts"].split("read alone, as sequence")
     assert "flat  Flat, all images in one folder, each pose in a file; from my-lab 1.0\n" in written
     assert "phone  Our phone: what our phone records; depth in mm; from my-lab 1.0\n" in alone
+    assert (
+        "odometer  Odometer: Milliseconds, x, y and heading, separated by semicolons; from my-lab 1.0\n"
+        in (said["list formats"])
+    )
+    assert re.search(r"^scenes\[\]\.trajectory\.format .*one of auto, .*odometer", said["list keys"], re.MULTILINE)
     assert "map.accuracy_max_m  accuracy, max [m], lower is better; from my-lab 1.0\n" in said["list metrics"]
     assert "still (from my-lab 1.0): can be run here\n" in said["systems"]
 

@@ -3,11 +3,11 @@
 
     from noisy_world.extend import DepthPerturbation, FrameContext, key
 
-Each is one file with a `PERTURBATION`, a `SOURCE`, a `LAYOUT`, a `CHANNEL`, a `METRIC` or a `COMMAND`; an installed
-package brings it by an entry point of the group `noisy_world.perturbations`, `noisy_world.sources`,
-`noisy_world.layouts`, `noisy_world.channels`, `noisy_world.metrics`, `noisy_world.map_metrics` or
-`noisy_world.commands`. docs/extend.md has examples, and `noisy_world.testing` tells whether one keeps its contract.
-Importing this needs no Blender.
+Each is one file with a `PERTURBATION`, a `SOURCE`, a `LAYOUT`, a `FORMAT` of trajectories, a `CHANNEL`, a `METRIC` or a
+`COMMAND`; an installed package brings it by an entry point of the group `noisy_world.perturbations`,
+`noisy_world.sources`, `noisy_world.layouts`, `noisy_world.trajectory_formats`, `noisy_world.channels`,
+`noisy_world.metrics`, `noisy_world.map_metrics` or `noisy_world.commands`. docs/extend.md has examples, and
+`noisy_world.testing` tells whether one keeps its contract. Importing this needs no Blender.
 """
 
 from .cli.command import Command
@@ -40,8 +40,10 @@ from .core.planning.simple_source import ComputedSource, SimpleSource
 from .core.planning.source import RenderedFrame, SourceCapabilities
 from .core.presets.scene_keys import SceneKeys
 from .core.schema import key
-from .core.trajectories.files import read_trajectory, tum_text
+from .core.trajectories.files import read_trajectory
 from .core.trajectories.frame_request import FrameRequest, Shutter
+from .core.trajectories.pose_text import FilePoses, PoseFile, ReadOptions, TrajectoryFormat
+from .core.trajectories.stamped_poses import tum_text
 from .core.trajectories.stamps import FrameStamps
 from .core.trajectories.trajectory import Trajectory
 from .evaluation.maps.names import ComparedMap, MapMetric
@@ -59,6 +61,7 @@ __all__ = [
     "DepthPerturbation",
     "Entry",
     "ExposurePerturbation",
+    "FilePoses",
     "FrameContext",
     "FrameRequest",
     "FrameStamps",
@@ -72,7 +75,9 @@ __all__ = [
     "Optics",
     "PairChannel",
     "PairingPerturbation",
+    "PoseFile",
     "PosePolicy",
+    "ReadOptions",
     "RecordedLayout",
     "RenderedFrame",
     "SceneEntry",
@@ -88,6 +93,7 @@ __all__ = [
     "Surface",
     "SurfaceChannel",
     "Trajectory",
+    "TrajectoryFormat",
     "TrajectoryMetric",
     "View",
     "cam_params_text",

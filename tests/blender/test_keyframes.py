@@ -11,7 +11,9 @@ from keyed_poses import keyed_poses
 from noisy_world.blender.camera import add_camera, key_trajectory
 from noisy_world.blender.scene import empty_scene, set_origin
 from noisy_world.core.trajectories.trajectory import evenly_stamped
-from noisy_world.core.trajectories.files import read_trajectory, replica_text, tum_text
+from noisy_world.core.trajectories.files import read_trajectory
+from noisy_world.core.trajectories.matrix_poses import replica_text
+from noisy_world.core.trajectories.stamped_poses import tum_text
 
 
 def random_poses(count, *, place_m=(0.0, 0.0, 0.0)):

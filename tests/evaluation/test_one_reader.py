@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from trajectory_pairs import moved, path, rotation
 
-from noisy_world.core.trajectories.files import tum_text
+from noisy_world.core.trajectories.stamped_poses import tum_text
 from noisy_world.core.trajectories.trajectory import Trajectory
 from noisy_world.evaluation.metrics.score import score_trajectory
 from noisy_world.evaluation.metrics.reading import read_poses_to_compare

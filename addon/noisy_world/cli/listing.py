@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Listing keys, sources, layouts, channels, cameras, metrics, perturbations and presets, and what a preset holds."""
+"""Listing what a preset may say, from keys to perturbations, the presets that are shipped, and what a preset holds."""
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -86,6 +86,15 @@ def list_layouts() -> None:
         print(f"    {layout.files}")
 
 
+def list_trajectory_formats() -> None:
+    """List the formats of files of poses, and how the content of a file tells each."""
+    from ..core.trajectories.files import TRAJECTORY_FORMATS
+
+    for name, item in TRAJECTORY_FORMATS.items():
+        print(f"{name}  {item.label}: {item.meaning}{TRAJECTORY_FORMATS.origin(name)}")
+        print(f"    told by {item.recognised_by}; times: {item.times}")
+
+
 def list_metrics() -> None:
     """List every metric, of paths by protocol strict and of maps: name, heading, unit, which way is better, meaning."""
     from ..evaluation.maps.names import MAP_METRICS, MAP_PREFIX
@@ -121,6 +130,7 @@ _LISTED = {
     "keys": list_preset_keys,
     "sources": list_sources,
     "layouts": list_layouts,
+    "formats": list_trajectory_formats,
     "channels": list_channels,
     "cameras": list_cameras,
     "metrics": list_metrics,

@@ -34,7 +34,7 @@ def _simulate(options: argparse.Namespace, _: Entry) -> int:
     from ..core.errors import NoisyWorldError
     from ..core.extras import need
     from ..core.trajectories.bodies import BODIES
-    from ..core.trajectories.files import tum_text
+    from ..core.trajectories.stamped_poses import tum_text
     from ..simulation.controllers import MOST_M_S
     from ..simulation.run import simulate
     from ..sources.mesh_source import MeshSource

@@ -10,6 +10,7 @@ import types
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import MISSING, Field, dataclass, field, fields, is_dataclass
 from decimal import Decimal
+from functools import cached_property
 from pathlib import Path
 from typing import Any, ClassVar, Literal, Protocol, TypeAlias, TypeVar, Union, get_args, get_origin, get_type_hints
 
@@ -38,6 +39,26 @@ class Choice:
 
     label: str
     meaning: str
+
+
+class ChoicesOf(Mapping[str, Choice]):
+    """Choices that come from a registry, which is asked when they are first looked at: packages import this module."""
+
+    def __init__(self, make: Callable[[], Mapping[str, Choice]]) -> None:
+        self._make = make
+
+    @cached_property
+    def _made(self) -> Mapping[str, Choice]:
+        return self._make()
+
+    def __getitem__(self, name: str) -> Choice:
+        return self._made[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._made)
+
+    def __len__(self) -> int:
+        return len(self._made)
 
 
 @dataclass(frozen=True)

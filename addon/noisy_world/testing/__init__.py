@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Contract tests: whether a perturbation, source, layout, channel, metric or system keeps its kind's rules.
+"""Contract tests: whether a perturbation, source, layout, trajectory format, channel, metric or system keeps its rules.
 
 An author calls one from a test of his own; ours are held to the same.
 
@@ -19,6 +19,7 @@ from .metrics import check_metric
 from .perturbations import check_perturbation
 from .sources import check_source
 from .systems import check_system
+from .trajectory_formats import check_trajectory_format
 
 __all__ = [
     "check_channel",
@@ -28,4 +29,5 @@ __all__ = [
     "check_perturbation",
     "check_source",
     "check_system",
+    "check_trajectory_format",
 ]

@@ -17,7 +17,9 @@ from noisy_world.core.geometry import (
     rotation_from_euler_deg,
 )
 from noisy_world.core.trajectories.trajectory import Trajectory, evenly_stamped, subsample
-from noisy_world.core.trajectories.files import detect_format, read_trajectory, replica_text, tum_text
+from noisy_world.core.trajectories.files import detect_format, read_trajectory
+from noisy_world.core.trajectories.matrix_poses import replica_text
+from noisy_world.core.trajectories.stamped_poses import tum_text
 
 REAL_ROOM = Path(__file__).parents[4] / "shared/data/real_room"
 

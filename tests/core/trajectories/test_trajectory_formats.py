@@ -6,7 +6,8 @@ from refusals import refused
 from cases import cases
 from pose_texts import EUROC_HEADER, NS, QUATS, blocks, expected, is_expected, rows
 
-from noisy_world.core.trajectories.files import detect_format, read_trajectory, tum_text
+from noisy_world.core.trajectories.files import detect_format, read_trajectory
+from noisy_world.core.trajectories.stamped_poses import tum_text
 from noisy_world.core.trajectories.trajectory import Trajectory
 
 # --- EuRoC ---

@@ -16,7 +16,7 @@ from noisy_world.cli.score_map_command import CULLINGS
 from noisy_world.core.geometry import pose, rotation_from_euler_deg
 from noisy_world.core.scenes.ply import read_ply
 from noisy_world.core.scenes.ply_writer import write_ply
-from noisy_world.core.trajectories.files import tum_text
+from noisy_world.core.trajectories.stamped_poses import tum_text
 from noisy_world.core.trajectories.trajectory import Trajectory
 from noisy_world.evaluation.maps.culling import Culling
 from noisy_world.evaluation.maps.score import moved

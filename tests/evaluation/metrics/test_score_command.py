@@ -13,7 +13,8 @@ from trajectory_pairs import moved, path, rotation
 from worlds import ROOT
 
 from noisy_world.cli import command, score_command
-from noisy_world.core.trajectories.files import replica_text, tum_text
+from noisy_world.core.trajectories.matrix_poses import replica_text
+from noisy_world.core.trajectories.stamped_poses import tum_text
 from noisy_world.core.trajectories.trajectory import Trajectory
 from noisy_world.evaluation.metrics import METRICS, PROTOCOLS, Alignment
 

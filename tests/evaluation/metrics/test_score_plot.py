@@ -10,7 +10,7 @@ pytest.importorskip("matplotlib", reason="the extra evaluate is not installed")
 from matplotlib.figure import Figure
 
 from noisy_world.cli import command
-from noisy_world.core.trajectories.files import tum_text
+from noisy_world.core.trajectories.stamped_poses import tum_text
 from noisy_world.core.trajectories.trajectory import Trajectory
 from noisy_world.evaluation.estimate import Estimate
 from noisy_world.evaluation.metrics.score import score_trajectory

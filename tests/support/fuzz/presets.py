@@ -24,7 +24,7 @@ from noisy_world.core.perturbing.reading import is_sensor
 from noisy_world.core.planning.plan import read_settings
 from noisy_world.core.presets.preset import EMBREE_SAMPLES, WORKBENCH_SAMPLES, CameraSpec, RenderSpec, read_preset
 from noisy_world.core.presets.scene_keys import HandheldSpec
-from noisy_world.core.trajectories.pose_text import FORMATS
+from noisy_world.core.trajectories.files import TRAJECTORY_FORMATS
 from noisy_world.perturbations import registry
 from noisy_world.planning import make_plan
 from noisy_world.sources import read_scenes
@@ -312,6 +312,6 @@ def write_shaped(folder, rng):
         replica(kept("shaped") / "recording")
     shutil.copytree(kept("shaped") / "recording", folder / "recording")
     beside(folder)
-    tree, told = changed(_document(rng), rng, words=(*WORDS_OF_SCENES, *FORMATS))
+    tree, told = changed(_document(rng), rng, words=(*WORDS_OF_SCENES, *TRAJECTORY_FORMATS))
     (folder / "preset.yaml").write_bytes(as_yaml(tree, flow=bool(rng.integers(2))))
     note(folder, told)

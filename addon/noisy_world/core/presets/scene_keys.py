@@ -4,8 +4,9 @@
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
-from ..schema import Choice, ConfigPath, key
+from ..schema import Choice, ChoicesOf, ConfigPath, key
 from ..trajectories.bodies import BodyKind
+from ..trajectories.files import TRAJECTORY_FORMATS
 from .names import scene_name
 
 
@@ -63,6 +64,11 @@ class BodySpec:
     )
 
 
+def _format_choices() -> dict[str, Choice]:
+    formats = {name: Choice(item.label, item.meaning) for name, item in TRAJECTORY_FORMATS.items()}
+    return {"auto": Choice("Automatic", "As the file's content tells"), **formats}
+
+
 @dataclass(frozen=True)
 class TrajectorySpec:
     """Where the camera goes: a file, or a path made here; a bare text is a file."""
@@ -76,19 +82,10 @@ class TrajectorySpec:
     )
     handheld: HandheldSpec | None = key("a path made here instead of a file", default=None)
     body: BodySpec | None = key("what carries the camera along the path, with its own motion", default=None)
-    format: Literal["auto", "replica", "kitti", "tum", "euroc", "matrices", "log", "transforms"] = key(
+    format: str = key(
         "the file's format, where its content should not decide",
         default="auto",
-        choices={
-            "auto": Choice("Automatic", "As the file's content tells"),
-            "replica": Choice("Replica", "16 numbers a line, a 4 x 4 pose"),
-            "kitti": Choice("KITTI", "12 numbers a line, a 3 x 4 pose"),
-            "tum": Choice("TUM", "Time stamp, position and quaternion, w last"),
-            "euroc": Choice("EuRoC", "Time stamp in nanoseconds, position and quaternion, w first"),
-            "matrices": Choice("Matrices", "Four lines a pose, in one file or in a folder with a file for each pose"),
-            "log": Choice("Open3D Log", "Three whole numbers, then four lines a pose"),
-            "transforms": Choice("Transforms", "The transforms.json of nerfstudio and NeRF"),
-        },
+        choices=ChoicesOf(_format_choices),
         identity="meaning",
     )
     pose: Literal["auto", "c2w", "w2c"] = key(

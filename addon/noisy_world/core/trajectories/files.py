@@ -1,31 +1,43 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Trajectory files: their formats told apart by content, read and written.
+"""Trajectory formats, and reading a file of any: each is an object, and packages bring more.
 
-Replica, KITTI, TUM and EuRoC hold a pose a line; further there are blocks of four lines (in one file, or a folder of
-one pose a file), Open3D's .log and nerfstudio's transforms.json. `docs/trajectories.md` says how each is recognised.
+`docs/trajectories.md` says what each looks like and how it is recognised.
 """
 
-from dataclasses import dataclass, replace
+import re
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal, TypeAlias, cast
+from typing import Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError
-from ..geometry import continuous_quats, quat_wxyz_from_rotation
+from ..installed import Door, Registry
 from ..messages import Message, PresetKey
-from .matrix_poses import block_poses, folder_poses, is_log, line_poses, log_poses
-from .pose_text import FORMATS, LARGEST_STAMP_S, FilePoses, TextRows, TrajectoryFormat, read_text, text_rows
-from .stamped_poses import PER_SECOND, STAMP_UNITS, StampUnit, stamped_poses
+from .matrix_poses import KITTI, LOG, MATRICES, REPLICA
+from .pose_text import LARGEST_STAMP_S, STAMP_UNITS, FilePoses, PoseFile, ReadOptions, StampUnit, TrajectoryFormat
+from .stamped_poses import EUROC, TUM
 from .stated_camera import StatedCamera
 from .trajectory import AXES, DIRECTIONS, Axes, Direction, Trajectory, checked_rate, convert_convention
-from .transforms_json import transforms_poses
-
-STAMPED_FORMATS: tuple[TrajectoryFormat, ...] = ("tum", "euroc")
-"""The formats whose poses have time stamps."""
+from .transforms_json import TRANSFORMS
 
 Auto: TypeAlias = Literal["auto"]
+
+
+def _problem(item: TrajectoryFormat) -> str:
+    """Return what a format does not say of itself, in a sentence, or ""."""
+    if lacking := [name for name in ("name", "label", "meaning") if not getattr(item, name)]:
+        return f"its trajectory format lacks {', '.join(lacking)}"
+    if item.name == "auto" or not re.fullmatch(r"[a-z][a-z0-9_]*", item.name):
+        return f"{item.name!r} is no name of a format: small letters, digits and underscores, a letter first"
+    return ""
+
+
+DOOR = Door("noisy_world.trajectory_formats", "trajectory format", "FORMAT", (TrajectoryFormat,), _problem)
+
+TRAJECTORY_FORMATS = Registry[TrajectoryFormat](DOOR, lambda: (REPLICA, KITTI, TUM, EUROC, MATRICES, LOG, TRANSFORMS))
+"""Every format of files of poses by its name, ours and those of installed packages."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +48,7 @@ class TrajectoryFile:
     camera: the intrinsics that it states, None where it does not. trajectory.notes: what was left out.
     """
 
-    format: TrajectoryFormat
+    format: str
     direction: Direction
     axes: Axes
     trajectory: Trajectory
@@ -46,7 +58,7 @@ class TrajectoryFile:
 def read_trajectory(
     path: str | Path,
     *,
-    format: TrajectoryFormat | Auto = "auto",  # noqa: A002 - the preset's key
+    format: str = "auto",  # noqa: A002 - the preset's key
     direction: Direction | Auto = "auto",
     axes: Axes | Auto = "auto",
     rate_hz: float = 20.0,
@@ -55,10 +67,10 @@ def read_trajectory(
     """Read the poses of a file, or of a folder with one pose a file; its notes say what was left out.
 
     format: what the file is, where its content should not decide. direction, axes: the convention of its poses; "auto"
-    is camera-to-world with the axes of the format, OpenCV's for all but transforms.json. stamp_unit: of its stamps,
-    "auto" is the format's. Files without stamps get 0, 1 / rate_hz, ... seconds. Rotations that are off by rounding
-    are made orthonormal. Raises InputError, which names file and line, for anything that is not a trajectory of rigid
-    poses, and ValueError for an argument that does not exist, or a rate that is not positive.
+    is the format's own: camera-to-world with OpenCV's axes for all of ours but transforms.json, which has OpenGL's.
+    stamp_unit: of its stamps, "auto" is the format's. Files without stamps get 0, 1 / rate_hz, ... seconds. Rotations
+    that are off by rounding are made orthonormal. Raises InputError, which names file and line, for anything that is
+    not a trajectory of rigid poses, and ValueError for an argument that does not exist, or a rate that is not positive.
     """
     found = read_trajectory_file(
         path, format=format, direction=direction, axes=axes, rate_hz=rate_hz, stamp_unit=stamp_unit
@@ -69,7 +81,7 @@ def read_trajectory(
 def read_trajectory_file(
     path: str | Path,
     *,
-    format: TrajectoryFormat | Auto = "auto",  # noqa: A002
+    format: str = "auto",  # noqa: A002
     direction: Direction | Auto = "auto",
     axes: Axes | Auto = "auto",
     rate_hz: float = 20.0,
@@ -82,7 +94,7 @@ def read_trajectory_file(
     path = Path(path)
     poses = read_file_poses(path, format=format, stamp_unit=stamp_unit)
     own_axes = poses.axes if axes == "auto" else axes
-    own_direction: Direction = "c2w" if direction == "auto" else direction
+    own_direction = poses.direction if direction == "auto" else direction
     c2w = convert_convention(poses.poses, direction=own_direction, axes=own_axes)
     unit = None if stamp_unit == "auto" else stamp_unit
     trajectory = Trajectory(c2w, _stamps_s(path, poses, rate_hz, unit), poses.notes)
@@ -92,53 +104,38 @@ def read_trajectory_file(
 def read_file_poses(
     path: Path,
     *,
-    format: TrajectoryFormat | Auto = "auto",  # noqa: A002
+    format: str = "auto",  # noqa: A002
     stamp_unit: StampUnit | Auto = "auto",
-    lost: bool = False,
+    skip_lost: bool = False,
 ) -> FilePoses:
     """Read a file's poses as they stand there: with their stamps, or with their numbers where there are none.
 
-    lost: whether a matrix that is not finite is a frame in which tracking was lost in every format of matrices, and so
-    left out; else in `matrices` and `log` alone. Raises InputError as `read_trajectory` does, NotFiniteError, which is
-    one, where a pose is not finite, and ValueError for an argument that does not exist.
+    skip_lost: whether a matrix that is not finite is a frame in which tracking was lost in every format of matrices,
+    and so left out; else in `matrices` and `log` alone. Raises InputError as `read_trajectory` does, NotFiniteError,
+    which is one, where a pose is not finite, and ValueError for an argument that does not exist.
     """
-    _check_name("format", format, FORMATS)
+    _check_name("format", format, tuple(TRAJECTORY_FORMATS))
     _check_name("stamp_unit", stamp_unit, STAMP_UNITS)
-    return _read(path, None if format == "auto" else format, None if stamp_unit == "auto" else stamp_unit, lost=lost)
+    file, declared = PoseFile(path), format != "auto"
+    known = TRAJECTORY_FORMATS[format] if declared else _recognised(file)
+    if file.is_folder and not known.reads_folders:
+        remedy = "a folder holds one pose a file: format: matrices, or auto"
+        raise InputError(path, f"is a folder, which is not {known.name}", remedy=remedy)
+    return known.read(file, ReadOptions(declared, None if stamp_unit == "auto" else stamp_unit, skip_lost))
 
 
-def detect_format(path: str | Path) -> TrajectoryFormat:
+def detect_format(path: str | Path) -> str:
     """Tell the format of a file by its content. Raises InputError as read_trajectory does."""
-    return _read(Path(path), None, None).format
+    return read_file_poses(Path(path)).format
 
 
-def _read(path: Path, declared: TrajectoryFormat | None, unit: StampUnit | None, *, lost: bool = False) -> FilePoses:
-    if path.is_dir():
-        if declared not in (None, "matrices"):
-            remedy = "a folder holds one pose a file: format: matrices, or auto"
-            raise InputError(path, f"is a folder, which is not {declared}", remedy=remedy)
-        poses = folder_poses(path)
-        if unit is not None:
-            assert poses.numbers is not None
-            poses = replace(poses, stamps_s=poses.numbers / PER_SECOND[unit])
-        return poses
-    text = read_text(path)
-    if declared == "transforms" or (declared is None and text.lstrip().startswith(("{", "["))):
-        return transforms_poses(path, text)
-    return _read_rows(text_rows(path, text), declared, unit, lost=lost)
-
-
-def _read_rows(rows: TextRows, declared: TrajectoryFormat | None, unit: StampUnit | None, *, lost: bool) -> FilePoses:
-    width = int(rows.widths[0])
-    if declared in ("replica", "kitti"):
-        return line_poses(rows, 16 if declared == "replica" else 12, lost=lost)
-    if declared == "log" or (declared is None and is_log(rows)):
-        return log_poses(rows)
-    if declared == "matrices" or (declared is None and width == 4):
-        return block_poses(rows)
-    if declared in ("tum", "euroc"):
-        return stamped_poses(rows, cast("Literal['tum', 'euroc']", declared), unit)
-    return line_poses(rows, lost=lost) if width in (12, 16) else stamped_poses(rows, None, unit)
+def _recognised(file: PoseFile) -> TrajectoryFormat:
+    """Return the format that recognises a file; where none does, one whose reader says what is wrong."""
+    names = [item.name for item in TRAJECTORY_FORMATS.values() if item.recognises(file)]
+    if len(names) > 1:
+        remedy = Message("say which: ", PresetKey("format"))
+        raise InputError(file.path, f"may be of the formats {' and '.join(names)}", remedy=remedy)
+    return TRAJECTORY_FORMATS[names[0]] if names else MATRICES if file.is_folder else TUM
 
 
 def _stamps_s(path: Path, poses: FilePoses, rate_hz: float, unit: StampUnit | None) -> NDArray[np.float64]:
@@ -167,23 +164,3 @@ def _stamps_s(path: Path, poses: FilePoses, rate_hz: float, unit: StampUnit | No
 def _check_name(what: str, name: str, known: tuple[str, ...]) -> None:
     if name != "auto" and name not in known:
         raise ValueError(f"{what} is auto or one of {', '.join(known)}, not {name!r}")
-
-
-# --- writing ---
-
-
-def replica_text(trajectory: Trajectory) -> str:
-    """One line a frame: 16 row-major numbers of c2w, OpenCV axes; every number reads back to the same float64."""
-    return _text(trajectory.c2w.reshape(-1, 16))
-
-
-def tum_text(trajectory: Trajectory) -> str:
-    """One line a frame: `t tx ty tz qx qy qz qw` of c2w, OpenCV axes; signs of q are chosen so that it never jumps."""
-    quat_wxyz = continuous_quats(quat_wxyz_from_rotation(trajectory.c2w[:, :3, :3]))
-    columns = [trajectory.stamps_s[:, None], trajectory.c2w[:, :3, 3], np.roll(quat_wxyz, -1, axis=1)]
-    return _text(np.concatenate(columns, axis=1))
-
-
-def _text(rows: NDArray[np.float64]) -> str:
-    # Python's repr is the shortest text that reads back to the same float64; + 0.0 turns -0.0 into 0.0.
-    return "".join(" ".join(map(repr, row)) + "\n" for row in (rows + 0.0).tolist())

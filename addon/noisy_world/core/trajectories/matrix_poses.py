@@ -8,6 +8,7 @@ numbers, the third of which is the frame's, counted from 1.
 
 import re
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +16,20 @@ from numpy.typing import NDArray
 
 from ..errors import InputError, NotFiniteError
 from ..geometry import nearest_rotation, pose, rotation_error
-from .pose_text import FilePoses, Float64, PoseRows, TextRows, TrajectoryFormat, all_finite, read_text, text_rows
+from .pose_text import (
+    PER_SECOND,
+    FilePoses,
+    Float64,
+    PoseFile,
+    PoseRows,
+    ReadOptions,
+    TextRows,
+    TrajectoryFormat,
+    all_finite,
+    read_text,
+    text_rows,
+)
+from .trajectory import Trajectory
 
 # Tolerances of what a file says. Text of six digits is off by 1e-6. The wide ones are chosen: they mend files of three
 # digits, and refuse a matrix with scale or shear.
@@ -37,33 +51,43 @@ _BLOCK = "a pose is four lines of four numbers"
 _LOG = "a .log has a line of three whole numbers and four lines of four for each pose"
 
 
-def line_poses(rows: TextRows, width: int | None = None, *, lost: bool = False) -> FilePoses:
-    """Read Replica's or KITTI's lines; width: 16 or 12 where content should not decide. Raises InputError.
-
-    lost: whether lines that are not finite are left out, as frames in which tracking was lost; else they are refused.
-    """
-    table = rows.table((16, 12) if width is None else (width,))
-    name = "replica" if table.values.shape[1] == 16 else "kitti"
+def _line_poses(name: str, width: int, file: PoseFile, options: ReadOptions) -> FilePoses:
+    """Read a pose a line, 16 or 12 numbers. Raises InputError."""
+    table = file.rows.table((width,))
     numbers = np.arange(len(table.values), dtype=np.float64)
-    if lost:
-        return _found_poses(name, table, numbers)
+    if options.skip_lost:
+        return _finite_poses(name, table, numbers)
     return FilePoses(name, rigid_poses(all_finite(table)), numbers=numbers)
 
 
-def block_poses(rows: TextRows) -> FilePoses:
-    """Read blocks of four lines, or a line for each; those that are not finite are left out. Raises InputError."""
+def _matrices(file: PoseFile, options: ReadOptions) -> FilePoses:
+    """Read a folder of one pose a file, or a file of poses; those that are not finite are left out."""
+    if not file.is_folder:
+        return _block_poses(file.rows)
+    poses = _folder_poses(file.path)
+    if options.stamp_unit is None:
+        return poses
+    assert poses.numbers is not None
+    return replace(poses, stamps_s=poses.numbers / PER_SECOND[options.stamp_unit])
+
+
+def _block_poses(rows: TextRows) -> FilePoses:
+    """Read blocks of four lines, or a line for each pose; those that are not finite are left out."""
     if int(rows.widths[0]) in (12, 16):
-        return replace(line_poses(rows, lost=True), format="matrices")
+        table = rows.table((12, 16))
+        return _finite_poses("matrices", table, np.arange(len(table.values), dtype=np.float64))
     table = rows.table((4,), _BLOCK)
     if len(table.values) % 4:
         problem = f"{len(table.values)} lines of four numbers are no whole number of poses"
         raise InputError(rows.path, problem, where=f"line {table.lines[-1]}", remedy=_BLOCK)
     blocks = PoseRows(rows.path, table.values.reshape(-1, 16), table.lines[::4])
-    return _found_poses("matrices", blocks, np.arange(len(blocks.values), dtype=np.float64))
+    return _finite_poses("matrices", blocks, np.arange(len(blocks.values), dtype=np.float64))
 
 
-def log_poses(rows: TextRows) -> FilePoses:
+def _log_poses(file: PoseFile, options: ReadOptions) -> FilePoses:
     """Read a .log. Raises InputError, also for one that pairs fragments instead of placing frames."""
+    del options
+    rows = file.rows
     expected = np.where(np.arange(len(rows.widths)) % 5 == 0, 3, 4)
     wrong = np.flatnonzero(rows.widths != expected)
     if wrong.size or len(rows.widths) % 5:
@@ -81,18 +105,13 @@ def log_poses(rows: TextRows) -> FilePoses:
     numbers = np.arange(len(values), dtype=np.float64)
     if (np.diff(third) > 0).all() and third[0] >= 0:
         numbers = third - min(third[0], 1.0)
-    return _found_poses("log", PoseRows(rows.path, values[:, 3:], rows.lines[1::5]), numbers)
-
-
-def is_log(rows: TextRows) -> bool:
-    """Tell whether a file begins as a .log does."""
-    return rows.widths[:2].tolist() == [3, 4]
+    return _finite_poses("log", PoseRows(rows.path, values[:, 3:], rows.lines[1::5]), numbers)
 
 
 # --- a folder ---
 
 
-def folder_poses(folder: Path) -> FilePoses:
+def _folder_poses(folder: Path) -> FilePoses:
     """Read a folder of numbered .txt files, one pose each, in the order of the numbers.
 
     The number is the last in a file's name: 12.txt, frame-000012.pose.txt. Poses that are not finite are left out.
@@ -108,7 +127,7 @@ def folder_poses(folder: Path) -> FilePoses:
             raise InputError(file, problem, where=f"line {rows.lines[wrong]}", remedy=_BLOCK)
         blocks.append((rows.numbers, rows.lines[0]))
     values, lines = np.array([block for block, _ in blocks]), np.array([line for _, line in blocks])
-    found = _found_poses("matrices", PoseRows(files, values, lines), np.array(numbers, dtype=np.float64))
+    found = _finite_poses("matrices", PoseRows(files, values, lines), np.array(numbers, dtype=np.float64))
     if not ignored:
         return found
     more = f" and {len(ignored) - 1} more" if len(ignored) > 1 else ""
@@ -149,10 +168,19 @@ def _numbered_files(folder: Path) -> tuple[list[Path], list[int], list[Path]]:
     return [found[number] for number in numbers], numbers, ignored
 
 
+def _holds_poses(folder: Path) -> bool:
+    """Tell whether a folder has numbered .txt files."""
+    try:
+        _numbered_files(folder)
+    except InputError:
+        return False
+    return True
+
+
 # --- matrices ---
 
 
-def _found_poses(format_name: TrajectoryFormat, blocks: PoseRows, numbers: Float64) -> FilePoses:
+def _finite_poses(format_name: str, blocks: PoseRows, numbers: Float64) -> FilePoses:
     """Return the poses that are finite; of the others, which mean that tracking was lost, a note."""
     found = np.isfinite(blocks.values).all(axis=1)
     notes: tuple[str, ...] = ()
@@ -190,3 +218,61 @@ def rigid_poses(rows: PoseRows) -> Float64:
     rotation = rotation.copy()
     rotation[rounded] = nearest_rotation(rotation[rounded])
     return pose(rotation, matrices[:, :3, 3])
+
+
+def row_text(rows: Float64) -> str:
+    """Return numbers, a line for each row (N, C), as text that reads back to the same float64."""
+    # Python's repr is the shortest such text; + 0.0 turns -0.0 into 0.0.
+    return "".join(" ".join(map(repr, row)) + "\n" for row in (rows + 0.0).tolist())
+
+
+def replica_text(trajectory: Trajectory) -> str:
+    """One line a frame: 16 row-major numbers of c2w, OpenCV axes; every number reads back to the same float64."""
+    return row_text(trajectory.c2w.reshape(-1, 16))
+
+
+# --- the formats ---
+
+REPLICA = TrajectoryFormat(
+    "replica",
+    "Replica",
+    "16 numbers a line, a 4 x 4 pose",
+    lambda file: file.first_widths[:1] == (16,),
+    partial(_line_poses, "replica", 16),
+    write=replica_text,
+    looks_like="16 numbers a line, a 4 x 4 pose row by row",
+    recognised_by="16 numbers",
+    times="`rate_hz`",
+)
+KITTI = TrajectoryFormat(
+    "kitti",
+    "KITTI",
+    "12 numbers a line, a 3 x 4 pose",
+    lambda file: file.first_widths[:1] == (12,),
+    partial(_line_poses, "kitti", 12),
+    looks_like="12 numbers a line, a pose without its last row",
+    recognised_by="12 numbers",
+    times="`rate_hz`",
+)
+MATRICES = TrajectoryFormat(
+    "matrices",
+    "Matrices",
+    "Four lines a pose, in one file or in a folder with a file for each pose",
+    lambda file: _holds_poses(file.path) if file.is_folder else file.first_widths[:1] == (4,),
+    _matrices,
+    reads_folders=True,
+    looks_like="four lines of four numbers a pose, in one file, or in a folder of `0.txt`, `1.txt` or "
+    "`frame-000000.pose.txt`: ScanNet, 7-Scenes",
+    recognised_by="4 numbers; a folder",
+    times="`rate_hz`; the files' numbers / `rate_hz`",
+)
+LOG = TrajectoryFormat(
+    "log",
+    "Open3D Log",
+    "Three whole numbers, then four lines a pose",
+    lambda file: file.first_widths == (3, 4),
+    _log_poses,
+    looks_like="Open3D and Redwood: `i i n`, then four lines of four numbers",
+    recognised_by="3 numbers, then 4",
+    times="the frames' numbers `n`, from 1, / `rate_hz`",
+)

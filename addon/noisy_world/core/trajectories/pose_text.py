@@ -1,13 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The text of trajectory files as rows of numbers, each with its line, and what readers of every format share.
+"""What a trajectory format is, and what the readers of all formats share: a file's text as rows of numbers.
 
 Numbers are separated by blanks or by commas; blank lines and comments from # on are skipped. A first line that holds
 no number is a header.
 """
 
 from array import array
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Literal, TypeAlias, get_args
 
@@ -18,12 +19,13 @@ from ..errors import InputError, NotFiniteError
 from ..regular_files import read_bytes
 from ..schema import LONGEST_SHOWN, shown
 from .stated_camera import StatedCamera
-from .trajectory import Axes
+from .trajectory import Axes, Direction, Trajectory
 
 Float64: TypeAlias = NDArray[np.float64]
-TrajectoryFormat: TypeAlias = Literal["replica", "kitti", "tum", "euroc", "matrices", "log", "transforms"]
+StampUnit: TypeAlias = Literal["s", "ms", "us", "ns"]
 
-FORMATS: tuple[str, ...] = get_args(TrajectoryFormat)
+STAMP_UNITS: tuple[str, ...] = get_args(StampUnit)
+PER_SECOND = {"s": 1, "ms": 10**3, "us": 10**6, "ns": 10**9}
 
 LARGEST_STAMP_S = 1e11  # 3,000 years: larger numbers are no seconds, whatever they count from
 WAYS = (
@@ -36,20 +38,102 @@ WAYS = (
 class FilePoses:
     """The poses of a file as they stand there, and what the file says about them.
 
-    poses: (N, 4, 4) float64, rigid. stamps_s: (N,) seconds; None where the file has none. numbers: (N,) those of the
-    frames, increasing, from which stamps follow with a rate. axes: those of the file's format. camera: the intrinsics
-    that the file states. notes: what a user should know, one sentence each. listed: (M,) the numbers of
-    all frames that a file of matrices has a pose of, with those whose poses are not finite and so not here.
+    format: the name of its format. poses: (N, 4, 4) float64, rigid. stamps_s: (N,) seconds, increasing; None where the
+    file has none. numbers: (N,) those of the frames, increasing, from which stamps follow with a rate. direction,
+    axes: those of the file's format. camera: the intrinsics that the file states. notes: what a user should know, one
+    sentence each. listed: (M,) the numbers of all frames that a file of matrices has a pose of, with those whose poses
+    are not finite and so not here.
     """
 
-    format: TrajectoryFormat
+    format: str
     poses: Float64
     stamps_s: Float64 | None = None
     numbers: Float64 | None = None
+    direction: Direction = "c2w"
     axes: Axes = "opencv"
     camera: StatedCamera | None = None
     notes: tuple[str, ...] = ()
     listed: Float64 | None = None
+
+
+@dataclass(frozen=True)
+class ReadOptions:
+    """How a file of poses is read.
+
+    declared: whether the user names its format, so that its content does not decide. stamp_unit: of its time stamps;
+    None where the file decides. skip_lost: whether a matrix that is not finite means a frame in which tracking was
+    lost, and is left out, also in a format that refuses it.
+    """
+
+    declared: bool = False
+    stamp_unit: StampUnit | None = None
+    skip_lost: bool = False
+
+
+class PoseFile:
+    """A file of poses, or a folder with one pose a file, of which no more is read than is asked for.
+
+    path: where it is.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+
+    @cached_property
+    def is_folder(self) -> bool:
+        """Whether it is a folder."""
+        return self.path.is_dir()
+
+    @cached_property
+    def text(self) -> str:
+        """Its text. Raises InputError where it cannot be read, or is no UTF-8."""
+        return read_text(self.path)
+
+    @cached_property
+    def rows(self) -> "TextRows":
+        """Its text as rows of numbers. Raises InputError where it is none."""
+        return text_rows(self.path, self.text)
+
+    @cached_property
+    def first_widths(self) -> tuple[int, ...]:
+        """How many numbers its first two rows have; () where it is no text of numbers."""
+        if self.begins_with("{", "["):
+            return ()
+        try:
+            return tuple(self.rows.widths[:2].tolist())
+        except InputError:
+            return ()
+
+    def begins_with(self, *texts: str) -> bool:
+        """Tell whether its text begins with one of these, after blanks; False where it is no text."""
+        try:
+            return self.text.lstrip().startswith(texts)
+        except InputError:
+            return False
+
+
+@dataclass(frozen=True)
+class TrajectoryFormat:
+    """A format of files of poses.
+
+    name: in presets and options. label, meaning: in menus and lists, a name and a sentence. looks_like, recognised_by,
+    times: in the table of formats. recognises: tells whether a file is of this format, and of no other. read: returns
+    its poses; raises InputError, and NotFiniteError, which is one, where a pose is not finite. write: returns the text
+    of a trajectory; None where the format is only read. stamped: whether its poses have time stamps. reads_folders:
+    whether it may be a folder.
+    """
+
+    name: str
+    label: str
+    meaning: str
+    recognises: Callable[[PoseFile], bool]
+    read: Callable[[PoseFile, ReadOptions], FilePoses]
+    write: Callable[[Trajectory], str] | None = None
+    stamped: bool = False
+    reads_folders: bool = False
+    looks_like: str = ""
+    recognised_by: str = ""
+    times: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,8 +211,12 @@ class TextRows:
 
     def cells(self, column: int) -> list[str]:
         """Return the text of each row's number in a column."""
-        data = map(self._data, range(len(self.lines)))
-        return [line.split("," if "," in line else None)[column].strip() for line in data]
+        return [self.cell(row, column) for row in range(len(self.lines))]
+
+    def cell(self, row: int, column: int) -> str:
+        """Return the text of a number."""
+        line = self._data(row)
+        return line.split("," if "," in line else None)[column].strip()
 
     def _data(self, row: int) -> str:
         return self.texts[self.lines[row] - 1].partition("#")[0]

@@ -12,24 +12,37 @@ import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from decimal import Decimal, localcontext
-from typing import Literal, TypeAlias, get_args
+from functools import partial
+from typing import Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import InputError
-from ..geometry import pose, rotation_from_quat_wxyz
+from ..geometry import continuous_quats, pose, quat_wxyz_from_rotation, rotation_from_quat_wxyz
 from ..messages import Message, PresetKey
 from ..schema import shown
-from .pose_text import LARGEST_STAMP_S, WAYS, FilePoses, Float64, PoseRows, TextRows, all_finite
+from .matrix_poses import row_text
+from .pose_text import (
+    LARGEST_STAMP_S,
+    PER_SECOND,
+    WAYS,
+    FilePoses,
+    Float64,
+    PoseFile,
+    PoseRows,
+    ReadOptions,
+    StampUnit,
+    TextRows,
+    TrajectoryFormat,
+    all_finite,
+)
+from .trajectory import Trajectory
 
-StampUnit: TypeAlias = Literal["s", "ms", "us", "ns"]
 StampedFormat: TypeAlias = Literal["tum", "euroc"]
 
-STAMP_UNITS: tuple[str, ...] = get_args(StampUnit)
 WIDTHS = (8, 17)
 
-PER_SECOND = {"s": 1, "ms": 10**3, "us": 10**6, "ns": 10**9}
 _LEAST_NS = 1e17  # 1973 in nanoseconds since 1970, and 3e9 years in seconds: stamps from here on are nanoseconds
 _DAY_S = 86_400.0
 _SHORTEST_GAP_S = 1e-4  # the preset's highest rate is 10 kHz: what is closer was not meant as nanoseconds
@@ -65,13 +78,9 @@ _TUM = _Columns(0, (1, 2, 3), (7, 4, 5, 6))
 _EUROC = _Columns(0, (1, 2, 3), (4, 5, 6, 7))
 
 
-def stamped_poses(
-    rows: TextRows, declared: StampedFormat | None = None, declared_unit: StampUnit | None = None
-) -> FilePoses:
-    """Read poses with stamps. declared: the format and the stamps' unit where content should not decide.
-
-    Raises InputError.
-    """
+def _stamped_poses(name: StampedFormat, file: PoseFile, options: ReadOptions) -> FilePoses:
+    """Read poses with stamps, of the format that the user names or, where he names none, that the content tells."""
+    rows, declared = file.rows, name if options.declared else None
     table = all_finite(rows.table((8,) if declared == "tum" else WIDTHS, _WAYS[declared]))
     _refuse_stamped_matrices(table)
     named = _named_columns(rows.headers, table.values.shape[1])
@@ -82,7 +91,7 @@ def stamped_poses(
     stamps = rows.cells(0 if named is None else named.stamp)
     whole = all(map(_WHOLE.fullmatch, stamps))
     columns = named or _columns(rows, table, declared, whole=whole)
-    unit, guessed = _unit(table, stamps, columns, declared, declared_unit, whole_ns=whole and _comma_or_wide(rows))
+    unit, guessed = _unit(table, stamps, columns, declared, options.stamp_unit, whole_ns=whole and _comma_or_wide(rows))
     stamps_s = _seconds(stamps, unit)
     _check_stamps(table, stamps, stamps_s, unit)
     kept, note = first_of_equal(stamps_s, lambda row: ": ".join([table.place(row)[1], stamps[row]]))
@@ -254,3 +263,48 @@ def _check_gaps(table: PoseRows, stamps_s: Float64, unit: StampUnit) -> None:
         unit_key = PresetKey("stamp_unit")
         remedy = Message("say what they are: ", PresetKey("format", "tum"), ", or ", unit_key, ": s, ms, us or ns")
         raise InputError(file, problem, where=where, remedy=remedy)
+
+
+# --- the formats ---
+
+
+def tum_text(trajectory: Trajectory) -> str:
+    """One line a frame: `t tx ty tz qx qy qz qw` of c2w, OpenCV axes; signs of q are chosen so that it never jumps."""
+    quat_wxyz = continuous_quats(quat_wxyz_from_rotation(trajectory.c2w[:, :3, :3]))
+    columns = [trajectory.stamps_s[:, None], trajectory.c2w[:, :3, 3], np.roll(quat_wxyz, -1, axis=1)]
+    return row_text(np.concatenate(columns, axis=1))
+
+
+def _is_euroc(file: PoseFile) -> bool:
+    """Tell by the first line whether a stamped file is EuRoC's; its reader looks at all lines."""
+    if file.first_widths[:1] not in ((8,), (17,)):
+        return False
+    named = _named_columns(file.rows.headers, file.first_widths[0])
+    if named is not None:
+        return named.format == "euroc"
+    return file.first_widths[0] == 17 or (file.rows.commas and bool(_WHOLE.fullmatch(file.rows.cell(0, 0))))
+
+
+TUM = TrajectoryFormat(
+    "tum",
+    "TUM",
+    "Time stamp, position and quaternion, w last",
+    lambda file: file.first_widths[:1] in ((8,), (17,)) and not _is_euroc(file),
+    partial(_stamped_poses, "tum"),
+    write=tum_text,
+    stamped=True,
+    looks_like="`t tx ty tz qx qy qz qw`, w last",
+    recognised_by="8 numbers",
+    times="its own: seconds, or nanoseconds from 1e17 on",
+)
+EUROC = TrajectoryFormat(
+    "euroc",
+    "EuRoC",
+    "Time stamp in nanoseconds, position and quaternion, w first",
+    _is_euroc,
+    partial(_stamped_poses, "euroc"),
+    stamped=True,
+    looks_like="`t, x, y, z, qw, qx, qy, qz`, w first, and nine more or none",
+    recognised_by="17 numbers; 8 with commas, `t` a whole number",
+    times="its own: nanoseconds",
+)

@@ -17,7 +17,7 @@ import numpy as np
 
 from ..errors import InputError
 from .matrix_poses import rigid_poses
-from .pose_text import FilePoses, PoseRows, all_finite
+from .pose_text import FilePoses, PoseFile, PoseRows, ReadOptions, TrajectoryFormat, all_finite
 from .stated_camera import StatedCamera
 
 _REMEDY = "frames is a list, each with transform_matrix: four rows of four numbers"
@@ -36,9 +36,11 @@ class _Places(PoseRows):
         return self.files, f"frames.{row}.transform_matrix"
 
 
-def transforms_poses(path: Path, text: str) -> FilePoses:
+def _transforms_poses(file: PoseFile, options: ReadOptions) -> FilePoses:
     """Read a transforms.json. Raises InputError naming the key that is wrong."""
-    document = _document(path, text)
+    del options
+    path = file.path
+    document = _document(path, file.text)
     frames = document.get("frames")
     if not isinstance(frames, list):
         raise InputError(path, "is missing" if frames is None else "is no list", where="frames", remedy=_REMEDY)
@@ -150,3 +152,15 @@ def _checked(path: Path, key: str, value: object) -> float:
     if number is None or not math.isfinite(number):
         raise InputError(path, f"is {str(value)[:40]!r}, but has to be a number", where=key)
     return number
+
+
+TRANSFORMS = TrajectoryFormat(
+    "transforms",
+    "Transforms",
+    "The transforms.json of nerfstudio and NeRF",
+    lambda file: file.begins_with("{", "["),
+    _transforms_poses,
+    looks_like="`transforms.json` of nerfstudio, Instant NGP and NeRF",
+    recognised_by="`{` at the beginning",
+    times="as listed, `rate_hz`",
+)

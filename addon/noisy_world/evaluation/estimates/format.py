@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, TypeAlias
 
-from ...core.trajectories.stamped_poses import StampUnit
+from ...core.trajectories.pose_text import StampUnit
 from ...core.trajectories.trajectory import Axes, Direction
 from .poses import LARGEST_READ_BYTES, ReadPoses
 

@@ -1,8 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The one reader of estimates: a file in any format, and the frames that its poses belong to."""
 
+from collections import ChainMap
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path, PurePosixPath
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +13,8 @@ from numpy.typing import NDArray
 from ...core.errors import InputError, NotFiniteError
 from ...core.regular_files import open_regular
 from ...core.schema import shown
-from ...core.trajectories.stamped_poses import StampUnit, first_of_equal
+from ...core.trajectories.pose_text import StampUnit
+from ...core.trajectories.stamped_poses import first_of_equal
 from ...core.trajectories.trajectory import Axes, Direction
 from ..association import MAX_DIFFERENCE_S, associate_poses
 from ..estimate import Estimate
@@ -19,12 +23,11 @@ from .format import Asked, Auto, EstimateFormat
 from .frames import Frames, Index
 from .poses import LARGEST_READ_BYTES, ReadPoses
 
-FORMATS: dict[str, EstimateFormat] = {
-    found.name: found for found in (*text.FORMATS, arrays.FORMAT, colmap.FORMAT, vslamlab.FORMAT, splatam.FORMAT)
-}
+_RECOGNISED = (splatam.FORMAT, colmap.FORMAT, vslamlab.FORMAT, arrays.FORMAT)
+
+FORMATS: Mapping[str, EstimateFormat] = ChainMap({item.name: item for item in _RECOGNISED}, cast("Any", text.FORMATS))
 """Every format by the name that a system's definition and `score --format` give."""
 
-_RECOGNISED = (splatam.FORMAT, colmap.FORMAT, vslamlab.FORMAT, arrays.FORMAT)
 _HEAD_BYTES = 16
 _UNITS: tuple[StampUnit, ...] = ("s", "ns")
 _FEW = 2  # poses that meet frames: one alone may do so in the wrong unit, in which all stamps are nearly one

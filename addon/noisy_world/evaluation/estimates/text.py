@@ -4,6 +4,7 @@
 A frame whose matrix is not finite, or that a numbered format leaves out, is one that was lost.
 """
 
+from collections.abc import Iterator, Mapping
 from functools import partial
 from pathlib import Path
 from typing import cast
@@ -12,10 +13,10 @@ import numpy as np
 
 from ...core.errors import InputError
 from ...core.messages import Message, PresetKey
-from ...core.trajectories.files import STAMPED_FORMATS, read_file_poses
+from ...core.trajectories.files import TRAJECTORY_FORMATS, read_file_poses
 from ...core.trajectories.matrix_poses import AllLostError
-from ...core.trajectories.pose_text import FilePoses, TrajectoryFormat, is_header, read_text
-from ...core.trajectories.stamped_poses import StampUnit, names_columns
+from ...core.trajectories.pose_text import FilePoses, StampUnit, TrajectoryFormat, is_header, read_text
+from ...core.trajectories.stamped_poses import names_columns
 from ...core.trajectories.trajectory import Axes, Direction, convert_convention
 from .format import Asked, Auto, EstimateFormat
 from .poses import ReadPoses, no_pose
@@ -24,7 +25,7 @@ from .whole_text import check_whole
 _SPARSE = ("log",)  # formats of one file that number their frames, and may leave some out
 
 
-def read_text_poses(path: Path, asked: Asked, format_name: TrajectoryFormat | Auto = "auto") -> ReadPoses:
+def read_text_poses(path: Path, asked: Asked, format_name: str = "auto") -> ReadPoses:
     """Read a file, or a folder of one pose a file. Raises InputError, and NotFiniteError for what is not a lost frame.
 
     A file without a pose, a table's header alone among them, is the estimate of a system that tracked no frame.
@@ -36,10 +37,10 @@ def read_text_poses(path: Path, asked: Asked, format_name: TrajectoryFormat | Au
         check_whole(path, text)
     unit: StampUnit | Auto = "s" if asked.stamps == "index" else asked.stamp_unit
     try:
-        found = read_file_poses(path, format=format_name, stamp_unit=unit, lost=True)
+        found = read_file_poses(path, format=format_name, stamp_unit=unit, skip_lost=True)
     except AllLostError as error:
         return no_pose(format_name, None if path.is_dir() else error.count)
-    direction = cast("Direction", "c2w" if asked.direction == "auto" else asked.direction)
+    direction = cast("Direction", found.direction if asked.direction == "auto" else asked.direction)
     axes = cast("Axes", found.axes if asked.axes == "auto" else asked.axes)
     c2w = convert_convention(found.poses, direction=direction, axes=axes)
     if asked.stamps == "none":
@@ -55,7 +56,7 @@ def read_text_poses(path: Path, asked: Asked, format_name: TrajectoryFormat | Au
 def _numbered(path: Path, found: FilePoses, c2w: np.ndarray, unit: StampUnit | Auto) -> ReadPoses:
     """Return the poses of a format without stamps, by the numbers of their frames."""
     assert found.numbers is not None, "poses have stamps or numbers"
-    if unit != "auto" and found.format not in STAMPED_FORMATS:
+    if unit != "auto" and not TRAJECTORY_FORMATS[found.format].stamped:
         remedy = Message("leave ", PresetKey("stamp_unit"), " out")
         raise InputError(path, f"has no time stamps ({found.format}), so none in {unit}", remedy=remedy)
     numbers = _whole_numbers(path, found.numbers)
@@ -78,20 +79,24 @@ def holds_no_pose(text: str) -> bool:
     return not rows or (len(rows) == 1 and is_header(rows[0]) and names_columns(rows[0]))
 
 
-def _text_format(name: TrajectoryFormat, meaning: str) -> EstimateFormat:
-    stamped = name in STAMPED_FORMATS
-    read = partial(read_text_poses, format_name=name)
-    return EstimateFormat(name, meaning, read, any_convention=True, any_stamps=True, any_unit=stamped)
+def _text_format(of: TrajectoryFormat) -> EstimateFormat:
+    read = partial(read_text_poses, format_name=of.name)
+    return EstimateFormat(of.name, of.meaning, read, any_convention=True, any_stamps=True, any_unit=of.stamped)
 
 
-FORMATS = (
-    _text_format("tum", "text: t tx ty tz qx qy qz qw"),
-    _text_format("euroc", "table: t, x, y, z, qw, qx, qy, qz"),
-    _text_format("kitti", "text: 12 numbers a frame, for every frame"),
-    _text_format("replica", "text: 16 numbers a frame, for every frame"),
-    _text_format("matrices", "text: four lines of four numbers a frame, in a file or a folder"),
-    _text_format("log", "Open3D's .log"),
-    _text_format("transforms", "nerfstudio's transforms.json, for every frame"),
-)
+class _TextFormats(Mapping[str, EstimateFormat]):
+    """The formats of trajectories, those of packages too, which are looked for when one is asked for."""
+
+    def __getitem__(self, name: str) -> EstimateFormat:
+        return _text_format(TRAJECTORY_FORMATS[name])
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(TRAJECTORY_FORMATS)
+
+    def __len__(self) -> int:
+        return len(TRAJECTORY_FORMATS)
+
+
+FORMATS = _TextFormats()
 OF_ANY = EstimateFormat("auto", "", read_text_poses, any_convention=True, any_stamps=True, any_unit=True)
 """What no format recognises: one of the above, told by content."""

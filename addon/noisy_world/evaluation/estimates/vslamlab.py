@@ -11,8 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from ...core.geometry import pose, rotation_from_quat_wxyz
-from ...core.trajectories.pose_text import all_finite, read_text, text_rows
-from ...core.trajectories.stamped_poses import PER_SECOND
+from ...core.trajectories.pose_text import PER_SECOND, all_finite, read_text, text_rows
 from .format import Asked, EstimateFormat
 from .poses import ReadPoses, no_pose
 from .text import holds_no_pose

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core.trajectories.files import tum_text
+from ...core.trajectories.stamped_poses import tum_text
 from ...recipes.opened import Frame
 from ..analysis.indicators import indicators_of
 from ..metrics.frame_errors import FrameErrors

@@ -22,9 +22,7 @@ import numpy as np
 
 from ...errors import InputError
 from ...geometry import Intrinsics
-from ...trajectories.matrix_poses import log_poses
-from ...trajectories.pose_text import read_text as read_numbers
-from ...trajectories.pose_text import text_rows
+from ...trajectories.files import read_file_poses
 from ...trajectories.stamps import Stamps
 from ...trajectories.trajectory import Trajectory
 from ..association import StampedFiles, associate_frames
@@ -206,7 +204,7 @@ def _log(path: Path, colour: Mapping[int, Path], depth: Mapping[int, Path], begi
 
 
 def _counted_poses(path: Path) -> CountedPoses:
-    found = log_poses(text_rows(path, read_numbers(path)))
+    found = read_file_poses(path, format="log")
     assert found.numbers is not None
     assert found.listed is not None
     c2w = dict(zip(map(int, found.numbers.tolist()), found.poses, strict=True))

@@ -17,7 +17,7 @@ import numpy as np
 from ...errors import InputError
 from ...geometry import Intrinsics, opencv_from_blender_c2w
 from ...optics import DepthCamera, Distortion, Optics, distortion_of
-from ...trajectories.transforms_json import transforms_poses
+from ...trajectories.files import read_file_poses
 from ..json_text import finite_number, parse_given_json
 from ..known_poses import PosePolicy
 from ..stored import StoredSequence, check_files, checked_intrinsics, read_text, size_of
@@ -60,7 +60,7 @@ class NerfstudioLayout(RecordedLayout):
         check_files(path, tuple(depth))
         given, notes = None, ()
         if poses != "none":
-            read = transforms_poses(path, text)
+            read = read_file_poses(path, format="transforms")
             c2w = opencv_from_blender_c2w(read.poses)
             given = NumberedPoses(path, {number: c2w[row] for number, row in enumerate(order)})
             notes = tuple(note for note in read.notes if "applied_" in note)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import InputError
-from ...trajectories.matrix_poses import folder_poses
+from ...trajectories.files import read_file_poses
 from ...trajectories.stamps import FrameStamps
 from ...trajectories.trajectory import Trajectory
 from ..known_poses import PosePolicy, chosen_by_pose
@@ -104,7 +104,7 @@ def folder_of_poses(folder: Path, colour: Collection[int]) -> NumberedPoses:
 
     colour: the numbers of the colour images. Raises InputError.
     """
-    found = folder_poses(folder)
+    found = read_file_poses(folder, format="matrices")
     assert found.numbers is not None
     assert found.listed is not None
     check_same_numbers(folder, colour, list(map(int, found.listed.tolist())), ("colour images", "poses"))

@@ -12,7 +12,8 @@ from ...errors import InputError
 from ...geometry import Intrinsics
 from ...messages import Message, PresetKey
 from ...optics import PINHOLE, Optics
-from ...trajectories.files import STAMPED_FORMATS, detect_format, read_trajectory, replica_text
+from ...trajectories.files import TRAJECTORY_FORMATS, read_trajectory, read_trajectory_file
+from ...trajectories.matrix_poses import replica_text
 from ...trajectories.stamps import FrameStamps
 from ..frame_times import read_frame_times
 from ..known_poses import PosePolicy, chosen_by_pose, truth_file, unposed
@@ -99,13 +100,14 @@ class ReplicaLayout(Layout):
             problem = f"has {len(rgb)} colour and {len(depth)} depth images, which do not match by number"
             raise InputError(results, problem)
         file = truth_file(folder / "traj.txt", poses)
-        trajectory = unposed(len(rgb)) if file is None else read_trajectory(file)
+        held = None if file is None else read_trajectory_file(file)
+        trajectory = unposed(len(rgb)) if held is None else held.trajectory
         if file is not None and len(trajectory) != len(rgb):
             raise InputError(file, f"has {len(trajectory)} poses for {len(rgb)} frames", remedy="one line a frame")
         stamps, stamps_path = read_frame_times(folder, numbers), folder / FRAMES
         _, pose_note = chosen_by_pose(folder, trajectory.known, poses)
         notes = (*trajectory.notes, *((pose_note,) if pose_note else ()))
-        if stamps is None and file is not None and detect_format(file) in STAMPED_FORMATS:
+        if stamps is None and held is not None and TRAJECTORY_FORMATS[held.format].stamped:
             stamps, stamps_path = FrameStamps.of(trajectory.stamps_s), file
         elif stamps is None:
             stamps, stamps_path = _counted(rgb[-1], numbers, rate_hz or RATE_HZ), None

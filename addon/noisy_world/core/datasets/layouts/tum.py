@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from ...errors import InputError
 from ...geometry import Intrinsics
 from ...optics import PINHOLE, Optics, distortion_of
-from ...trajectories.files import read_trajectory, tum_text
+from ...trajectories.files import read_trajectory
+from ...trajectories.stamped_poses import tum_text
 from ...trajectories.stamps import NS_PER_S, Stamps
 from ..association import StampedFiles, associate_frames
 from ..known_poses import PosePolicy, truth_file

@@ -17,7 +17,7 @@ from ....core.datasets.images import encode_png
 from ....core.datasets.storage import storage_errors
 from ....core.errors import InputError
 from ....core.shipped import PACKAGE
-from ....core.trajectories.files import replica_text
+from ....core.trajectories.matrix_poses import replica_text
 from ....core.trajectories.trajectory import evenly_stamped
 from ...estimates.frames import Index
 
