@@ -32,8 +32,8 @@ def main(preset_path: str, out: str, *flags: str) -> None:
     render = plan.renders[0]
     imported_s = time.perf_counter()
     load_renderer(in_blender=plan.preset.spec.render.in_blender)
+    from noisy_world.core.planning.exposed import render_options  # noqa: PLC0415
     from noisy_world.pipeline.completed_images import CompletedImages, FinishedImages  # noqa: PLC0415
-    from noisy_world.pipeline.frame_maker import render_options  # noqa: PLC0415
     from noisy_world.pipeline.frame_writer import FrameWriter  # noqa: PLC0415
     from noisy_world.pipeline.stage_timer import StageTimer  # noqa: PLC0415
     from noisy_world.sources.mesh_source import forget_meshes, load_mesh  # noqa: PLC0415

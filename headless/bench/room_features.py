@@ -13,11 +13,11 @@ sys.path[:0] = [str(ROOT / "addon"), str(ROOT / "headless")]
 
 import cv2
 
+from noisy_world.core.planning.exposed import render_options
 from noisy_world.core.planning.plan import Plan, Render
 from noisy_world.core.planning.source_paths import source_paths
 from noisy_world.core.presets.preset import read_preset
 from noisy_world.pipeline.clean_frame import CleanFrame
-from noisy_world.pipeline.frame_maker import render_options
 from noisy_world.planning import make_plan
 
 ENOUGH = 500

@@ -35,14 +35,13 @@ from noisy_world.core.perturbing.kinds import (
     MotionPerturbation,
     SequenceContext,
 )
-from noisy_world.core.planning.exposed import open_render
+from noisy_world.core.planning.exposed import open_render, render_options
 from noisy_world.core.planning.source_paths import source_paths
 from noisy_world.core.presets.preset import read_preset
 from noisy_world.core.trajectories.trajectory import evenly_stamped
 from noisy_world.perturb import apply
 from noisy_world.perturbations import registry
 from noisy_world.pipeline.clean_frame import CleanFrame
-from noisy_world.pipeline.frame_maker import render_options
 from noisy_world.planning import make_plan
 from tools.showcase import DEMO, FRAME, SEED, demo_camera, demo_frame, perturbed, shown_perturbations, step
 

@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from noisy_world.core.datasets.images import rgb_bytes
+from noisy_world.core.planning.exposed import render_options
 from noisy_world.core.planning.source_paths import source_paths
 from noisy_world.core.presets.preset import read_preset
-from noisy_world.pipeline.frame_maker import render_options
 from noisy_world.planning import make_plan
 from tools.gallery import QUALITY, save, strip, whole
 

@@ -16,12 +16,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from noisy_world.core.planning.exposed import render_options
 from noisy_world.core.planning.source_paths import source_paths
 from noisy_world.core.presets.preset import read_preset
 from noisy_world.core.scenes.embedded import ROOMS, room_mesh
 from noisy_world.core.scenes.mesh import Mesh
 from noisy_world.pipeline.clean_frame import CleanFrame
-from noisy_world.pipeline.frame_maker import render_options
 from noisy_world.planning import make_plan
 from noisy_world.rooms import build_room
 

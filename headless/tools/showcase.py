@@ -12,12 +12,12 @@ from noisy_world.core.geometry import Intrinsics
 from noisy_world.core.perturbing.kinds import ColourPerturbation
 from noisy_world.core.perturbing.reading import parse_steps
 from noisy_world.core.perturbing.steps import Step
+from noisy_world.core.planning.exposed import render_options
 from noisy_world.core.planning.source_paths import source_paths
 from noisy_world.core.presets.preset import read_preset
 from noisy_world.core.schema import ConfigPath
 from noisy_world.perturbations import registry
 from noisy_world.pipeline.clean_frame import CleanFrame
-from noisy_world.pipeline.frame_maker import render_options
 from noisy_world.planning import make_plan
 
 DEMO = Path(__file__).resolve().parents[2] / "presets" / "demo.yaml"

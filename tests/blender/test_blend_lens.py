@@ -22,7 +22,7 @@ from noisy_world.core.lens import lens_rays
 from noisy_world.core.optics import Distortion
 from noisy_world.core.presets.preset import read_preset
 from noisy_world.core.progress import PlainProgress
-from noisy_world.pipeline.frame_maker import render_options
+from noisy_world.core.planning.exposed import render_options
 from noisy_world.pipeline.run import Run
 from noisy_world.planning import make_plan
 from noisy_world.core.planning.source_paths import source_paths

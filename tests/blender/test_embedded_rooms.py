@@ -8,7 +8,7 @@ import yaml
 
 from noisy_world.core.planning.source_paths import source_paths
 from noisy_world.core.presets.preset import read_preset
-from noisy_world.pipeline.frame_maker import render_options
+from noisy_world.core.planning.exposed import render_options
 from noisy_world.planning import make_plan
 
 CAMERA = {"width": 1200, "height": 680, "fx": 600.0, "fy": 600.0, "cx": 599.5, "cy": 339.5}

@@ -16,13 +16,12 @@ from noisy_world.core.errors import InputError
 from noisy_world.core.geometry import Intrinsics
 from noisy_world.core.lens import lens_rays
 from noisy_world.core.optics import Distortion
-from noisy_world.core.planning.exposed import open_render
+from noisy_world.core.planning.exposed import open_render, render_options
 from noisy_world.core.planning.source import RenderOptions
 from noisy_world.core.planning.source_paths import source_paths
 from noisy_world.core.presets.preset import check_document
 from noisy_world.core.trajectories.sensor_paths import SensorPaths
 from noisy_world.core.trajectories.trajectory import evenly_stamped
-from noisy_world.pipeline.frame_maker import render_options
 from noisy_world.planning import make_plan
 from noisy_world.sources.imported_meshes import write_lit_file
 from noisy_world.sources.lit_mesh import file_of

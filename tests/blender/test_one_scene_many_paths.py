@@ -13,7 +13,7 @@ from noisy_world.blender import session as blender_session
 from noisy_world.core.planning.source_paths import source_paths
 from noisy_world.core.presets.preset import read_preset
 from noisy_world.core.progress import PlainProgress
-from noisy_world.pipeline.frame_maker import render_options
+from noisy_world.core.planning.exposed import render_options
 from noisy_world.pipeline.run import Run
 from noisy_world.planning import make_plan
 

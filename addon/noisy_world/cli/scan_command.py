@@ -124,9 +124,9 @@ def _clouds(
     import numpy as np
 
     from ..core.datasets.scan_files import PointCloud
+    from ..core.planning.exposed import render_options
     from ..core.streams import stream
     from ..perturbations.lidar import returned
-    from ..pipeline.frame_maker import render_options
     from ..rays.spinning import Spin, SpinningCaster
 
     elevations_deg = np.linspace(-own.below_deg, own.above_deg, max(own.rows, 1))

@@ -14,18 +14,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.channels import in_order, pair_channels
-from ..core.channels.depth import CHANNEL as DEPTH
 from ..core.datasets.dataset import Dataset
 from ..core.datasets.layouts import Modality
-from ..core.datasets.provenance import render_seed
 from ..core.errors import InterruptedRunError
-from ..core.geometry import Intrinsics
 from ..core.messages import Message
-from ..core.planning.exposed import open_render
+from ..core.planning.exposed import open_render, render_options
 from ..core.planning.metering import light_seen
 from ..core.planning.plan import Plan, Render
 from ..core.planning.sequence import Sequence
-from ..core.planning.source import OpenSource, OwnRendering, PreparedSource, RenderedFrame, RenderOptions, SourceFrame
+from ..core.planning.source import OpenSource, PreparedSource, RenderedFrame, SourceFrame
 from ..core.planning.source_paths import source_paths
 from ..core.progress import Progress
 from ..core.trajectories.sensor_paths import SensorPaths
@@ -41,8 +38,6 @@ from .report import Report
 from .stage_timer import DECODING, LOADING, RENDERING, StageTimer
 
 T = TypeVar("T")
-
-FIRST_FRAMES = 3  # a path whose first three frames see nothing is taken for a mistake; chosen
 
 
 class FrameMaker:
@@ -278,40 +273,3 @@ class Kept(Generic[T]):
 
 class KeptScene(Kept[PreparedSource]):
     """The scene that was prepared last: loading one takes longer than rendering small frames."""
-
-
-def render_options(plan: Plan, render: Render, *, judging: bool = False, threads: int = 0) -> RenderOptions:
-    """Return how frames of a render are made.
-
-    judging: whether the first frames of the path are looked at, whoever makes them, unless the preset allows that they
-    see nothing. threads: of the renderer, 0 for all that there are.
-    """
-    spec = plan.preset.spec
-    rendering_spec = OwnRendering(
-        spec.render.engine, spec.render.samples, spec.mesh_camera.near_m, spec.mesh_camera.far_m
-    )
-    rendering = render.scene.source.capabilities.own or rendering_spec
-    led_on = pair_channels(plan.format.modalities)
-    channels = frozenset(plan.format.modalities).union(render.needed_besides, [DEPTH.name] if led_on else ())
-    needed_frames = tuple(render.frames[:FIRST_FRAMES]) if judging and not spec.render.allow_empty else ()
-    return RenderOptions(
-        near_m=rendering.near_m,
-        far_m=rendering.far_m,
-        samples=rendering.samples,
-        seed=0 if rendering.engine == "embree" else render_seed(spec.seed),  # rays need none, so a scene serves any
-        engine=rendering.engine,
-        device=spec.render.device,
-        channels=channels.difference(item.name for item in led_on),
-        threads=threads,
-        first_frames=needed_frames,
-        through_glass=any(sequence.setting.needs_depth for sequence in render.sequences),
-        depth_camera=_own_depth_camera(render),
-        instants=bool(render.exposure),
-        read_lines=any(step.perturbation.rays for step in render.exposure),
-    )
-
-
-def _own_depth_camera(render: Render) -> Intrinsics | None:
-    """Return the camera of a rig's depth sensor, where it is not colour's."""
-    own = render.unit is not None and render.unit.camera is not None
-    return render.measured_camera if own and render.scene.source.capabilities.depth_cameras else None

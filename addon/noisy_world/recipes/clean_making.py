@@ -26,14 +26,13 @@ from ..core.datasets.storage import (
 )
 from ..core.errors import InterruptedRunError, StorageError
 from ..core.planning.estimate import size_text
-from ..core.planning.exposed import open_render
+from ..core.planning.exposed import open_render, render_options
 from ..core.planning.plan import Plan, Render
 from ..core.planning.source import PreparedSource, RenderOptions
 from ..core.planning.source_paths import source_paths
 from ..core.presets.preset import canonical
 from ..core.progress import Progress
 from ..pipeline.clean_files import frames_bytes
-from ..pipeline.frame_maker import render_options
 from ..pipeline.versions import versions_of
 from .clean_store import CLEAN, FORMAT, KIND, PATH, CleanStore, read_store
 

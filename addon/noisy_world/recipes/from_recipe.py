@@ -21,7 +21,7 @@ from ..core.errors import InputError
 from ..core.geometry import Intrinsics
 from ..core.optics import DepthCamera, Distortion
 from ..core.perturbing.steps import Setting
-from ..core.planning.exposed import open_render
+from ..core.planning.exposed import open_render, render_options
 from ..core.planning.motion_record import motion_of_frames
 from ..core.planning.plan import Plan, Render, lay_out_plan, read_settings
 from ..core.planning.scene import Scene
@@ -32,7 +32,6 @@ from ..core.trajectories.sensor_paths import SensorPaths
 from ..perturbations import registry
 from ..pipeline.clean_frame import Camera, CleanFrame
 from ..pipeline.earlier import EarlierFrames
-from ..pipeline.frame_maker import render_options
 from ..pipeline.made_frame import MadeFrame, SequenceMaker
 from ..pipeline.pairs import CleanPair, view_of
 from ..pipeline.versions import versions_of

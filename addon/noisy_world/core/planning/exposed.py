@@ -8,7 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..channels import pair_channels
+from ..channels.depth import CHANNEL as DEPTH
 from ..datasets.images import as_float
+from ..datasets.provenance import render_seed
+from ..geometry import Intrinsics
 from ..linear_light import decoded, encoded
 from ..perturbing.execution import Notes
 from ..perturbing.exposing import Channels, SceneAround, TakenImages
@@ -16,9 +20,10 @@ from ..perturbing.exposures import expose, exposure_notes, rays_of
 from ..trajectories.frame_request import FrameRequest, RequestedRays, Shutter
 from ..trajectories.sensor_paths import SensorPaths
 from .depth_unit import ClockedSource
-from .plan import Render
+from .plan import Plan, Render
 from .source import (
     OpenSource,
+    OwnRendering,
     PreparedSource,
     RenderedFrame,
     RenderOptions,
@@ -29,6 +34,8 @@ from .source import (
     motion_between,
 )
 from .travel import travel_px
+
+FIRST_FRAMES = 3  # a path whose first three frames see nothing is taken for a mistake; chosen
 
 
 @dataclass(frozen=True)
@@ -159,3 +166,40 @@ def open_render(
         return exposed
     stamps = render.scene.source.frame_stamps
     return ClockedSource(exposed, np.round(stamps.depth.seconds - stamps.rgb.seconds, 9), options.channels)
+
+
+def render_options(plan: Plan, render: Render, *, judging: bool = False, threads: int = 0) -> RenderOptions:
+    """Return how frames of a render are made.
+
+    judging: whether the first frames of the path are looked at, whoever makes them, unless the preset allows that they
+    see nothing. threads: of the renderer, 0 for all that there are.
+    """
+    spec = plan.preset.spec
+    rendering_spec = OwnRendering(
+        spec.render.engine, spec.render.samples, spec.mesh_camera.near_m, spec.mesh_camera.far_m
+    )
+    rendering = render.scene.source.capabilities.own or rendering_spec
+    led_on = pair_channels(plan.format.modalities)
+    channels = frozenset(plan.format.modalities).union(render.needed_besides, [DEPTH.name] if led_on else ())
+    needed_frames = tuple(render.frames[:FIRST_FRAMES]) if judging and not spec.render.allow_empty else ()
+    return RenderOptions(
+        near_m=rendering.near_m,
+        far_m=rendering.far_m,
+        samples=rendering.samples,
+        seed=0 if rendering.engine == "embree" else render_seed(spec.seed),  # rays need none, so a scene serves any
+        engine=rendering.engine,
+        device=spec.render.device,
+        channels=channels.difference(item.name for item in led_on),
+        threads=threads,
+        first_frames=needed_frames,
+        through_glass=any(sequence.setting.needs_depth for sequence in render.sequences),
+        depth_camera=_own_depth_camera(render),
+        instants=bool(render.exposure),
+        read_lines=any(step.perturbation.rays for step in render.exposure),
+    )
+
+
+def _own_depth_camera(render: Render) -> Intrinsics | None:
+    """Return the camera of a rig's depth sensor, where it is not colour's."""
+    own = render.unit is not None and render.unit.camera is not None
+    return render.measured_camera if own and render.scene.source.capabilities.depth_cameras else None

@@ -15,6 +15,7 @@ from ...core.datasets.storage import sha256_of_bytes
 from ...core.errors import InputError
 from ...core.messages import PresetKey
 from ...core.perturbing.steps import Setting
+from ...core.planning.exposed import render_options
 from ...core.planning.plan import Plan, Render, lay_out_plan, read_settings
 from ...core.planning.scene import Scene
 from ...core.planning.sequence import lay_out
@@ -22,7 +23,7 @@ from ...core.presets.preset import Preset, canonical, check_document
 from ...core.progress import Progress, SilentProgress
 from ...perturbations import registry
 from ...pipeline.clean_files import CleanFiles, frames_bytes
-from ...pipeline.frame_maker import FrameMaker, KeptScene, render_options
+from ...pipeline.frame_maker import FrameMaker, KeptScene
 from ...pipeline.run import Run
 from ...pipeline.versions import versions_of
 from ...recipes.opening import open_path

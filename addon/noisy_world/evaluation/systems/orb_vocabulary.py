@@ -11,12 +11,12 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from ...core.planning.exposed import render_options
 from ...core.planning.source_paths import source_paths
 from ...core.presets.preset import read_preset
 from ...core.scenes.embedded import room_mesh
 from ...core.shipped import shipped
 from ...pipeline.clean_frame import CleanFrame
-from ...pipeline.frame_maker import render_options
 from ...planning import make_plan
 
 Bits: TypeAlias = NDArray[np.uint8]
