@@ -13,7 +13,7 @@ Equal seeds, names and frames give equal pixels, in any order and on any machine
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache, partial
+from functools import cache, lru_cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, get_args, overload
 
@@ -303,7 +303,7 @@ def _perturbed_frames(
     from .core.planning.metering import light_seen  # noqa: PLC0415
     from .pipeline.clean_frame import Camera, CleanFrame  # noqa: PLC0415
     from .pipeline.earlier import EarlierFrames  # noqa: PLC0415
-    from .pipeline.made_frame import SequenceMaker  # noqa: PLC0415
+    from .pipeline.made_frame import CleanFrames, Frame  # noqa: PLC0415
     from .sources.recording import RecordedFrame  # noqa: PLC0415
 
     stored, unmeasured_m = recording.stored, recording.capabilities.unmeasured_m
@@ -314,14 +314,14 @@ def _perturbed_frames(
     depth = Camera(known if seen is None else seen.intrinsics, stored.stamps.depth.seconds)
     between = None if seen is None or known is None else Registration(known, seen, optics.distortion)
     keep_freed_memory()
-    maker = SequenceMaker(
-        sequence,
-        colour,
-        depth,
-        lambda source: CleanFrame(source, RecordedFrame(stored.frame(source)), between, unmeasured_m=unmeasured_m),
-    )
+
+    @lru_cache(maxsize=2)  # a frame's colour and its depth
+    def clean(source: int) -> CleanFrame:
+        return CleanFrame(source, RecordedFrame(stored.frame(source)), between, unmeasured_m=unmeasured_m)
+
+    clean_frames = CleanFrames(colour, depth, clean)
     for index in sequence.frames:
-        made = maker.frame(index)
+        made = Frame(sequence, index, clean_frames)
         yield PerturbedFrame(
             index,
             float(path.stamps_s[index]),

@@ -2,7 +2,7 @@
 """A clean frame on its way to the files: its images, decoded once, and the context that perturbations get."""
 
 import contextlib
-from collections.abc import Callable
+from collections.abc import Callable, Hashable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -18,7 +18,6 @@ from ..core.datasets.unmeasured import completed_m
 from ..core.geometry import Intrinsics
 from ..core.perturbing.earlier_frames import EarlierFrame
 from ..core.perturbing.execution import ColourWork, DepthWork, Notes
-from ..core.perturbing.kinds import FrameContext
 from ..core.perturbing.lit import acts_on_light, after_light, on_light
 from ..core.planning.exposed import exposure_of
 from ..core.planning.metering import light_seen
@@ -26,8 +25,10 @@ from ..core.planning.plan import Render
 from ..core.planning.sequence import Sequence, ShownSources
 from ..core.planning.source import SceneLight, SourceFrame, depth_behind_glass, light_of
 from ..core.trajectories.motion import CameraMotion, motion_between
+from ..core.trajectories.sensor_paths import SensorPaths
 from ..core.trajectories.trajectory import Trajectory
 from .earlier import EarlierFrames
+from .made_frame import CleanFrames
 from .stage_timer import DECODING, StageTimer
 
 SKY_BEHIND_GLASS_M = 500.0  # as far away as haze, rain and snow take the sky to be
@@ -62,6 +63,7 @@ class CleanFrame:
         self._of_light = of_light
         self._registers = registers and between is not None
         self._unmeasured_m = unmeasured_m
+        self._of_lights: dict[Hashable, NDArray[Any] | None] = {}  # what steps make of a lit frame, by their key
 
     @classmethod
     def of(
@@ -137,7 +139,7 @@ class CleanFrame:
         return light_seen(self._image)
 
     def alone(self, _span_s: float) -> tuple[EarlierFrame, ...]:
-        """Return what was before it if it had been shown for long; a function that contexts can hand on."""
+        """Return what was before it if it had been shown for long."""
         return (EarlierFrame(0.0, self.light_seen),)
 
     @property
@@ -150,11 +152,17 @@ class CleanFrame:
 
         Where a step acts on a lit frame's light, it has to be called in the main thread, before the next frame is made.
         """
+        if self.light is None:
+            return work.on(self.byte_rgb if work.takes_bytes else self.rgb)
+        if work.key not in self._of_lights:
+            self._of_lights[work.key] = self._perturbed_light(work, self.light)
+        return self._of_lights[work.key]
+
+    def _perturbed_light(self, work: ColourWork, light: SceneLight) -> NDArray[Any] | None:
         if self._of_light:
-            assert self.light is not None, "its source is lit"
-            return on_light(work, self.light.rgb) if work.active else None
-        if self.light is not None and acts_on_light(work):
-            return after_light(work, self.light.show(on_light(work, self.light.rgb)))
+            return on_light(work, light.rgb) if work.active else None
+        if acts_on_light(work):
+            return after_light(work, light.show(on_light(work, light.rgb)))
         return work.on(self.byte_rgb if work.takes_bytes else self.rgb)
 
     def perturbed_depth(self, work: DepthWork) -> NDArray[np.float32] | None:
@@ -246,29 +254,6 @@ class Camera:
     path: Trajectory | None = None
     earlier: EarlierFrames | None = None
 
-    def context(self, sequence: Sequence, frame: int, clean: CleanFrame) -> FrameContext:
-        """Return the context of a frame of a sequence.
-
-        frame: the number that decides its random streams: the frame's own or, for depth, that of the frame with which
-        the depth was taken.
-        """
-        setting = sequence.setting
-        earlier, key = None, None
-        if setting.looks_back:
-            earlier, key = (clean.alone, None) if self.earlier is None else self.earlier.before(sequence, frame)
-        return FrameContext(
-            index=frame,
-            identifiers=sequence.identifiers,
-            stamp_s=float(self.stamps_s[frame]),
-            intrinsics=self.intrinsics,
-            motion=self.motion(sequence, frame) if setting.uses_motion else None,
-            read_rgb=clean.read_rgb if setting.needs_rgb else None,
-            read_depth_m=clean.read_seen_depth_m if setting.needs_depth else None,
-            read_earlier=earlier,
-            earlier_key=key,
-            shutter=setting.shutter,
-        )
-
     def motion(self, sequence: Sequence, frame: int) -> CameraMotion | None:
         """Return how the camera moves at a frame of a sequence: its frames show the path's at an unchanged rate.
 
@@ -284,3 +269,10 @@ class Camera:
         cut = self.path.cuts_between(rows[1], rows[2])
         seconds = 0.0 if cut else float(self.path.stamps_s[frame] - self.path.stamps_s[before])
         return motion_between(first, earlier, now, seconds)
+
+
+def cameras_of(render: Render, paths: SensorPaths, earlier: EarlierFrames | None = None) -> CleanFrames:
+    """Return the cameras of a render, without its clean frames. paths: the render's. earlier: as `Camera` has it."""
+    source = render.scene.source
+    colour = Camera(render.camera, source.stamps_s, paths.rgb, earlier)
+    return CleanFrames(colour, Camera(render.depth_camera, source.frame_stamps.depth.seconds))

@@ -7,28 +7,26 @@ from dataclasses import dataclass
 from functools import partial
 from itertools import chain
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.channels import CHANNELS
+from ..core.channels import CHANNELS, COLOUR_AND_DEPTH
 from ..core.datasets.dataset import Dataset
 from ..core.datasets.depth_range import OutOfRange
 from ..core.datasets.hashing import Hasher
 from ..core.datasets.layouts import FrameNames, Modality
-from ..core.datasets.records import FrameRecord
+from ..core.datasets.records import COMPLETED, FrameRecord
 from ..core.datasets.storage import sha256_of_regular_file
-from ..core.node_graphs.chain import socket_values
-from ..core.perturbing.execution import ColourWork, DepthWork, Notes
-from ..core.perturbing.kinds import FrameContext
 from ..core.planning.estimate import image_bytes
 from ..core.planning.plan import Plan, Render
 from ..core.planning.sequence import Sequence, ShownSources
 from ..core.planning.shards import Shard
 from ..core.planning.sharing import parts_made
+from .made_frame import Frame
 
-TOLD_OTHERWISE = ("motion", "exposure", "camera")
+TOLD_OTHERWISE = ("motion", "exposure", "camera", COMPLETED)
 """Parts of a record that follow from paths, renders and images, so from a dataset's identity."""
 
 
@@ -74,24 +72,10 @@ def is_as_planned(sequence: Sequence, names: FrameNames, record: FrameRecord) ->
     """
     if not 0 <= record.frame < len(sequence.source_frames) or sequence.leaves_out(record.frame):
         return False
-    done: dict[str, Any] = {}
-    if names.rgb(record.frame) in record.files and sequence.setting.rgb:
-        done["rgb"] = colour_notes(sequence, record.frame)
-    if names.depth(record.frame) in record.files:
-        taken = sequence.shown(record.frame).depth_frame
-        if sequence.setting.depth:
-            done["depth"] = DepthWork.of(sequence.setting.depth, FrameContext(taken, sequence.identifiers)).notes
-        if sequence.paired:
-            done["pairing"] = {"depth_of_frame": taken}
+    there = [name for name in COLOUR_AND_DEPTH if names.image(name, record.frame) in record.files]
+    done = Frame(sequence, record.frame).record(there, there)
     recorded = {name: part for name, part in record.perturbed.items() if name not in TOLD_OTHERWISE}
     return recorded == json.loads(json.dumps(done))  # tuples are lists there
-
-
-def colour_notes(sequence: Sequence, frame: int) -> Notes:
-    """Return what is done to the colour of a frame, for frames.jsonl."""
-    if sequence.setting.composited:
-        return [socket_values(step, frame, sequence.identifiers)[1] for step in sequence.setting.rgb]
-    return ColourWork.of(sequence.setting.rgb, FrameContext(frame, sequence.identifiers)).notes
 
 
 Flags: TypeAlias = dict[str, dict[Modality, NDArray[np.bool_]]]

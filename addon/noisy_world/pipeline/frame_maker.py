@@ -21,13 +21,12 @@ from ..core.messages import Message
 from ..core.planning.exposed import open_render, render_options
 from ..core.planning.metering import light_seen
 from ..core.planning.plan import Plan, Render
-from ..core.planning.sequence import Sequence
 from ..core.planning.source import OpenSource, PreparedSource, RenderedFrame, SourceFrame
 from ..core.planning.source_paths import source_paths
 from ..core.progress import Progress
 from ..core.trajectories.sensor_paths import SensorPaths
 from .clean_files import CleanFiles
-from .clean_frame import Camera, CleanFrame
+from .clean_frame import CleanFrame, cameras_of
 from .colour import Colour, colour_of
 from .completed_images import FinishedImages
 from .earlier import EarlierFrames
@@ -157,12 +156,13 @@ class FrameMaker:
         key = (render.name, *(item.folder for item in lacking))
         if (colour := self._colour.of(key)) is not None:
             return colour
-        stamps_s = render.scene.source.stamps_s
-        earlier = EarlierFrames(stamps_s, partial(self._seen, render, source)) if _look_back(lacking) else None
-        camera = Camera(render.camera, stamps_s, self.paths_of(render).rgb, earlier)
+        scene, seen = render.scene.source, partial(self._seen, render, source)
+        looks_back = any(item.setting.looks_back for item in lacking)
+        earlier = EarlierFrames(scene.stamps_s, seen) if looks_back else None
         size_px = (render.camera.width_px, render.camera.height_px)
-        lit = render.scene.source.capabilities.lit
-        return self._colour.keep(key, colour_of(lacking, camera, size_px, lit=lit, of_light=self._plan.format.of_light))
+        options = {"lit": scene.capabilities.lit, "of_light": self._plan.format.of_light}
+        cameras = cameras_of(render, self.paths_of(render), earlier)
+        return self._colour.keep(key, colour_of(lacking, cameras, size_px, **options))
 
     def _seen(self, render: Render, source: OpenSource, number: int) -> NDArray[np.float32]:
         """Return what a meter sees of a source frame that is not made now."""
@@ -193,7 +193,7 @@ class FrameMaker:
             if self.report.first_frame_s is None:
                 self.report.first_frame_s = time.perf_counter() - start_s
             if frame in wanted:
-                self._count(writer.submit(clean, colour.of(clean)), writer)
+                self._count(writer.submit(clean, colour.frames_of(clean)), writer)
             view = partial(view_of, lambda: source, paths, clean, render.camera)
             for pair in pairs.take(frame, view, partial(motion_of, source, render, paths)):
                 self._count(writer.submit_pair(pair), writer)
@@ -240,10 +240,6 @@ class FrameMaker:
 
     def __exit__(self, *_: object) -> None:
         self.close()
-
-
-def _look_back(sequences: Many[Sequence]) -> bool:
-    return any(item.setting.looks_back for item in sequences)
 
 
 class Kept(Generic[T]):

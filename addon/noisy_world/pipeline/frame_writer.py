@@ -5,10 +5,8 @@ import contextlib
 import threading
 from collections import deque
 from collections.abc import Callable, Hashable, Iterator
-from collections.abc import Sequence as Many
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -22,13 +20,12 @@ from ..core.datasets.layouts import Modality, OutputFormat
 from ..core.datasets.records import FrameRecord
 from ..core.datasets.storage import sha256_of_bytes
 from ..core.errors import NoisyWorldError
-from ..core.perturbing.execution import DepthWork
-from ..core.perturbing.steps import Step
 from ..core.planning.plan import Render
 from ..core.planning.sequence import Sequence
-from .clean_frame import Camera, CleanFrame
-from .colour import Colours, PerturbedImage
+from .clean_frame import CleanFrame
+from .colour import FrameOf
 from .completed_images import FinishedImages
+from .made_frame import Frame
 from .pairs import CleanPair
 from .stage_timer import StageTimer
 
@@ -69,7 +66,6 @@ class FrameWriter:
         self._dataset = dataset
         self.timer = self._timer = timer
         self._stamps = render.scene.source.frame_stamps
-        self._camera = Camera(render.depth_camera, self._stamps.depth.seconds)
         self._names = dataset.format.names(self._stamps)
         self._sequences = [sequence for sequence in render.sequences if sequence.frames]
         self.finished = finished
@@ -84,14 +80,14 @@ class FrameWriter:
         self._lock = threading.Lock()
         self.first_lost: Lost | None = None
 
-    def submit(self, clean: CleanFrame, colours: Colours) -> int:
+    def submit(self, clean: CleanFrame, frames: FrameOf) -> int:
         """Queue a clean frame; block while too many are queued. Return how many were finished meanwhile.
 
-        colours: functions for the colour of each frame that shows it perturbed.
+        frames: gives the frames that show it.
 
         Raises the error of an earlier frame, if there was one.
         """
-        return self._queue(self._pool.submit(self._write, clean, colours), 1)
+        return self._queue(self._pool.submit(self._write, clean, frames), 1)
 
     def submit_pair(self, pair: CleanPair) -> int:
         """Queue what leads from a clean frame to another, as `submit`."""
@@ -115,7 +111,7 @@ class FrameWriter:
         self.first_lost = self.first_lost or lost
         return frames
 
-    def _write(self, clean: CleanFrame, colours: Colours) -> Lost | None:
+    def _write(self, clean: CleanFrame, frames: FrameOf) -> Lost | None:
         """Write all that shows a clean frame; return the first frame whose image does not hold its depth."""
         lost = None
         files = FrameFiles(self._dataset, clean, self.finished, self._timer)
@@ -124,7 +120,7 @@ class FrameWriter:
                 record
                 for modality in in_order(self._dataset.format.modalities)
                 if not CHANNELS[modality].pairs
-                for record in self._write_images(modality, sequence, clean, files, colours)
+                for record in self._write_images(modality, sequence, clean, files, frames)
             ]
             self._append(journal, records)
             for record in records:
@@ -138,7 +134,7 @@ class FrameWriter:
         for sequence, journal in zip(self._sequences, self._journals, strict=True):
             for channel in pair_channels(self._dataset.format.modalities):
                 with self._timer.on(f"making {channel.spoken}"):
-                    written = list(self._write_images(channel.name, sequence, pair, files, {}))
+                    written = list(self._write_images(channel.name, sequence, pair, files, Frame))
                 self._append(journal, written)
 
     def _append(self, journal: Journal, records: list[FrameRecord]) -> None:
@@ -152,37 +148,16 @@ class FrameWriter:
         sequence: Sequence,
         clean: CleanFrame | CleanPair,
         files: "FrameFiles",
-        colours: Colours,
+        frames: FrameOf,
     ) -> Iterator[FrameRecord]:
         """Write the images of a channel that show a clean frame, or lead from one to another."""
-        channel, steps = CHANNELS[modality], sequence.setting.on(modality)
-        for frame in self.finished.missing(sequence, modality, clean.shown[0]):
-            if sequence.shows(modality, frame) != clean.shown:
+        for index in self.finished.missing(sequence, modality, clean.shown[0]):
+            if sequence.shows(modality, index) != clean.shown:
                 continue
-            name, done = self._names.image(modality, frame), dict[str, Any]()
-            if channel.steps is None or not steps:
-                written = files.give(modality, sequence.folder, name)
-            else:
-                assert isinstance(clean, CleanFrame), "nothing perturbs what leads on"
-                image = self._depth(sequence, frame, clean) if channel.paired else colours[sequence.folder, frame]()
-                written = files.give_perturbed(modality, image, _stage(steps), sequence.folder, name)
-                done[channel.steps] = image.notes
-                done |= image.decided
-            if channel.paired and sequence.paired:
-                done["pairing"] = {"depth_of_frame": sequence.shown(frame).depth_frame}
-            if isinstance(clean, CleanFrame) and clean.exposure and self._tells_exposure(modality):
-                done["exposure"] = clean.exposure
-            yield self._record(frame, {name: written.sha256}, done, written.out_of_range)
-
-    def _tells_exposure(self, modality: Modality) -> bool:
-        """Tell whether a frame's record has the exposure of this image: depth may be another frame's."""
-        return not (CHANNELS[modality].paired and "rgb" in self._dataset.format.modalities)
-
-    def _depth(self, sequence: Sequence, frame: int, clean: CleanFrame) -> PerturbedImage:
-        """Return the depth of a frame that a setting perturbs."""
-        taken = sequence.shown(frame).depth_frame
-        work = DepthWork.of(sequence.setting.depth, self._camera.context(sequence, taken, clean))
-        return PerturbedImage(work.key, work.notes, partial(clean.perturbed_depth, work))
+            frame, name = frames(sequence, index), self._names.image(modality, index)
+            written = files.put(modality, frame, name)
+            done = frame.record((modality,), self._dataset.format.modalities)
+            yield self._record(index, {name: written.sha256}, done, written.out_of_range)
 
     def _record(
         self, frame: int, files: dict[str, str], done: dict[str, Any], lost: OutOfRange | None = None
@@ -214,27 +189,25 @@ class FrameFiles:
         self._clean = clean
         self._finished = finished
         self._written: dict[Modality, WrittenImage] = {}
-        self._perturbed: dict[Hashable, WrittenImage] = {}  # by modality and what was done to the clean image
+        self._perturbed: dict[Hashable, WrittenImage] = {}  # by the key of the frame's image
 
-    def give_perturbed(
-        self, modality: Modality, image: PerturbedImage, stage: str, folder: str, name: str
-    ) -> WrittenImage:
-        """Put a perturbed image under a name into a sequence; return the file that it was first written to.
-
-        stage: to which the making of its pixels belongs.
-        """
-        key = (modality, image.key)
+    def put(self, modality: Modality, frame: Frame, name: str) -> WrittenImage:
+        """Put a frame's image under a name into its sequence; return the file that it was first written to."""
+        folder, steps = frame.sequence.folder, frame.sequence.setting.on(modality)
+        if not steps:
+            return self._put_clean(modality, folder, name)
+        key = frame.key(modality)
         if (there := self._perturbed.get(key)) is not None:
             return self._linked(there, folder, name)
-        with self._timer.on(stage):
-            pixels = image.pixels()
+        with self._timer.on(f"perturbing: {' + '.join(step.perturbation.name for step in steps)}"):
+            pixels = frame.changed(modality)
         if pixels is None:
-            return self.give(modality, folder, name)
+            return self._put_clean(modality, folder, name)
         written = self._put_image(modality, pixels, CHANNELS[modality].encode, folder, name)
         self._perturbed[key] = written
         return written
 
-    def give(self, modality: Modality, folder: str, name: str) -> WrittenImage:
+    def _put_clean(self, modality: Modality, folder: str, name: str) -> WrittenImage:
         """Put the clean image under a name into a sequence; return the file that it was first written to."""
         if modality not in self._written and (there := self._existing(modality)) is not None:
             self._linked(there, folder, name)
@@ -279,8 +252,3 @@ class FrameFiles:
         with self._timer.on("linking"):
             self._dataset.link_file(there.path, folder, name)
         return there
-
-
-def _stage(steps: Many[Step[Any]]) -> str:
-    """Return the stage of carrying out steps, for the report."""
-    return f"perturbing: {' + '.join(step.perturbation.name for step in steps)}"

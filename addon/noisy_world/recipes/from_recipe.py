@@ -30,9 +30,9 @@ from ..core.planning.source import PERTURBED, OpenSource, PreparedSource, Source
 from ..core.planning.source_paths import source_paths
 from ..core.trajectories.sensor_paths import SensorPaths
 from ..perturbations import registry
-from ..pipeline.clean_frame import Camera, CleanFrame
+from ..pipeline.clean_frame import CleanFrame, cameras_of
 from ..pipeline.earlier import EarlierFrames
-from ..pipeline.made_frame import MadeFrame, SequenceMaker
+from ..pipeline.made_frame import Frame as MadeFrame
 from ..pipeline.pairs import CleanPair, view_of
 from ..pipeline.versions import versions_of
 from ..sources import find_scenes
@@ -239,9 +239,8 @@ class SequenceOfRecipe(OpenedSequence):
         self.written = written_paths(self.sequence, self.paths).rgb
         self.stamps = self.render.scene.source.frame_stamps
         earlier = EarlierFrames(scene.source.stamps_s, lambda source: opened.clean(self, source).light_seen)
-        colour = Camera(self.render.camera, scene.source.stamps_s, self.paths.rgb, earlier)
-        depth = Camera(self.render.depth_camera, self.stamps.depth.seconds)
-        self.maker = SequenceMaker(self.sequence, colour, depth, partial(opened.clean, self), self.pair)
+        cameras = cameras_of(self.render, self.paths, earlier)
+        self.clean = replace(cameras, frame=partial(opened.clean, self), pair=self.pair)
 
     def __reduce__(self) -> tuple[Any, ...]:
         return _sequence_of, (self._opened, self.name)
@@ -325,7 +324,7 @@ class FrameOfRecipe(Frame):
 
     @cached_property
     def _made(self) -> MadeFrame:
-        return self._in.maker.frame(self.index)
+        return MadeFrame(self._in.sequence, self.index, self._in.clean)
 
     def _coloured(self) -> MadeFrame:
         self._check("rgb", "colour")
@@ -358,7 +357,7 @@ class FrameOfRecipe(Frame):
     def _other(self, channel: str) -> NDArray[Any]:
         item = CHANNELS[channel]
         self._check(channel, item.spoken)
-        return item.stored(self._made.image(channel), item.suffix(self._format))
+        return item.stored(self._made.pixels(channel), item.suffix(self._format))
 
     @property
     def done(self) -> dict[str, Any]:
@@ -369,7 +368,8 @@ class FrameOfRecipe(Frame):
     def _done(self) -> dict[str, Any]:
         if "rgb" in self._format.modalities:
             self._in.check_executable()
-        found = self._made.done(self._format)
+        written = self._format.modalities
+        found = self._made.record(written, written)
         if motion := self._in.motion:
             found["motion"] = motion[self.index]
         return json.loads(json.dumps({name: found[name] for name in sorted(found)}))
@@ -380,7 +380,7 @@ class FrameOfRecipe(Frame):
         self._check(channel, item.spoken)
         if item.steps == "rgb":
             self._in.check_executable()
-        return self._made.image_bytes(channel, self._format)
+        return self._made.bytes(channel, self._format)
 
 
 def _frame_of(sequence: OpenedSequence, index: int) -> Frame:

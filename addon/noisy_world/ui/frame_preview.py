@@ -4,6 +4,7 @@
 import time
 from collections import OrderedDict
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any, Literal, TypeAlias
 
 import bpy
@@ -16,12 +17,12 @@ from ..core.datasets.depth_range import scale_that_holds
 from ..core.datasets.images import as_bytes, grey_bytes
 from ..core.datasets.overview import colour_depth
 from ..core.errors import NoisyWorldError
-from ..core.perturbing.execution import perturb_depth
 from ..core.perturbing.steps import Setting
 from ..core.planning.sequence import Sequence, Shown, lay_out
 from ..core.planning.source import RenderedFrame
 from ..pipeline.clean_frame import Camera, CleanFrame
 from ..pipeline.colour import colour_of
+from ..pipeline.made_frame import CleanFrames, Frame
 from . import excluded, footage, runs, this_scene
 from .document import format_of, identifiers_of, intrinsics_of, recorded, steps_of
 from .handlers import Handlers
@@ -132,9 +133,9 @@ def _perturbed(scene: bpy.types.Scene, index: int | None) -> _Drawn:
         height, width = before.shape[:2]
         only = replace(sequence, frames=range(index, index + 1))
         lit = clean.light is not None
-        with colour_of([only], camera_at(scene, sequence, index), (width, height), lit=lit) as colour:
-            image = colour.of(clean)[only.folder, index]()
-            made, notes = image.pixels(), image.notes
+        with colour_of([only], CleanFrames(camera_at(scene, sequence, index)), (width, height), lit=lit) as colour:
+            frame = colour.frames_of(clean)(only, index)
+            made, notes = frame.changed("rgb"), frame.steps("rgb")
         after = before if made is None else _as_stored(made, stored)
     return _Drawn(index, before, after, f"Frame {index}: {_listed(notes)}")
 
@@ -157,10 +158,9 @@ def draw_depth(scene: bpy.types.Scene, index: int | None = None) -> tuple[NDArra
     check_depth(scene)
     index = now if index is None else index
     shown = _shown(sequence, index)
-    clean = _clean(scene, shown.depth_source)
-    context = _camera(scene).context(sequence, shown.depth_frame, clean)
-    depth_m, notes = perturb_depth(sequence.setting.depth, clean.depth_m, context)
-    depth_m = clean.depth_m if depth_m is None else depth_m
+    camera = Camera(intrinsics_of(panel_of(scene)), clean_stamps_s(scene))
+    frame = Frame(sequence, index, CleanFrames(camera, camera, partial(_clean, scene)))
+    depth_m, notes = frame.depth_m, frame.steps("depth")
     depth_m, lost = _held(scene, depth_m)
     seen_m = depth_m[depth_m > 0]
     near_m, far_m = (float(seen_m.min()), float(seen_m.max())) if seen_m.size else (0.0, 1.0)
@@ -217,10 +217,6 @@ def _clean(scene: bpy.types.Scene, source: int) -> CleanFrame:
         None if shown is None else shown.between,
         unmeasured_m=None if shown is None else shown.source.capabilities.unmeasured_m,
     )
-
-
-def _camera(scene: bpy.types.Scene) -> Camera:
-    return Camera(intrinsics_of(panel_of(scene)), clean_stamps_s(scene))
 
 
 def _listed(notes: list[dict[str, Any]]) -> str:

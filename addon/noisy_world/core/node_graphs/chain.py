@@ -175,7 +175,7 @@ def socket_values(
     """
     context = step.context(FrameContext(index, identifiers))
     severity = step.severity_of(context)
-    note = step.note(context, severity)
+    note = group_note(step, context, severity)
     values: dict[str, Any] = {"Enabled": severity != 0}
     perturbation = step.perturbation
     told = {} if severity == 0 else _told(step, severity, replace(decided or without_frames(context), lit=lit))
@@ -193,11 +193,18 @@ def socket_values(
     if camera_state is not None:
         values |= camera_state_values(step, severity, camera_state)
     if perturbation.group_temporals:
-        values["Seed"] = note["node_seed"] = seed_of(context.identifiers)
+        values["Seed"] = note["node_seed"]
         values["Frame Offset"] = index - scene_frame
         if len(perturbation.group_temporals) > 1:
             values[PATTERN] = title(step.temporal)
     return values, note
+
+
+def group_note(step: Step[ColourPerturbation], context: FrameContext, severity: float | None) -> dict[str, Any]:
+    """Return a record of what a step's group does to a frame, for frames.jsonl. context, severity: the step's own."""
+    note, kind = step.note(context, severity), step.perturbation
+    draws = kind.group_temporals and (severity == 0 or not kind.is_repeatable(step.parameters(severity)))
+    return note | {"node_seed": seed_of(context.identifiers)} if draws else note
 
 
 def _told(step: Step[ColourPerturbation], severity: float | None, context: FrameContext) -> dict[str, float]:

@@ -4,7 +4,7 @@
 import math
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from functools import cache, partial
+from functools import cache, cached_property, partial
 from typing import Any, Generic, Self, TypeAlias, TypeVar
 
 import numpy as np
@@ -28,15 +28,11 @@ Notes: TypeAlias = list[dict[str, Any]]
 """What was done to a frame, step by step, for the provenance."""
 
 Active: TypeAlias = tuple[tuple[Step[Kind], FrameContext, float | None], ...]
-"""The steps that do something to a frame, each with its context and the severity that it has in this frame."""
+"""Steps, each with its context and the severity that it has in a frame: above all those that do something to it."""
 
 
-def _drawn_for(steps: Sequence[Step[Kind]], where: FrameContext) -> tuple[Active[Kind], Notes]:
-    """Draw the severities of a frame; return the steps that do something, and what all of them do."""
-    drawn = [(step, step.context(where)) for step in steps]
-    done = [(step, context, step.severity_of(context)) for step, context in drawn]
-    notes = [step.note(context, severity) for step, context, severity in done]
-    return tuple(item for item in done if item[2] != 0), notes
+def _acting(drawn: Active[Kind]) -> Active[Kind]:
+    return tuple(item for item in drawn if item[2] != 0)
 
 
 def work_key(active: Active[Any]) -> tuple[Hashable, ...]:
@@ -171,15 +167,25 @@ def _chosen(step: Step[MotionPerturbation], count: int, identifiers: Identifiers
 
 @dataclass(frozen=True)
 class _ImageWork(Generic[P]):
-    """What the steps of one kind do to one image of a sequence. notes: what is done, for the provenance."""
+    """What the steps of one kind do to one image of a sequence. drawn: all of them, those of severity 0 too."""
 
-    active: Active[P]
-    notes: Notes
+    drawn: Active[P]
 
     @classmethod
     def of(cls, steps: Sequence[Step[P]], where: FrameContext) -> Self:
         """Draw the severities. where: the frame that the image belongs to, with the identifiers of its sequence."""
-        return cls(*_drawn_for(steps, where))
+        found = [(step, step.context(where)) for step in steps]
+        return cls(tuple((step, context, step.severity_of(context)) for step, context in found))
+
+    @cached_property
+    def active(self) -> Active[P]:
+        """The steps that do something to the image."""
+        return _acting(self.drawn)
+
+    @property
+    def notes(self) -> Notes:
+        """What is done, for the provenance."""
+        return [step.note(context, severity) for step, context, severity in self.drawn]
 
     @property
     def key(self) -> Hashable:
@@ -190,11 +196,10 @@ class _ImageWork(Generic[P]):
 class ColourWork(_ImageWork[ColourPerturbation]):
     """What the steps of colour do to the colour of one frame."""
 
-    @classmethod
-    def of(cls, steps: Sequence[Step[ColourPerturbation]], where: FrameContext) -> Self:
-        """Draw the severities; what the camera's automatics decide is found when it is first asked for."""
-        active, notes = _drawn_for(steps, where)
-        return cls(deciding(active), notes)
+    @cached_property
+    def active(self) -> Active[ColourPerturbation]:
+        """The steps that do something; what the camera's automatics decide is found when it is first asked for."""
+        return deciding(_acting(self.drawn))
 
     @property
     def decided(self) -> Mapping[str, float]:
@@ -301,7 +306,7 @@ class DepthWork(_ImageWork[DepthPerturbation]):
             if step.stream == SENSOR_STREAM
         ]
         rest = [item for item in self.active if item[0].stream != SENSOR_STREAM]
-        return DepthWork(tuple(own), []), DepthWork(tuple(rest), [])
+        return DepthWork(tuple(own)), DepthWork(tuple(rest))
 
     def on(self, depth_m: NDArray[np.float32]) -> NDArray[np.float32] | None:
         """Do it to planar depth (H, W) in metres, 0 = void; None where it is the identity."""
