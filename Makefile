@@ -21,7 +21,7 @@ test -n "$(PYTHON)" || { echo "make: Python 3.13 is needed; get it, with 'uv pyt
 endef
 
 .DEFAULT_GOAL := help
-.PHONY: help venv demo picture gallery thumbnails rooms screenshots assets example film extension ice wheel docs test test-all test-below test-above test-lowest test-bare fuzz bench benchmark lint format lock slam-env blender-env peer-env corruptions-env clean
+.PHONY: help venv demo picture gallery thumbnails pages rooms screenshots assets example film extension ice wheel docs test test-all test-below test-above test-lowest test-bare fuzz bench benchmark lint format lock slam-env blender-env peer-env corruptions-env clean
 
 help: ## list the targets
 	@grep -hE '^[a-z0-9-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 16
@@ -153,10 +153,14 @@ $(VENV)/.bench: requirements-bench.lock $(VENV)/.installed
 	$(ENVIRONMENT) "$(PYTHON)" $(VENV) $(PINNED) $<
 	touch $(VENV)/.installed $@
 
-lint: $(VENV)/.extras ## check style, layers, formatting and types
+pages: venv ## write anew what pages and presets say of perturbations, channels, layouts and the like
+	$(PY) headless/tools/pages.py
+
+lint: $(VENV)/.extras ## check style, layers, formatting, types, and that `make pages` would change nothing
 	$(VENV)/bin/ruff check .
 	$(VENV)/bin/ruff format --check .
 	$(VENV)/bin/pyright --pythonpath $(PY)
+	$(PY) headless/tools/pages.py --check
 
 format: venv ## format the code
 	$(VENV)/bin/ruff check --fix .

@@ -26,6 +26,7 @@ from .core.geometry import Intrinsics
 from .core.node_graphs.graph import Graph, Socket
 from .core.node_graphs.groups import Canvas
 from .core.optics import PINHOLE, Optics
+from .core.perturbing.about import About
 from .core.perturbing.kinds import (
     ColourPerturbation,
     DepthPerturbation,
@@ -52,6 +53,7 @@ from .evaluation.metrics import Compared, TrajectoryMetric
 __all__ = [
     "CAM_PARAMS",
     "PINHOLE",
+    "About",
     "Canvas",
     "ColourPerturbation",
     "Command",

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from ..core.linear_light import LUMINANCE, decoded, encoded
 from ..core.node_graphs.graph import Socket
 from ..core.node_graphs.groups import Canvas
+from ..core.perturbing.about import About, Example
 from ..core.perturbing.by_frame import ByFrame, FrameValue
 from ..core.perturbing.earlier_frames import EarlierFrame
 from ..core.perturbing.kinds import ColourPerturbation, FrameContext
@@ -133,6 +134,26 @@ PERTURBATION = ColourPerturbation(
     parameters=AutoExposure,
     severities={"lag_s": (0.1, 0.2, 0.4, 0.8, 1.6)},
     source="our own: chosen, from two frames of 20 Hz to a slow webcam",
+    about=About(
+        "Sets exposure and gain by the frames before, so that changes of light are followed late",
+        "exposure time and gain by the frames before, with a lag ([the camera](camera.md#exposure-gain-and-noise))",
+        caption="exposure time and gain by the frames before. Here 0.4 s after the light rose eightfold, with time "
+        "constants of 0.1, 0.4 and 1.6 s.",
+        picture="0.4 s after the light rose eightfold, at severities 1, 3 and 5",
+        example=Example(
+            said="Auto-exposure along a walk in the embedded room: quick and slow, and in a sixteenth and a "
+            "thousandth of the light.",
+            settings=(
+                "{name: quick, perturb: [{auto_exposure: {severity: 1}}]}",
+                "{name: slow, perturb: [{auto_exposure: {severity: 5}}]}",
+                "{name: dim, perturb: [{auto_exposure: {light_stops: -4}}]}",
+                "{name: dark, perturb: [{auto_exposure: {light_stops: -10}}]}",
+            ),
+            render="{backend: reference}",
+            frames=24,
+            rate_hz=4,
+        ),
+    ),
     apply=apply,
     contradiction=contradiction,
     on_light=True,

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from ..core.linear_light import decoded, encoded
 from ..core.node_graphs.graph import Socket
 from ..core.node_graphs.groups import Canvas
+from ..core.perturbing.about import About
 from ..core.perturbing.kinds import ColourPerturbation, FrameContext
 from ..core.schema import key
 from ._glass import reduced
@@ -98,6 +99,11 @@ PERTURBATION = ColourPerturbation(
     parameters=Bloom,
     severities={"amount": (0.05, 0.1, 0.15, 0.25, 0.4)},
     source="our own: chosen, from a good lens to a hazy one",
+    about=About(
+        "Lets bright things glow, as a lens scatters a part of their light",
+        "a share of the light is spread by three Gaussians, on linear light ([the camera](camera.md))",
+        caption="a lens scatters a share of the light.",
+    ),
     apply=apply,
     repeatable=True,
     build=build,

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.linear_light import decoded, encoded
+from ..core.perturbing.about import About, Example
 from ..core.perturbing.exposing import SceneAround
 from ..core.perturbing.kinds import ExposurePerturbation
 from ..core.scenes.srgb import quick_light
@@ -119,6 +120,25 @@ PERTURBATION = ExposurePerturbation(
     parameters=CameraMotionBlur,
     severities={"shutter_ms": (4.0, 8.0, 16.0, 24.0, 33.0)},
     source="our own: chosen, from an exposure in daylight to all of a frame of 30 Hz",
+    about=About(
+        "Leaves the shutter open while the camera moves, so that near things smear more",
+        "the light of the whole exposure along the camera's path ([the camera](camera.md))",
+        caption="a shutter open for 4, 16 and 33 ms.",
+        picture="Frames of a shutter that is open for 4, 16 and 33 ms",
+        example=Example(
+            said="Blur of the camera's own motion in the embedded room: short and long exposures, and a shutter "
+            "that opens slowly.",
+            settings=(
+                "{name: shutter4ms, perturb: [{camera_motion_blur: {severity: 1}}]}",
+                "{name: shutter16ms, perturb: [{camera_motion_blur: {severity: 3}}]}",
+                "{name: shutter33ms, perturb: [{camera_motion_blur: {severity: 5}}]}",
+                "{name: triangle, perturb: [{camera_motion_blur: {shutter_ms: 33, ramp: 1}}]}",
+            ),
+            render="{engine: embree}",
+            frames=24,
+            rate_hz=4,
+        ),
+    ),
     shutter=shutter,
     apply=apply,
     measures_travel=True,

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ..core.node_graphs.graph import Socket
 from ..core.node_graphs.groups import Canvas
+from ..core.perturbing.about import About
 from ..core.perturbing.kinds import ColourPerturbation, FrameContext
 from ..core.schema import key
 from ._axis import axis_by_camera, axis_px
@@ -100,6 +101,11 @@ PERTURBATION = ColourPerturbation(
     parameters=ChromaticAberration,
     severities={"red_px": (0.5, 1.0, 1.5, 2.5, 4.0), "blue_px": (-0.5, -1.0, -1.5, -2.5, -4.0)},
     source="our own: chosen, from a lens that is hardly seen to have it to a cheap wide one",
+    about=About(
+        "Moves red outwards and blue inwards, so edges near the border have colored fringes",
+        "red and blue are magnified otherwise than green, about the optical axis ([the camera](camera.md))",
+        caption="red and blue are magnified otherwise than green.",
+    ),
     apply=apply,
     averages=True,
     repeatable=True,

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from ..core.datasets.images import rgb_bytes
 from ..core.node_graphs.graph import Socket
 from ..core.node_graphs.groups import Canvas
+from ..core.perturbing.about import About
 from ..core.perturbing.kinds import ColourPerturbation, FrameContext
 from ..core.schema import key
 from ._bands import by_bands
@@ -77,6 +78,11 @@ PERTURBATION = ColourPerturbation(
     parameters=Contrast,
     severities={"factor": (0.4, 0.3, 0.2, 0.1, 0.05)},
     source='paper, table "Specific configurations of the RGB imaging perturbations"',
+    about=About(
+        "Makes the whole image flatter, or harsher",
+        "values moved towards each channel's mean",
+        of_paper=True,
+    ),
     apply=apply,
     version=2,  # float colour is rounded before it
     repeatable=True,

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ..core.node_graphs.graph import Graph, GroupInput, Kind, Socket
 from ..core.node_graphs.groups import Canvas
+from ..core.perturbing.about import About
 from ..core.perturbing.kinds import ColourPerturbation, FrameContext
 from ..core.schema import key
 from ._kernels import correlate, disk_kernel, gaussian
@@ -115,6 +116,13 @@ PERTURBATION = ColourPerturbation(
     parameters=DefocusBlur,
     severities={"radius_px": (3, 4, 6, 8, 10), "alias_sigma_px": (0.1, 0.5, 0.5, 0.5, 0.5)},
     source='paper, table "Specific configurations of the RGB imaging perturbations"',
+    about=About(
+        "Blurs the whole image alike, by a disk",
+        "convolution with a disk, normalised everywhere",
+        caption="a disk, the same everywhere.",
+        twin="defocus_depth",
+        of_paper=True,
+    ),
     apply=apply,
     averages=True,
     repeatable=True,

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from ..core.node_graphs.graph import Socket
 from ..core.node_graphs.groups import Canvas
+from ..core.perturbing.about import About
 from ..core.perturbing.kinds import ColourPerturbation, FrameContext
 from ..core.schema import key
 
@@ -228,6 +229,11 @@ PERTURBATION = ColourPerturbation(
     parameters=DefocusDepth,
     severities={"f_number": (11, 8, 5.6, 4, 2.8)},
     source="our own: full stops of a 50 mm lens on full frame, focused at 1.5 m",
+    about=About(
+        "Blurs what is nearer or farther than the focus, as a lens does",
+        "the depth of field of a thin lens, by planar depth; needs depth",
+        caption="a thin lens in focus at one distance.",
+    ),
     apply=apply,
     averages=True,
     repeatable=True,

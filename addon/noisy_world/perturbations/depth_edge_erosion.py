@@ -8,6 +8,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.perturbing.about import About
 from ..core.perturbing.kinds import DepthPerturbation, FrameContext
 from ..core.schema import key
 from ._void import without_void
@@ -67,6 +68,13 @@ PERTURBATION = DepthPerturbation(
     parameters=DepthEdgeErosion,
     severities={"rate": (0.015, 0.02, 0.025, 0.03, 0.035)},
     source='paper, table "Specific configurations of the depth imaging perturbations"',
+    about=About(
+        "Takes depth away in blocks along the edges of things",
+        "blocks of 7 x 7 lost at edges of depth",
+        caption="blocks lost at edges.",
+        picture="Eroded edges of depth at severities 1, 3 and 5",
+        of_paper=True,
+    ),
     apply=apply,
     temporals=("fresh",),
 )

@@ -9,6 +9,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.perturbing.about import About
 from ..core.perturbing.kinds import DepthPerturbation, FrameContext
 from ..core.schema import key
 from ._quantiles import look_up, normal_quantiles, uniform_codes
@@ -58,6 +59,13 @@ PERTURBATION = DepthPerturbation(
     parameters=DepthGaussianNoise,
     severities={"scale": (0.1, 0.2, 0.3, 0.4, 0.5)},
     source='paper, table "Specific configurations of the depth imaging perturbations"',
+    about=About(
+        "Roughens depth, wherever it is, by the spread of the frame's depths",
+        "normal noise, in proportion to the standard deviation of the frame's depths",
+        caption="normal noise, as strong as the frame's depths differ.",
+        picture="Noise of depth at severities 1, 3 and 5",
+        of_paper=True,
+    ),
     apply=apply,
     temporals=("fresh", "fixed"),
     grain=True,

@@ -8,6 +8,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.perturbing.about import About
 from ..core.perturbing.kinds import DepthPerturbation, FrameContext
 from ..core.schema import key
 from ._void import without_void
@@ -62,6 +63,12 @@ PERTURBATION = DepthPerturbation(
     parameters=DepthRandomMissing,
     severities={"missing_percent": (10, 15, 20, 25, 30)},
     source='paper, table "Specific configurations of the depth imaging perturbations"',
+    about=About(
+        "Punches rectangular holes into depth",
+        "rectangles without depth",
+        picture="Missing depth at severities 1, 3 and 5",
+        of_paper=True,
+    ),
     apply=apply,
     temporals=("fresh", "fixed"),
 )

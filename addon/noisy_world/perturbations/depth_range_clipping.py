@@ -8,6 +8,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.perturbing.about import About
 from ..core.perturbing.kinds import DepthPerturbation, FrameContext
 from ..core.schema import key
 from ._void import without_void
@@ -39,5 +40,12 @@ PERTURBATION = DepthPerturbation(
     parameters=DepthRangeClipping,
     severities={"min_m": (0.2, 0.3, 0.4, 0.5, 0.6), "max_m": (4.4, 4.2, 4.0, 3.8, 3.6)},
     source='paper, table "Specific configurations of the depth imaging perturbations"',
+    about=About(
+        "Takes depth away that is too near or too far",
+        "void outside a range of depth",
+        caption="void outside a range.",
+        picture="Clipped depth at severities 1, 3 and 5",
+        of_paper=True,
+    ),
     apply=apply,
 )

@@ -8,6 +8,7 @@ from typing import ClassVar, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.perturbing.about import About, Example
 from ..core.perturbing.kinds import PairingPerturbation, SequenceContext
 from ..core.schema import Choice, key
 
@@ -69,5 +70,27 @@ PERTURBATION = PairingPerturbation(
     parameters=Desync,
     severities={},
     source='paper, section "Benchmark Statistics": offsets 5, 10 and 20',
+    about=About(
+        "Pairs color with depth of another moment",
+        "colour of frame i with depth of frame i + offset: above 0 depth that was taken after its colour, as "
+        "in the paper; depth that comes late is below 0",
+        caption="colour with depth that was taken 5, 10 and 20 frames after it, at 20 frames a second. Edges of that "
+        "depth are drawn over the colour.",
+        picture="Edges of later depth over colour",
+        of_paper=True,
+        example=Example(
+            said="RGB-D desynchronisation in the embedded room, as the paper has it.",
+            settings=(
+                "{name: offset5, perturb: [{desync: {offset: 5}}]}",
+                "{name: offset5_dynamic, perturb: [{desync: {offset: 5, mode: dynamic}}]}",
+                "{name: offset10, perturb: [{desync: {offset: 10}}]}",
+                "{name: offset10_dynamic, perturb: [{desync: {offset: 10, mode: dynamic}}]}",
+                "{name: offset20, perturb: [{desync: {offset: 20}}]}",
+                "{name: offset20_dynamic, perturb: [{desync: {offset: 20, mode: dynamic}}]}",
+            ),
+            frames=24,
+            rate_hz=4,
+        ),
+    ),
     apply=apply,
 )

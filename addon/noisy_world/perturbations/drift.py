@@ -7,6 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from ..core.perturbing.about import About, Example
 from ..core.perturbing.kinds import MotionPerturbation, SequenceContext
 from ..core.schema import key
 from ..core.trajectories.trajectory import Trajectory
@@ -46,6 +47,20 @@ PERTURBATION = MotionPerturbation(
     parameters=Drift,
     severities={"rotation_deg": (0.25, 0.5, 1.0, 2.0, 4.0), "translation_m": (0.005, 0.01, 0.02, 0.04, 0.08)},
     source="our own; severities chosen",
+    about=About(
+        "Lets the camera slowly lean and shift away from its path, as a loose mount does",
+        "the body is slowly somewhere else than its path says",
+        caption="five seconds of a mount that gives way.",
+        picture="How far the camera goes over time, at severities 1, 3 and 5",
+        example=Example(
+            said="A camera in the embedded room that drifts from its path.",
+            settings=(
+                "{name: drift1, perturb: [{drift: {severity: 1}}]}",
+                "{name: drift3, perturb: [{drift: {severity: 3}}]}",
+                "{name: drift5, perturb: [{drift: {severity: 5}}]}",
+            ),
+        ),
+    ),
     apply=apply,
     continuous=True,
 )

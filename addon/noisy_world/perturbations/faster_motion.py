@@ -8,6 +8,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.perturbing.about import About, Example
 from ..core.perturbing.kinds import MotionPerturbation, SequenceContext
 from ..core.schema import key
 
@@ -37,5 +38,21 @@ PERTURBATION = MotionPerturbation(
     parameters=FasterMotion,
     severities={},
     source='paper, section "Benchmark Statistics": factors 2, 4 and 8',
+    about=About(
+        law="every n-th pose, at an unchanged frame rate",
+        caption="every 2nd, 4th and 8th pose. Each frame is laid over the next one.",
+        picture="Frames laid over the next one, at 2, 4 and 8 times the speed",
+        of_paper=True,
+        example=Example(
+            said="Faster motion in the embedded room, as the paper has it.",
+            settings=(
+                "{name: x2, perturb: [{faster_motion: {factor: 2}}]}",
+                "{name: x4, perturb: [{faster_motion: {factor: 4}}]}",
+                "{name: x8, perturb: [{faster_motion: {factor: 8}}]}",
+            ),
+            frames=24,
+            rate_hz=4,
+        ),
+    ),
     choose=choose,
 )

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from ..core.linear_light import decoded, encoded
 from ..core.node_graphs.graph import Socket
 from ..core.node_graphs.groups import Canvas
+from ..core.perturbing.about import About, Example
 from ..core.perturbing.by_frame import ByFrame, FrameValue
 from ..core.perturbing.kinds import ColourPerturbation, FrameContext
 from ..core.schema import key
@@ -133,6 +134,24 @@ PERTURBATION = ColourPerturbation(
     parameters=Flicker,
     severities={"modulation": (0.05, 0.1, 0.2, 0.35, 0.6)},
     source="our own: chosen, from a filament's percent flicker to more than a fluorescent lamp on a magnetic ballast",
+    about=About(
+        "Makes frames lighter and darker, or bands across them, as lamps on the mains do",
+        "lamps at twice the mains' frequency, with bands where lines are read one by one",
+        caption="lamps on mains of 50 Hz, with lines that are read within 20 ms.",
+        picture="Bands of flicker at severities 1, 3 and 5",
+        example=Example(
+            said="Lamps on mains of 50 Hz in the embedded room: whole frames that differ, and bands across lines "
+            "read in 20 ms.",
+            settings=(
+                "{name: frames, perturb: [{flicker: {severity: 3}}]}",
+                "{name: bands, perturb: [{flicker: {severity: 3, readout_ms: 20}}]}",
+                "{name: strong_bands, perturb: [{flicker: {severity: 5, readout_ms: 20, exposure_ms: 1}}]}",
+            ),
+            render="{backend: reference}",
+            frames=12,
+            rate_hz=24,
+        ),
+    ),
     apply=apply,
     temporals=("fixed", "fresh"),
     on_light=True,

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ..core.node_graphs.graph import Graph, GroupInput, Socket
 from ..core.node_graphs.groups import PURPOSES, Canvas
+from ..core.perturbing.about import About
 from ..core.perturbing.kinds import ColourPerturbation, FrameContext
 from ..core.schema import key
 from ._bands import Level, colour_by_bands
@@ -241,6 +242,13 @@ PERTURBATION = ColourPerturbation(
     parameters=Fog,
     severities={"thickness": (1.5, 2.0, 2.5, 2.5, 3.0), "smoothness": (2.0, 2.0, 1.7, 1.5, 1.4)},
     source='paper, table "Specific configurations of the RGB imaging perturbations"; the plasma: ImageNet-C',
+    about=About(
+        "Lays clouds of one gray over the image, as thick near as far away",
+        "plasma haze, scaled by the frame's brightest value; `uniform: true` for an even grey",
+        caption="the benchmark's haze, a pattern over the image.",
+        twin="fog_depth",
+        of_paper=True,
+    ),
     apply=apply,
     version=2,  # float colour is rounded before it
     apply_bytes=apply,

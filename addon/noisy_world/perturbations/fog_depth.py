@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from ..core.node_graphs.graph import Socket
 from ..core.node_graphs.groups import Canvas, convert
+from ..core.perturbing.about import About
 from ..core.perturbing.kinds import ColourPerturbation, FrameContext
 from ._air_light import EXTINCTION, GIVEN_AIR, sky_in
 from ._air_light_nodes import air_nodes, kept_sky
@@ -90,6 +91,12 @@ PERTURBATION = ColourPerturbation(
     severities={"visibility_m": (50, 25, 15, 10, 6)},
     other_severities={"outdoors": {"visibility_m": (1000, 500, 200, 100, 50)}},
     source="our own; the law: Koschmieder, Theorie der horizontalen Sichtweite, 1924",
+    about=About(
+        "Hides what is far behind lit air; it may lie on the ground, come in clumps, and glow around lamps",
+        "attenuation and airlight by planar depth (Koschmieder), thinner with height, uneven, with glow around "
+        "lamps; needs depth",
+        caption="fog that hides what is far before what is near.",
+    ),
     apply=apply,
     build=build,
     lit_by_nodes=True,

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from ..core.datasets.images import as_float, rgb_bytes
 from ..core.node_graphs.graph import BroughtImage, Kind, Socket, Value
 from ..core.node_graphs.groups import Canvas
+from ..core.perturbing.about import About
 from ..core.perturbing.kinds import ColourPerturbation, FrameContext
 from ..core.regular_files import read_bytes
 from ..core.schema import key
@@ -221,6 +222,13 @@ PERTURBATION = ColourPerturbation(
     parameters=Frost,
     severities={"intensity": (1.0, 0.8, 0.7, 0.65, 0.6), "influence": (0.4, 0.6, 0.7, 0.7, 0.75)},
     source='paper, table "Specific configurations of the RGB imaging perturbations"; the ice: our own',
+    about=About(
+        "Lays a picture of ice over the whole image, another for each frame",
+        "ice on the lens, from pictures that our own program drew (`make ice`)",
+        caption="the benchmark's ice, over the whole frame.",
+        twin="lens_frost",
+        of_paper=True,
+    ),
     apply=apply,
     version=2,  # float colour is rounded before it
     apply_bytes=apply_bytes,

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ..core.node_graphs.graph import Socket
 from ..core.node_graphs.groups import Canvas
+from ..core.perturbing.about import About
 from ..core.perturbing.kinds import ColourPerturbation, FrameContext
 from ..core.schema import key
 from ._kernels import as_blur_node, gaussian
@@ -68,6 +69,12 @@ PERTURBATION = ColourPerturbation(
     parameters=GaussianBlur,
     severities={"sigma_px": (1, 2, 3, 4, 6)},
     source='paper, table "Specific configurations of the RGB imaging perturbations"',
+    about=About(
+        "Blurs the whole image alike, softly",
+        "convolution with a Gaussian",
+        caption="a Gaussian, the same everywhere.",
+        of_paper=True,
+    ),
     apply=apply,
     averages=True,
     repeatable=True,

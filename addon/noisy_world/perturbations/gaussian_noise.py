@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ..core.node_graphs.graph import Socket
 from ..core.node_graphs.groups import Canvas
+from ..core.perturbing.about import About
 from ..core.perturbing.kinds import ColourPerturbation, FrameContext
 from ..core.schema import key
 from ._bands import by_bands
@@ -77,6 +78,11 @@ PERTURBATION = ColourPerturbation(
     parameters=GaussianNoise,
     severities={"std": (0.08, 0.12, 0.18, 0.26, 0.38)},
     source='paper, table "Specific configurations of the RGB imaging perturbations"',
+    about=About(
+        "Adds grain, as strong in dark places as in bright ones",
+        "normal noise, added",
+        of_paper=True,
+    ),
     apply=apply,
     version=2,  # float colour is rounded before it
     build=build,

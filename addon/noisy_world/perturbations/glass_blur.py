@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from ..core.node_graphs.graph import BroughtImage, Socket
 from ..core.node_graphs.groups import Canvas
+from ..core.perturbing.about import About
 from ..core.perturbing.kinds import ColourPerturbation, FrameContext
 from ..core.schema import key
 from ._full_size import full_size, with_full_sizes
@@ -233,6 +234,12 @@ PERTURBATION = ColourPerturbation(
         "iterations": (2, 1, 3, 2, 2),
     },
     source='paper, table "Specific configurations of the RGB imaging perturbations"',
+    about=About(
+        "Shifts each pixel by chance, as ribbed glass does",
+        "every pixel takes the value of one nearby, between two blurs",
+        caption="pixels that change places with their neighbours.",
+        of_paper=True,
+    ),
     apply=apply,
     averages=True,
     temporals=("fresh", "fixed"),

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from ..core.linear_light import LUMINANCE, decoded, encoded
 from ..core.node_graphs.graph import Socket
 from ..core.node_graphs.groups import Canvas, convert
+from ..core.perturbing.about import About
 from ..core.perturbing.kinds import ColourPerturbation, FrameContext
 from ..core.schema import Choice, key
 from ._air_light import AIR_TOOLTIPS, EXTINCTION, GIVEN_AIR, air_light, colour_of, sky_in
@@ -166,6 +167,11 @@ PERTURBATION = ColourPerturbation(
         "our own: from haze (WMO: 1 km and more) to smoke; Koschmieder, 1924; Angstrom, On the atmospheric "
         "transmission of sun radiation and on dust in the air, 1929; Narasimhan and Nayar, Vision and the atmosphere, "
         "2002"
+    ),
+    about=About(
+        "Fades what is far and turns it blue, as dry air does",
+        "what is far fades and turns blue, by Koschmieder's law at three wavelengths; needs depth",
+        caption="what is far fades and turns blue. A room is too small for it; [below](#on-a-lit-street) is a street.",
     ),
     apply=apply,
     build=build,

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ..core.node_graphs.graph import Socket
 from ..core.node_graphs.groups import Canvas
+from ..core.perturbing.about import About
 from ..core.perturbing.kinds import ColourPerturbation, FrameContext
 from ..core.schema import key
 from ._bands import by_bands
@@ -85,6 +86,11 @@ PERTURBATION = ColourPerturbation(
     parameters=ImpulseNoise,
     severities={"amount": (0.03, 0.06, 0.09, 0.17, 0.27)},
     source='paper, table "Specific configurations of the RGB imaging perturbations"',
+    about=About(
+        "Makes single pixels black or white",
+        "values replaced by black or white",
+        of_paper=True,
+    ),
     apply=apply,
     build=build,
     apply_bytes=apply_bytes,

@@ -8,6 +8,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.perturbing.about import About, Example
 from ..core.perturbing.kinds import MotionPerturbation, SequenceContext
 from ..core.schema import key
 from ..core.trajectories.deviation import Pulses
@@ -73,6 +74,20 @@ PERTURBATION = MotionPerturbation(
     parameters=Jerk,
     severities={"translation_m": (0.005, 0.01, 0.02, 0.04, 0.08), "rotation_deg": (0.5, 1.0, 2.0, 4.0, 8.0)},
     source="our own; severities chosen",
+    about=About(
+        "Throws the camera aside at single moments, as a curb or a stumble does",
+        "single shocks, and back",
+        caption="five seconds with shocks.",
+        picture="How far the camera goes over time, at severities 1, 3 and 5",
+        example=Example(
+            said="Shocks to a camera in the embedded room.",
+            settings=(
+                "{name: jerk1, perturb: [{jerk: {severity: 1, per_minute: 120, duration_s: 1}}]}",
+                "{name: jerk3, perturb: [{jerk: {severity: 3, per_minute: 120, duration_s: 1}}]}",
+                "{name: jerk5, perturb: [{jerk: {severity: 5, per_minute: 120, duration_s: 1}}]}",
+            ),
+        ),
+    ),
     apply=apply,
     continuous=True,
 )

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from ..core.datasets.images import as_float, rgb_bytes
 from ..core.node_graphs.graph import Socket
 from ..core.node_graphs.groups import Canvas
+from ..core.perturbing.about import About
 from ..core.perturbing.kinds import ColourPerturbation, FrameContext
 from ..core.schema import key
 from ._full_size import full_size
@@ -62,6 +63,11 @@ PERTURBATION = ColourPerturbation(
     parameters=JpegCompression,
     severities={"quality": (25, 18, 15, 10, 7)},
     source='paper, table "Specific configurations of the RGB imaging perturbations"',
+    about=About(
+        "Leaves the blocks and rings of strong compression",
+        "encoded and decoded by libjpeg",
+        of_paper=True,
+    ),
     apply=apply,
     repeatable=True,
     build=build,

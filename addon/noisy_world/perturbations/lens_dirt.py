@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from ..core.linear_light import decoded, encoded
 from ..core.node_graphs.graph import Socket
 from ..core.node_graphs.groups import Canvas
+from ..core.perturbing.about import About, Example
 from ..core.perturbing.kinds import ColourPerturbation, FrameContext
 from ..core.schema import key
 from ._bands import by_bands
@@ -128,6 +129,14 @@ PERTURBATION = ColourPerturbation(
         "scratches": (0.08, 0.15, 0.25, 0.4, 0.6),
     },
     source="our own: from a lens that was wiped to one that never was",
+    about=About(
+        "Puts dust, grease and scratches on the front glass, which light up near lamps",
+        "dust, grease and scratches on the front glass, and the glare of lamps on them",
+        caption="dust, grease and scratches on the front glass.",
+        example=Example(
+            said="Dust, grease and scratches on the lens in the embedded room, clean and at severities 1, 3 and 5."
+        ),
+    ),
     apply=apply,
     build=build,
     lit_by_nodes=True,

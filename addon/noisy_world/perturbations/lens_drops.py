@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from ..core.node_graphs.graph import Socket
 from ..core.node_graphs.groups import Canvas
+from ..core.perturbing.about import About, Example
 from ..core.perturbing.kinds import ColourPerturbation, FrameContext
 from ._drop_laws import LensDrops
 from ._drop_nodes import build_drops
@@ -36,6 +37,14 @@ PERTURBATION = ColourPerturbation(
         "runs": (0.05, 0.15, 0.25, 0.35, 0.45),
     },
     source="our own: from the first drops to a lens in the rain",
+    about=About(
+        "Puts drops of water on the front glass, which show the scene upside down, run and dry",
+        "drops of water on the front glass, which refract, run and dry",
+        caption="drops on the front glass that show the scene upside down.",
+        example=Example(
+            said="Drops on the lens in the embedded room, which run and dry, clean and at severities 1, 3 and 5."
+        ),
+    ),
     apply=apply,
     build=build,
     lit_by_nodes=True,

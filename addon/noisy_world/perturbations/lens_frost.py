@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.linear_light import LUMINANCE, decoded, encoded
+from ..core.perturbing.about import About, Example
 from ..core.perturbing.kinds import ColourPerturbation, FrameContext
 from ..core.schema import key
 from ._bands import by_bands
@@ -235,6 +236,18 @@ PERTURBATION = ColourPerturbation(
     parameters=LensFrost,
     severities={"coverage": (0.22, 0.38, 0.55, 0.78, 1.0), "opacity": (1.0, 1.3, 1.6, 2.0, 2.5)},
     source="our own: from a frosted border to a pane that is iced over but for its middle",
+    about=About(
+        "Grows crystals of ice on the glass, from its border inwards",
+        "ferns of ice that grow on the glass from the border inwards",
+        caption="ferns of ice that grow from the border inwards.",
+        example=Example(
+            said="Frost on the lens in the embedded room, clean and at severities 1, 3 and 5, and while it grows.",
+            settings=(
+                "{sweep: {perturb: [lens_frost], severities: [1, 3, 5]}}",
+                "{name: lens_frost_grows, perturb: [{lens_frost: {severity: 1, temporal: drift, frame_rate_hz: 1}}]}",
+            ),
+        ),
+    ),
     apply=apply,
     version=2,  # ice comes in patches, and takes more of the light behind it
     build=build,

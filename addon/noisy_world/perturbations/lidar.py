@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.geometry import Intrinsics
+from ..core.perturbing.about import About
 from ..core.perturbing.kinds import DepthPerturbation, FrameContext
 from ..core.schema import Choice, key
 from ._depth_device import (
@@ -156,6 +157,12 @@ PERTURBATION = DepthPerturbation(
     parameters=Lidar,
     severities={"noise": NOISE_SEVERITIES},
     source="our own: the device's errors, halved and doubled; beams and ranges: from memory of Velodyne's manuals",
+    about=About(
+        "Leaves the ranges of a spinning lidar's beams, and no depth between them",
+        "rows of beams that spin",
+        caption="what sixteen rows of beams meet.",
+        picture="Rows of lidar points at a quarter, once and four times the device's noise",
+    ),
     apply=apply,
     contradiction=range_contradiction(DEVICES),
     temporals=("fresh", "fixed"),

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ..core.node_graphs.graph import Graph, GroupInput, Socket, Value
 from ..core.node_graphs.groups import Canvas
+from ..core.perturbing.about import About
 from ..core.perturbing.kinds import ColourPerturbation, FrameContext
 from ..core.schema import key
 from ._kernels import correlate, line_kernel
@@ -148,6 +149,13 @@ PERTURBATION = ColourPerturbation(
     parameters=MotionBlur,
     severities={"radius_px": (10, 15, 15, 15, 20), "sigma_px": (3, 5, 8, 12, 15)},
     source='paper, table "Specific configurations of the RGB imaging perturbations"',
+    about=About(
+        "Smears the whole image along one line, whatever the camera does",
+        "a one-sided trail at a random angle",
+        caption="a trail at a random angle.",
+        twin="camera_motion_blur",
+        of_paper=True,
+    ),
     apply=apply,
     averages=True,
     temporals=("fresh", "fixed"),

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.geometry import rotation_from_euler_deg
+from ..core.perturbing.about import About, Example
 from ..core.perturbing.kinds import MotionPerturbation, SequenceContext
 from ..core.schema import key
 from ..core.trajectories.trajectory import Trajectory
@@ -63,6 +64,21 @@ PERTURBATION = MotionPerturbation(
     parameters=MotionDeviation,
     severities={},
     source='paper, section "Benchmark Statistics": {0, 1, 3, 5} degrees, {0, 0.0125, 0.025, 0.05} m',
+    about=About(
+        law="the camera deviates from the path; frames are rendered from the deviated path, which is the ground truth",
+        caption="the camera leaves its path, here by 1, 3 and 5 degrees and 1.25, 2.5 and 5 cm. Each frame is laid "
+        "over that of the planned path.",
+        picture="Frames of the deviated camera over frames of the planned path",
+        of_paper=True,
+        example=Example(
+            said="Motion deviation in the embedded room, as the paper has it.",
+            settings=(
+                "{name: rotation_3deg, perturb: [{motion_deviation: {rotation_deg: 3, translation_m: 0}}]}",
+                "{name: translation_25mm, perturb: [{motion_deviation: {rotation_deg: 0, translation_m: 0.025}}]}",
+                "{name: both, perturb: [{motion_deviation: {rotation_deg: 3, translation_m: 0.025}}]}",
+            ),
+        ),
+    ),
     apply=apply,
     drawn=drawn,
 )

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from ..core.datasets.images import as_float, rgb_bytes
 from ..core.node_graphs.graph import Graph, GroupInput, Socket, Value
 from ..core.node_graphs.groups import Canvas
+from ..core.perturbing.about import About
 from ..core.perturbing.kinds import ColourPerturbation, FrameContext
 from ..core.schema import key
 
@@ -241,6 +242,11 @@ PERTURBATION = ColourPerturbation(
     parameters=Pixelate,
     severities={"factor": (0.6, 0.5, 0.4, 0.3, 0.25)},
     source='paper, table "Specific configurations of the RGB imaging perturbations"',
+    about=About(
+        "Turns the image into large squares",
+        "blocks of pixels averaged",
+        of_paper=True,
+    ),
     apply=apply,
     version=2,  # float colour is rounded before it
     repeatable=True,

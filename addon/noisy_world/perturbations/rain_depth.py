@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ..core.node_graphs.graph import Graph, Socket
 from ..core.node_graphs.groups import Canvas
+from ..core.perturbing.about import About
 from ..core.perturbing.kinds import ColourPerturbation, FrameContext
 from ..core.schema import key
 from ._falling_nodes import Laws, build_falling
@@ -78,6 +79,11 @@ PERTURBATION = ColourPerturbation(
     parameters=RainDepth,
     severities={"rate_mm_h": (2.5, 10.0, 25.0, 50.0, 100.0)},
     source="our own: light, moderate, heavy, violent rain, and a cloudburst; sizes: Marshall and Palmer, 1948",
+    about=About(
+        "Lets drops fall through the scene; near ones are long and wide streaks",
+        "streaks of drops at their distances, and a veil; needs depth",
+        caption="streaks of drops at their distances, as faint as in photographs.",
+    ),
     apply=apply,
     build=build,
     lit_by_nodes=True,

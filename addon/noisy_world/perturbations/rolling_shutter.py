@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import ClassVar, Literal
 
+from ..core.perturbing.about import About, Example
 from ..core.perturbing.kinds import ExposurePerturbation
 from ..core.schema import Choice, key
 from ..core.trajectories.frame_request import ReadoutDirection, RequestedRays, Shutter
@@ -77,6 +78,26 @@ PERTURBATION = ExposurePerturbation(
     parameters=RollingShutter,
     severities={"readout_ms": (5.0, 10.0, 16.0, 22.0, 30.0)},
     source="our own: chosen, from a fast sensor's readout to nearly a whole frame of 30 Hz",
+    about=About(
+        "Reads lines one after another, so that what moves is bent",
+        "lines are read one after another, each from where the camera is by then ([the camera](camera.md))",
+        caption="rows read within 5, 16 and 30 ms. Each frame is laid over that of one moment.",
+        picture="Frames of a rolling shutter over frames of one moment",
+        example=Example(
+            said="A rolling shutter in the embedded room: fast, usual and slow readouts, and reading from right to "
+            "left.",
+            settings=(
+                "{name: readout5ms, perturb: [{rolling_shutter: {severity: 1}}]}",
+                "{name: readout16ms, perturb: [{rolling_shutter: {severity: 3}}]}",
+                "{name: readout30ms, perturb: [{rolling_shutter: {severity: 5}}]}",
+                "{name: sideways, perturb: [{rolling_shutter: {readout_ms: 30, direction: left}}]}",
+                "{name: global_depth, perturb: [{rolling_shutter: {readout_ms: 30, depth: global}}]}",
+            ),
+            render="{engine: embree}",
+            frames=24,
+            rate_hz=4,
+        ),
+    ),
     shutter=shutter,
     rays=rays,
     tells_lines=True,

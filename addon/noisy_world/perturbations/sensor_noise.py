@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ..core.linear_light import decoded, encoded
 from ..core.node_graphs.group_inputs import SEEDS
+from ..core.perturbing.about import About, Example
 from ..core.perturbing.by_frame import ByFrame
 from ..core.perturbing.kinds import ColourPerturbation, FrameContext
 from ..core.schema import key
@@ -268,6 +269,12 @@ PERTURBATION = ColourPerturbation(
     source=(
         "our own: the range of shot noise of Brooks and others (Unprocessing images for learned raw denoising, 2019) "
         "in equal ratios, with the read noise of their line, for a full well of 10,000 electrons; model: EMVA 1288"
+    ),
+    about=About(
+        "Counts light in electrons, and reads them with noise, gain and a few bits",
+        "electrons, dark current, read noise, gain, black level and bits, by EMVA 1288",
+        caption="electrons, reading, gain and steps, as in less and less light.",
+        example=Example(render="{backend: reference}"),
     ),
     apply=apply,
     temporals=("fresh", "fixed"),

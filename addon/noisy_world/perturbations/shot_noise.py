@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from ..core.datasets.images import rgb_bytes
 from ..core.node_graphs.graph import Socket
 from ..core.node_graphs.groups import Canvas
+from ..core.perturbing.about import About
 from ..core.perturbing.kinds import ColourPerturbation, FrameContext
 from ..core.schema import key
 from ._bands import bands, by_bands
@@ -198,6 +199,12 @@ PERTURBATION = ColourPerturbation(
     parameters=ShotNoise,
     severities={"photons": (60, 25, 12, 5, 3)},
     source='paper, table "Specific configurations of the RGB imaging perturbations"',
+    about=About(
+        "Adds the grain of few photons, most of it in bright places",
+        "Poisson numbers of photons",
+        caption="few photons.",
+        of_paper=True,
+    ),
     apply=apply,
     version=2,  # a number takes 16 random bits, not 24, and float colour is rounded before it
     build=build,

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ..core.node_graphs.graph import Graph, GroupInput, Socket
 from ..core.node_graphs.groups import Canvas
+from ..core.perturbing.about import About
 from ..core.perturbing.kinds import ColourPerturbation, FrameContext
 from ..core.schema import key
 from ._bands import Level, colour_by_bands
@@ -333,6 +334,13 @@ PERTURBATION = ColourPerturbation(
         "blending_ratio": (0.8, 0.7, 0.7, 0.65, 0.55),
     },
     source='paper, table "Specific configurations of the RGB imaging perturbations"',
+    about=About(
+        "Whitens the image and lays streaks of flakes over it, all at one distance",
+        "streaks of snowflakes over a whitened image",
+        caption="streaks over a whitened image.",
+        twin="snow_depth",
+        of_paper=True,
+    ),
     apply=apply,
     version=2,  # float colour is rounded before it
     apply_bytes=apply,

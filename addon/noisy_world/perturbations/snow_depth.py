@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ..core.node_graphs.graph import Graph, Socket
 from ..core.node_graphs.groups import Canvas
+from ..core.perturbing.about import About
 from ..core.perturbing.kinds import ColourPerturbation, FrameContext
 from ..core.schema import key
 from ._falling_nodes import Laws, build_falling
@@ -78,6 +79,11 @@ PERTURBATION = ColourPerturbation(
     parameters=SnowDepth,
     severities={"rate_mm_h": (0.5, 1.0, 2.0, 4.0, 8.0)},
     source="our own: from light to very heavy snowfall; sizes: Gunn and Marshall, 1958",
+    about=About(
+        "Lets flakes fall through the scene; near ones are large, fast and out of focus",
+        "flakes at their distances, and a veil; needs depth",
+        caption="flakes at their distances. A room holds few of them.",
+    ),
     apply=apply,
     build=build,
     lit_by_nodes=True,

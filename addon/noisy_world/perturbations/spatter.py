@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ..core.node_graphs.graph import INTERFACE, Graph, Kind, Socket, Value
 from ..core.node_graphs.groups import Canvas
+from ..core.perturbing.about import About
 from ..core.perturbing.kinds import ColourPerturbation, FrameContext
 from ..core.schema import key
 from ._bands import Level, colour_by_bands
@@ -354,6 +355,13 @@ PERTURBATION = ColourPerturbation(
         "complexity": (0, 0, 0, 1, 1),
     },
     source='paper, table "Specific configurations of the RGB imaging perturbations"; the drops: ImageNet-C',
+    about=About(
+        "Lays drops of water or mud over the image, which show nothing through them",
+        "drops of water (severities 1 to 3) or mud",
+        caption="drops of water; mud from severity 4 on.",
+        twin="lens_drops",
+        of_paper=True,
+    ),
     apply=apply,
     version=2,  # its noise is drawn by tables, and float colour is rounded before it
     apply_bytes=apply,

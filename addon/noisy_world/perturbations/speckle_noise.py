@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ..core.node_graphs.graph import Socket
 from ..core.node_graphs.groups import Canvas
+from ..core.perturbing.about import About
 from ..core.perturbing.kinds import ColourPerturbation, FrameContext
 from ..core.schema import key
 from ._bands import by_bands
@@ -79,6 +80,12 @@ PERTURBATION = ColourPerturbation(
     parameters=SpeckleNoise,
     severities={"std": (0.15, 0.2, 0.35, 0.45, 0.6)},
     source='paper, table "Specific configurations of the RGB imaging perturbations"',
+    about=About(
+        "Adds grain in proportion to brightness",
+        "normal noise, multiplied",
+        caption="noise in proportion to the value.",
+        of_paper=True,
+    ),
     apply=apply,
     version=2,  # float colour is rounded before it
     build=build,

@@ -9,6 +9,7 @@ from typing import ClassVar, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.perturbing.about import About
 from ..core.perturbing.kinds import DepthPerturbation, FrameContext
 from ..core.schema import Choice, key
 from ._bands import by_bands
@@ -161,6 +162,12 @@ PERTURBATION = DepthPerturbation(
     parameters=Stereo,
     severities={"noise": NOISE_SEVERITIES},
     source="our own: the device's errors, halved and doubled; the law: Intel, librealsense thread 3904",
+    about=About(
+        "Measures depth by two cameras: coarse far away, lost on plain walls and beside near things",
+        "a stereo camera with a projector; needs colour",
+        caption="a RealSense D435; shadows lie to the left of what is near.",
+        picture="A stereo camera's depth at a quarter, once and four times the device's noise",
+    ),
     apply=apply,
     needs_rgb=True,
     temporals=("fresh", "fixed"),

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from ..core.geometry import Intrinsics
 from ..core.linear_light import decoded
+from ..core.perturbing.about import About
 from ..core.perturbing.kinds import DepthPerturbation, FrameContext
 from ..core.schema import Choice, key
 from ._depth_device import (
@@ -247,6 +248,12 @@ PERTURBATION = DepthPerturbation(
     parameters=TimeOfFlight,
     severities={"noise": NOISE_SEVERITIES},
     source="our own: the device's errors, halved and doubled; the law: derived from four samples of a phase",
+    about=About(
+        "Measures depth by the phase of light: noisy where it is dark, with pixels in the air at edges",
+        "the phase of modulated light; needs colour",
+        caption="an Azure Kinect in its narrow view.",
+        picture="Depth by time of flight at a quarter, once and four times the device's noise",
+    ),
     apply=apply,
     contradiction=range_contradiction(DEVICES),
     needs_rgb=True,

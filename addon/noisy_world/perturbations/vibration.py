@@ -8,6 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from ..core.errors import NoisyWorldError
+from ..core.perturbing.about import About, Example
 from ..core.perturbing.kinds import MotionPerturbation, SequenceContext
 from ..core.schema import Choice, key
 from ..core.trajectories.deviation import Sines
@@ -94,6 +95,25 @@ PERTURBATION = MotionPerturbation(
     parameters=Vibration,
     severities={"strength": (0.25, 0.5, 1.0, 2.0, 4.0)},
     source="our own; spectra as in docs/trajectories.md",
+    about=About(
+        "Shakes the camera as a hand, a walker or a machine does, smoothly in time",
+        "the body shakes in [named bands of frequency](trajectories.md#smooth-deviations), as a walker, a "
+        "hand, a machine does",
+        caption="five seconds of a walker, at severities 1, 3 and 5. How far the camera goes to the right (red), down "
+        "(green) and forward (blue).",
+        picture="How far the camera goes over time, at severities 1, 3 and 5",
+        example=Example(
+            said="Vibration in the embedded room: a walker, a hand, wheels, rotors, and a band of frequencies.",
+            settings=(
+                "{name: walk, perturb: [{vibration: {severity: 3}}]}",
+                "{name: tremor, perturb: [{vibration: {source: tremor}}]}",
+                "{name: wheels, perturb: [{vibration: {source: wheels, severity: 5}}]}",
+                "{name: rotors, perturb: [{vibration: {source: rotors}}]}",
+                "{name: band, perturb: [{vibration: {source: band, low_hz: 5, high_hz: 15, translation_m: "
+                "0.002, rotation_deg: 0.5}}]}",
+            ),
+        ),
+    ),
     apply=apply,
     continuous=True,
 )

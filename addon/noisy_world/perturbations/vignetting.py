@@ -13,6 +13,7 @@ from ..core.geometry import Intrinsics
 from ..core.linear_light import decoded, encoded
 from ..core.node_graphs.graph import Socket
 from ..core.node_graphs.groups import Canvas
+from ..core.perturbing.about import About
 from ..core.perturbing.kinds import ColourPerturbation, FrameContext
 from ..core.schema import key
 from ._axis import axis_by_camera, axis_px
@@ -112,6 +113,11 @@ PERTURBATION = ColourPerturbation(
     parameters=Vignetting,
     severities={"corner_loss": (0.2, 0.35, 0.5, 0.65, 0.8)},
     source="our own: chosen, from a lens that is stopped down to a cheap one wide open",
+    about=About(
+        "Darkens the image towards its corners, as lenses do",
+        "light is lost towards the corners, on linear light ([the camera](camera.md))",
+        caption="a lens passes less light towards the corners.",
+    ),
     apply=apply,
     repeatable=True,
     build=build,

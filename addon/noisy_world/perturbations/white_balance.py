@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from ..core.linear_light import LUMINANCE, decoded, encoded
 from ..core.node_graphs.graph import Socket
 from ..core.node_graphs.groups import Canvas
+from ..core.perturbing.about import About, Example
 from ..core.perturbing.by_frame import ByFrame, FrameValue
 from ..core.perturbing.earlier_frames import EarlierFrame
 from ..core.perturbing.kinds import ColourPerturbation, FrameContext
@@ -89,6 +90,12 @@ PERTURBATION = ColourPerturbation(
     parameters=WhiteBalance,
     severities={"strength": (0.2, 0.4, 0.6, 0.8, 1.0)},
     source="our own: chosen, up to a world that is grey on average (Buchsbaum, 1980)",
+    about=About(
+        "Turns the colors of what was seen before towards gray, late and never quite",
+        "gains of red, green and blue by the mean colour of the frames before, with a lag and errors",
+        caption="the mean colour of what was seen is taken for the colour of the light.",
+        example=Example(render="{backend: reference}"),
+    ),
     apply=apply,
     on_light=True,
     looks_back_s=lambda parameters: lag_span_s(parameters.lag_s),

@@ -17,6 +17,7 @@ from ..geometry import Intrinsics
 from ..installed import Distribution
 from ..trajectories.frame_request import RequestedRays, Shutter
 from ..trajectories.trajectory import Trajectory
+from .about import UNSAID, About
 from .by_frame import ByFrame
 from .contexts import FrameContext, SequenceContext, Temporal
 from .contexts import Identifiers as Identifiers  # noqa: PLC0414 - is found here too
@@ -104,8 +105,8 @@ class Perturbation:
     where the first is given and it is not. other_severities: by a parameter that is a bool, the table that holds
     where it is true, of the same parameters. contradiction: parameters -> what cannot be in their values together, ""
     for nothing; a preset with it is refused. version: raised when equal parameters give other results, so that
-    datasets of before do not grow. distribution: the installed package that brought it, set when it is found; None
-    for our own.
+    datasets of before do not grow. about: what is said of it to people. distribution: the installed package that
+    brought it, set when it is found; None for our own.
 
     Raises ValueError for a name, parameters, severities or a natural_temporal that are not as described, and for a
     parameter with the name of a key that every perturbation has in a preset.
@@ -125,6 +126,7 @@ class Perturbation:
     other_severities: Mapping[str, Mapping[str, Sequence[float]]] = field(default_factory=dict)
     contradiction: Callable[[Any], str] | None = None
     version: int = 1
+    about: About = UNSAID
     distribution: Distribution | None = None
 
     def __post_init__(self) -> None:
@@ -149,6 +151,11 @@ class Perturbation:
     def natural(self) -> Temporal:
         """How its pattern changes where nothing else is said to an artist. Raises IndexError where nothing is drawn."""
         return self.natural_temporal or ("drift" if "drift" in self.temporals else self.temporals[0])
+
+    @property
+    def sentence(self) -> str:
+        """What it does to what is seen, in a sentence; by default the first line of what its parameters say."""
+        return self.about.sentence or (self.parameters.__doc__ or "").split("\n")[0].strip().rstrip(".")
 
     def table_of(self, given: Mapping[str, Any]) -> Mapping[str, Sequence[float]]:
         """Return the table of severities that holds where some parameters are given."""
