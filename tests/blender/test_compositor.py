@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Chains of groups: the same pixels from arrays, an Image and a render; on any frame, in any process."""
 
-import hashlib
 import subprocess
 import sys
 
@@ -10,7 +9,7 @@ import numpy as np
 import OpenEXR
 import pytest
 from dataclasses import replace
-from group_tools import IDENTIFIERS, by_nodes, many_by_nodes, picture, step_of
+from group_tools import IDENTIFIERS, by_nodes, digests, keep_written, many_by_nodes, picture, step_of
 from shown import evaluate_scene, image_of
 from worlds import ROOT
 
@@ -150,14 +149,17 @@ def test_a_frame_is_its_seed_s_and_its_number_s_alone():
     depth_m = depth_for(rgb)
     chains = {(name, ""): [step_of(name, severity=3)] for name in NAMES}
     chains |= {(name, kind): [step_of(name, severity=3, temporal=kind)] for name in NAMES for kind in temporals(name)}
-    frames = many_by_nodes(chains, [rgb], (0, 3), depth_m=depth_m)
-    (alone,) = many_by_nodes(chains, [rgb], [3], depth_m=depth_m)
-    (other,) = many_by_nodes(chains, [rgb], [3], depth_m=depth_m, identifiers=(8, "room", "setting"))
+    keep_written(chains)
+    with Compositor((64, 36), chains, 64) as compositor:
+        alone, other, first, last = (
+            compositor.evaluate(rgb, dict.fromkeys(chains, (index, (seed, "room", "setting"))), depth_m)[0]
+            for index, seed in ((3, 7), (3, 8), (0, 7), (3, 7))
+        )
     for (name, kind), (step,) in chains.items():
-        first, last, single, seeded = (item[name, kind] for item in (*frames, alone, other))
-        assert np.array_equal(last, single), (name, kind)
-        assert np.array_equal(last, seeded) == (not temporals(name)), (name, kind)
-        assert np.array_equal(first, last) == (step.temporal == "fixed" or not temporals(name)), (name, kind)
+        what = name, kind
+        assert np.array_equal(last[what], alone[what]), what
+        assert np.array_equal(last[what], other[what]) == (not temporals(name)), what
+        assert np.array_equal(first[what], last[what]) == (step.temporal == "fixed" or not temporals(name)), what
 
 
 def temporals(name):
@@ -282,19 +284,10 @@ def test_chains_of_one_stream_may_show_a_frame_at_different_times():
 
 
 def test_two_processes_make_the_same_bytes():
-    script = (
-        "import sys, hashlib\n"
-        "sys.path[:0] = sys.argv[1:3]\n"
-        "from group_tools import *\n"
-        "for name in sys.argv[3:]:\n"
-        "    image = picture(90, 130)\n"
-        "    made = by_nodes(name, image, [50], severity=4, depth_m=image[..., 0] * 5)[0]\n"
-        "    print('digest', name, hashlib.sha256(made.tobytes()).hexdigest())\n"
+    code = (
+        "import sys\nsys.path[:0] = sys.argv[1:3]\nfrom group_tools import digests\nprint('@', *digests(sys.argv[3:]))"
     )
-    command = [sys.executable, "-c", script, str(ROOT / "addon"), str(ROOT / "tests/support"), *NAMES]
+    command = [sys.executable, "-c", code, str(ROOT / "addon"), str(ROOT / "tests/support"), *NAMES]
     result = subprocess.run(command, capture_output=True, text=True, timeout=300, check=True)
-    found = dict(line.split()[1:] for line in result.stdout.splitlines() if line.startswith("digest"))
-    rgb = picture(90, 130)
-    for name in NAMES:
-        made = by_nodes(name, rgb, [50], severity=4, depth_m=rgb[..., 0] * 5)[0]
-        assert found[name] == hashlib.sha256(made.tobytes()).hexdigest(), name
+    (found,) = (line.split()[1:] for line in result.stdout.splitlines() if line.startswith("@"))
+    assert dict(zip(NAMES, found, strict=True)) == dict(zip(NAMES, digests(NAMES), strict=True))

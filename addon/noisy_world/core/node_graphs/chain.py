@@ -2,7 +2,8 @@
 """A setting's perturbations of colour as one node group, in propagation order, and the sockets' values."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import fields, replace
+from dataclasses import dataclass, field, fields, replace
+from functools import lru_cache
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -77,26 +78,43 @@ def build_written(steps: Sequence[Step[ColourPerturbation]], *, lit: bool = Fals
     are Image, and Bytes: the bytes of red, green and blue as one whole number, red the lowest. lit: for scene-linear
     light of any brightness, which has no bytes. apart: each of several steps stays a group, without groups inside:
     Blender makes them in far less time, as its own time for each change of a group grows with the group.
+
+    A description is kept, as it takes tens of milliseconds: the same steps are given the same one.
     """
+    parts = (_Part(step_node(step), tuple(capacity_of(step).items()), step.perturbation) for step in steps)
+    return _written(tuple(parts), lit, apart)
+
+
+@dataclass(frozen=True)
+class _Part:
+    """What a step's group hangs on. node: `step_node`. served: `capacity_of`."""
+
+    node: str
+    served: tuple[tuple[str, float], ...]
+    perturbation: ColourPerturbation = field(hash=False)
+
+
+@lru_cache(maxsize=128)
+def _written(parts: tuple[_Part, ...], lit: bool, apart: bool) -> Graph:
     groups = [
-        build_group(step.perturbation, capacity_of(step), bare=True, lit=lit or passes)
-        for step, passes in zip(steps, _pass_bright(steps), strict=True)
+        build_group(part.perturbation, dict(part.served), bare=True, lit=lit or passes)
+        for part, passes in zip(parts, _pass_bright(parts), strict=True)
     ]
     if apart and len(groups) > 1:
         groups = [_apart(group) for group in groups]
     names = ", ".join(group.name for group in groups)
     graph = Graph(f"{'Lit' if lit else 'Written'}: {names}", "Perturbations of colour as the generator evaluates them")
     image = graph.input(IMAGE_INPUT)
-    depth_m = graph.input(DEPTH_INPUT) if any(step.perturbation.needs_depth for step in steps) else None
+    depth_m = graph.input(DEPTH_INPUT) if any(part.perturbation.needs_depth for part in parts) else None
     shared: dict[str, Any] = {"Reference Width": graph.input(REFERENCE_INPUT), "Encoded": not lit, "Depth": depth_m}
-    result = image if steps else graph.clamp(image)
-    for step, group in zip(steps, groups, strict=True):
+    result = image if parts else graph.clamp(image)
+    for part, group in zip(parts, groups, strict=True):
         inputs: dict[str, Any] = {"Image": result}
         for item in group.inputs:
             if item.name in shared:
                 inputs[item.name] = shared[item.name]
             elif item.name not in inputs:
-                inputs[item.name] = graph.input(replace(item, name=socket_of(step, item.name)))
+                inputs[item.name] = graph.input(replace(item, name=_socket_name(part.node, item.name)))
         result = graph.group(group, inputs).out("Image", "color")
     graph.output("Image", result, description=f"The perturbed frame, {'linear' if lit else 'encoded'}")
     if not lit:
@@ -111,7 +129,7 @@ def _apart(group: Graph) -> Graph:
     return found
 
 
-def _pass_bright(steps: Sequence[Step[ColourPerturbation]]) -> list[bool]:
+def _pass_bright(steps: Sequence[Step[ColourPerturbation] | _Part]) -> list[bool]:
     """Return for each step whether the next one is given what is brighter than white, as only a sensor clips it."""
     acting = [step.perturbation.on_light for step in steps]
     return [one and other for one, other in zip(acting, [*acting, False][1:], strict=True)]
@@ -134,7 +152,11 @@ def bytes_of(number: NDArray[np.float32]) -> NDArray[np.uint8]:
 
 def socket_of(step: Step[ColourPerturbation], name: str) -> str:
     """Return the name that an input of a step's group has in what `build_written` describes."""
-    return f"{step_node(step)}: {name}"
+    return _socket_name(step_node(step), name)
+
+
+def _socket_name(node: str, name: str) -> str:
+    return f"{node}: {name}"
 
 
 def step_node(step: Step[ColourPerturbation]) -> str:
