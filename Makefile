@@ -42,30 +42,30 @@ picture: demo ## draw the README's picture anew
 	$(PY) -c "import cv2; cv2.imwrite('docs/demo.jpg', cv2.imread('out/demo/overview.png'), [cv2.IMWRITE_JPEG_QUALITY, 88])"
 
 ice: venv ## draw the ice of frost and lens_frost anew
-	$(PY) headless/tools/draw_ice.py
-	$(PY) headless/tools/draw_frost.py
+	$(PY) headless/pictures/draw_ice.py
+	$(PY) headless/pictures/draw_frost.py
 
 rooms: venv ## draw docs/rooms.jpg anew: the embedded rooms
-	$(PY) headless/tools/rooms.py docs/rooms.jpg
+	$(PY) headless/pictures/docs_pictures.py rooms docs/rooms.jpg
 
 gallery: venv ## draw the pictures of docs/gallery anew: every perturbation, at three strengths
-	$(PY) headless/tools/gallery.py docs/gallery
+	$(PY) headless/pictures/gallery.py docs/gallery
 
 thumbnails: venv ## draw the panel's small pictures of presets and perturbations anew, from the gallery's
-	$(PY) headless/tools/thumbnails.py docs/gallery addon/noisy_world/ui/thumbnails
+	$(PY) headless/pictures/thumbnails.py docs/gallery addon/noisy_world/ui/thumbnails
 
 screenshots: blender-env example ## photograph Blender's window into docs: BLENDER=/path/to/blender, a display, ImageMagick
-	$(BLENDER) --factory-startup -P headless/tools/screenshots.py -- docs
+	$(BLENDER) --factory-startup -P headless/pictures/screenshots.py -- docs
 
 assets: venv ## write the asset library of node groups for Blender's asset browser
 	$(PY) headless/tools/assets.py
 
 example: venv ## write out/example/street.blend: a lit street with four node groups behind its render, ready to play
-	$(PY) headless/tools/example.py
+	$(PY) headless/pictures/example.py
 
 film: venv ## render the street's path and write docs/street.mp4 anew: a quarter of an hour on two idle cores
-	$(PY) headless/tools/street_frames.py out/film/frames --samples 5
-	$(PY) headless/tools/film.py docs/street --frames out/film/frames
+	$(PY) headless/pictures/street.py out/film/frames --samples 5
+	$(PY) headless/pictures/film.py docs/street --frames out/film/frames
 
 extension: venv ## build and validate the extension's zips for every platform into dist; BLENDER=... uses its tool
 	$(PY) headless/tools/package.py $(if $(filter file,$(origin BLENDER)),,--blender $(BLENDER))

@@ -10,7 +10,6 @@ import importlib
 import importlib.util
 import sys
 import traceback
-from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
@@ -70,13 +69,17 @@ def entry(script: Path) -> "Entry":
     return Entry(script.name, words, "this Blender's " if binary else "", remedy, blender_remedy=remedy)
 
 
-def end_with(main: Callable[[list[str]], int]) -> NoReturn:
-    """Run a script's command line and end the process with its status: Blender would continue after an exception."""
+def run_subcommand(name: str, script: Path) -> NoReturn:
+    """Run a subcommand of `noisy-world` as a script, and end the process with its status.
+
+    A Blender program would go on after an exception.
+    """
     try:
         prepare_imports()
-        from noisy_world.cli.ending import exit_status  # noqa: PLC0415 - importable only now
+        from noisy_world.cli import command  # noqa: PLC0415 - importable only now
+        from noisy_world.cli.ending import exit_status  # noqa: PLC0415
 
-        status = exit_status(lambda: main(script_arguments()))
+        status = exit_status(lambda: command.run(name, script_arguments(), entry(script)))
     except Exception:  # noqa: BLE001 - a bug keeps its traceback
         traceback.print_exc()
         status = BUG

@@ -8,19 +8,9 @@ python headless/score.py run_folder sequence_folder --protocol paper --json
 import sys
 from pathlib import Path
 
-SCRIPT = Path(__file__).resolve()
-# A Blender program does not import modules from the script's folder by itself.
-sys.path.insert(0, str(SCRIPT.parent))
+sys.path.insert(0, str(Path(__file__).resolve().parent))  # a Blender program does not
 
-from installation import end_with, entry
-
-
-def main(arguments: list[str]) -> int:
-    """Run the command line and return the exit status."""
-    from noisy_world.cli import command  # noqa: PLC0415 - importable only now
-
-    return command.run("score", arguments, entry(SCRIPT))
-
+from installation import run_subcommand
 
 if __name__ == "__main__":
-    end_with(main)
+    run_subcommand("score", Path(__file__).resolve())

@@ -26,7 +26,8 @@ import cv2
 ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT / "addon"), str(ROOT / "headless")]
 
-from bench.tables import table
+from bench.results import table
+
 from noisy_world.core.machine import peak_memory_bytes
 from noisy_world.core.planning.plan import Plan
 from noisy_world.core.presets.preset import read_preset

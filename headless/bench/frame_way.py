@@ -49,7 +49,7 @@ class Calls:
 
 def generated(frames: int, folder: Path) -> Counter[CodeType]:
     """Make a dataset of some frames; return how often each function was called."""
-    from noisy_world.cli import generate  # noqa: PLC0415 - importable only now
+    from noisy_world.cli import command  # noqa: PLC0415 - importable only now
 
     preset = folder / f"{frames}.yaml"
     preset.write_text(PRESET.replace("FRAMES", str(frames)))
@@ -57,7 +57,7 @@ def generated(frames: int, folder: Path) -> Counter[CodeType]:
     threading.setprofile(calls)
     sys.setprofile(calls)
     try:
-        generate.main([str(preset), "--out", str(folder / f"{frames}")], entry(Path(__file__)))
+        command.run("generate", [str(preset), "--out", str(folder / f"{frames}")], entry(Path(__file__)))
     finally:
         sys.setprofile(None)
         threading.setprofile(None)

@@ -20,12 +20,12 @@ sys.path[:0] = [str(ROOT / "addon"), str(ROOT / "headless")]
 import bpy
 import cv2
 import numpy as np
+from bench.perturbation_report import SEED, slope, step_of
+from bench.results import table
 from numpy.typing import NDArray
-from tools.lit_compositor import LitScene
-from tools.street.frames import LitFrame, read_frame
+from pictures.lit_chain import LitScene
+from pictures.street import LitFrame, read_frame
 
-from bench import tables
-from bench.node_groups import SEED, slope, step_of
 from noisy_world.blender.compositor import Compositor
 from noisy_world.blender.nodes import ensure_group
 from noisy_world.blender.typed import new_node, set_value
@@ -60,7 +60,7 @@ def main(arguments: list[str]) -> int:
         rgb = np.asarray(cv2.resize(picture[..., ::-1], (width, height), interpolation=cv2.INTER_CUBIC), np.uint8)
         rows = [(name, *measured(name, options.severity, rgb, options.turns)) for name in options.only]
     median_ms = float(np.median([row[1] for row in rows]))
-    print(tables.table(("perturbation", "ms over pass-through", "pass-through, ms", "bytes"), rows))
+    print(table(("perturbation", "ms over pass-through", "pass-through, ms", "bytes"), rows))
     print(f"\nMedian: {median_ms:.0f} ms.")
     return 0
 

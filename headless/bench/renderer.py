@@ -10,7 +10,7 @@ the report lets them work in turns, so that other load on the machine slows all 
 import json
 import sys
 import time
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -40,20 +40,18 @@ def main(preset_path: str, out: str, *flags: str) -> None:
     from noisy_world.sources.rendering import open_session  # noqa: PLC0415
 
     blender_s = time.perf_counter() - imported_s
-    from noisy_world.pipeline.clean_frame import CleanFrame  # noqa: PLC0415
+    from noisy_world.pipeline.clean_frame import CleanFrame, cameras_of  # noqa: PLC0415
+    from noisy_world.pipeline.made_frame import Frame  # noqa: PLC0415
 
-    mesh = load_mesh(Path(render.scene.source.location))
     paths = source_paths(plan, render)
     options = render_options(plan, render, threads=1 if "--one-thread" in flags else 0)
     dataset = Dataset(Path(out), plan.format)
     dataset.open({"bench": preset_path, "sequences": {}}, lambda _: None, overwrite=True)
-    with open_session(mesh, "bench", paths, render.camera, options) as session:
-        del mesh
-        forget_meshes()
+    with open_session(load_mesh(Path(render.scene.source.location)), "bench", paths, render.camera, options) as session:
         if "--all-on" in flags:
             switch_everything_on()
+        forget_meshes()
         loaded_s = time.perf_counter()
-        frame_count = len(paths)
 
         def work(frames: list[int]) -> dict[str, float]:
             """Render and write; return seconds a frame, and those of all processors together."""
@@ -62,8 +60,9 @@ def main(preset_path: str, out: str, *flags: str) -> None:
                 dataset, render, FinishedImages([CompletedImages(dataset, render)]), StageTimer()
             ) as writer:
                 for frame in frames:
-                    shown = frame % frame_count
-                    writer.submit(CleanFrame(shown, session.frame(paths.request(shown))), {})
+                    shown = frame % len(paths)
+                    clean = CleanFrame(shown, session.frame(paths.request(shown)))
+                    writer.submit(clean, partial(Frame, clean=cameras_of(render, paths).of_one(clean)))
                 writer.drain()
             timer = {"frame_s": time.perf_counter() - start_s, "core_s": time.process_time() - start_core_s}
             return {name: value / len(frames) for name, value in timer.items()}

@@ -2,6 +2,7 @@
 """Speed against error, measured on this machine: every engine and number of samples, Embree and a peer beside them.
 
     python headless/bench/report.py [--out DIR] [--rounds N]
+    python headless/bench/report.py --rays [--mesh MESH.ply --trajectory TRAJ.txt] [--turns N]
 
 Writes report.md, report.json and speed_against_error.png. Each contestant is a process that has loaded its scene and
 waits. In every round each makes a few frames in turn, so ratios compare neighbours in time. A figure is the median of
@@ -19,16 +20,15 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 ROOT = Path(__file__).resolve().parents[2]
-BENCH = ROOT / "headless" / "bench"
-PEER_PYTHON = ROOT / ".venv-peer" / "bin" / "python"
 sys.path[:0] = [str(ROOT / "addon"), str(ROOT / "headless")]
 
-from bench import errors, pictures, tables
-from bench.contestant import Contestant, ContestantError
-from bench.results import Results, Row, Spread, spread, spread_of_ratios
+import cv2
+import numpy as np
+from bench.results import Contestant, ContestantError, Results, Row, Spread, markdown, spread, spread_of_ratios
+from numpy.typing import NDArray
+
+from noisy_world.core.datasets.images import rgb_bytes
 from noisy_world.core.datasets.provenance import package_version
 from noisy_world.core.geometry import Intrinsics
 from noisy_world.core.machine import available_threads, processor_features
@@ -36,6 +36,10 @@ from noisy_world.core.scenes.mesh import Mesh
 from noisy_world.core.scenes.ply_writer import write_ply
 from noisy_world.core.trajectories.handheld import handheld_path
 from noisy_world.rooms import build_room
+
+BENCH = ROOT / "headless" / "bench"
+PEER_PYTHON = ROOT / ".venv-peer" / "bin" / "python"
+
 
 CAMERA = Intrinsics(1200, 680, 600.0, 600.0, 599.5, 339.5)  # Replica's
 PATH_FRAMES = 24  # of the path that turns go around; chosen
@@ -62,9 +66,17 @@ def main(arguments: list[str]) -> int:
     parser = argparse.ArgumentParser(prog="report.py", description="Measure speed against error on this machine.")
     parser.add_argument("--out", type=Path, default=ROOT / "out" / "bench", help="where the report goes")
     parser.add_argument("--rounds", type=int, default=3, help="turns that each contestant takes (default 3)")
+    parser.add_argument("--rays", action="store_true", help="only print what engine embree takes beside its rays alone")
+    parser.add_argument("--mesh", type=Path, help="with --rays: a PLY file, beside the million quads")
+    parser.add_argument("--trajectory", type=Path, help="with --rays: its path, in Replica's format")
+    parser.add_argument("--turns", type=int, default=6, help="with --rays: of four frames each (default 6)")
     options = parser.parse_args(arguments)
     if options.rounds < 1:
         parser.error("--rounds has to be at least 1")
+    if (options.mesh is None) != (options.trajectory is None):
+        parser.error("--mesh and --trajectory go together")
+    if options.rays:
+        return rays_only(options)
     options.out.mkdir(parents=True, exist_ok=True)
     start_s = time.perf_counter()
     results = Results(machine())
@@ -82,8 +94,8 @@ def main(arguments: list[str]) -> int:
         cases.stop()
     results.seconds = time.perf_counter() - start_s
     (options.out / "report.json").write_text(json.dumps(asdict(results), indent=1) + "\n", encoding="utf-8")
-    pictures.draw(results, options.out / "speed_against_error.png")
-    (options.out / "report.md").write_text(tables.markdown(results), encoding="utf-8")
+    draw(results, options.out / "speed_against_error.png")
+    (options.out / "report.md").write_text(markdown(results), encoding="utf-8")
     print(f"wrote {options.out / 'report.md'} in {results.seconds / 60:.1f} minutes")
     return 0
 
@@ -271,7 +283,7 @@ def two_processes(work: Path, alone: Contestant, rounds: int) -> Spread:
 
 
 def engines(work: Path, results: Results, rounds: int) -> None:
-    """Time every engine and number of samples on the room, then measure their errors."""
+    """Time every engine and number of samples on the room, then measure their"""
     tell("engines: loading")
     ours: dict[tuple[str, int], Contestant] = {}
     for engine, samples in CONFIGURATIONS:
@@ -313,9 +325,9 @@ def engines(work: Path, results: Results, rounds: int) -> None:
                 item.start["first_frame_s"],
                 item.start["loading_s"],
                 item.ask(do="memory")["peak_bytes"],
-                errors.rgb_errors(folder, reference, ERROR_FRAMES),
+                rgb_errors(folder, reference, ERROR_FRAMES),
                 item.ask(do="analytic"),
-                errors.cast_errors(folder, truth, ERROR_FRAMES) if embree else {},
+                cast_errors(folder, truth, ERROR_FRAMES) if embree else {},
             )
         )
     for item in (*ours.values(), *there.values()):
@@ -359,6 +371,165 @@ def needs(work: Path, results: Results, rounds: int) -> None:
         )
     for item in contestants.values():
         item.stop()
+
+
+# --- errors of saved frames ---
+
+
+# Chosen. docs/speed_against_error.md states the first two with the results.
+EDGE_JUMP = 0.05  # of the nearer depth: a larger jump between neighbours is an edge
+EDGE_REACH_PX = 2  # pixels as near as this to an edge are counted apart
+WRONG_SURFACE = 0.01  # of the depth: at an edge, a larger error means that another surface is shown
+
+
+def rgb_errors(folder: Path, reference: Path, frames: list[int]) -> dict[str, float]:
+    """Return mean PSNR (dB) and SSIM of 8-bit colours against the reference's."""
+    psnr, ssim = [], []
+    for frame in frames:
+        mine, other = (rgb_bytes(np.load(side / f"{frame}.npz")["rgb"]) for side in (folder, reference))
+        psnr.append(cv2.PSNR(mine, other))
+        ssim_of = cv2.quality.QualitySSIM_compute  # pyright: ignore[reportAttributeAccessIssue]  not in OpenCV's stubs
+        similarity, _ = ssim_of(mine, other)
+        ssim.append(float(np.mean(similarity[:3])))
+    return {"psnr_db": float(np.mean(psnr)), "ssim": float(np.mean(ssim))}
+
+
+def cast_errors(folder: Path, truth: Path, frames: list[int]) -> dict[str, float]:
+    """Return relative errors of depth against cast rays: off edges the largest and the 99.9 % quantile, at edges the
+    share of wrong surfaces.
+    """
+    off, at, void = [], [], []
+    share = []
+    for frame in frames:
+        depth_m = np.load(folder / f"{frame}.npz")["depth_m"].astype(np.float64)
+        true_m = np.load(truth / f"{frame}.npy")
+        edge = edges(true_m)
+        both = (depth_m > 0) & (true_m > 0)
+        error = np.abs(np.where(both, depth_m, 1.0) / np.where(both, true_m, 1.0) - 1)
+        off.append(error[both & ~edge])
+        at.append(error[both & edge])
+        void.append(((depth_m > 0) != (true_m > 0)).mean())
+        share.append(edge.mean())
+    off_all, at_all = np.concatenate(off), np.concatenate(at)
+    return {
+        "off_median": float(np.median(off_all)),
+        "off_p999": float(np.quantile(off_all, 0.999)),
+        "off_beyond_2e-4": float((off_all > 2e-4).mean()),
+        "edge_share": float(np.mean(share)),
+        "edge_median": float(np.median(at_all)),
+        "edge_wrong_surface": float((at_all > WRONG_SURFACE).mean()),
+        "void_differs": float(np.mean(void)),
+    }
+
+
+def edges(depth_m: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Return a mask (H, W) of the pixels within EDGE_REACH_PX of a jump of depth or a border of void."""
+    jump = np.zeros(depth_m.shape, bool)
+    for axis in (0, 1):
+        a, b = np.moveaxis(depth_m, axis, 0)[:-1], np.moveaxis(depth_m, axis, 0)[1:]
+        step = np.abs(a - b) > EDGE_JUMP * np.minimum(a, b)
+        view = np.moveaxis(jump, axis, 0)
+        view[:-1] |= step
+        view[1:] |= step
+    size = 2 * EDGE_REACH_PX + 1
+    return cv2.dilate(jump.astype(np.uint8), np.ones((size, size), np.uint8)).astype(bool)
+
+
+# --- the plot ---
+
+
+MARKS = {"cycles": "o", "eevee": "s", "workbench": "^", "embree": "D"}
+
+
+def pareto_front(points: Sequence[tuple[float, float]]) -> list[int]:
+    """Return the points that no other beats in both coordinates (less is better), by rising first coordinate."""
+    best = float("inf")
+    front = []
+    for index in sorted(range(len(points)), key=lambda k: points[k]):
+        if points[index][1] < best:
+            best = points[index][1]
+            front.append(index)
+    return front
+
+
+def draw(results: Results, path: Path) -> None:
+    """Draw and save."""
+    import matplotlib as mpl  # noqa: PLC0415 - slow, and needed only at the end
+
+    mpl.use("Agg")
+    from matplotlib import pyplot  # noqa: PLC0415
+    from matplotlib.lines import Line2D  # noqa: PLC0415
+
+    figure, (colour, depth) = pyplot.subplots(1, 2, figsize=(11, 4.6), constrained_layout=True)
+    colour_error = [255 * 10 ** (-row.rgb["psnr_db"] / 20) for row in results.rows]
+    depth_error = [max(shape["max"] for shape in row.analytic.values()) for row in results.rows]
+    panels = (
+        (colour, colour_error, "colour: RMS difference from 256 samples, of 255"),
+        (depth, depth_error, "depth: largest relative error off edges"),
+    )
+    for axes, error, label in panels:
+        times_s = [row.frame_s.median for row in results.rows]
+        for row, time_s, value in zip(results.rows, times_s, error, strict=True):
+            half = time_s * row.frame_s.relative / 2
+            axes.errorbar(time_s, value, xerr=half, fmt=MARKS[row.engine], color=f"C{list(MARKS).index(row.engine)}")
+            axes.annotate(f"{row.samples}", (time_s, value), textcoords="offset points", xytext=(6, 4), fontsize=8)
+        front = pareto_front(list(zip(times_s, error, strict=True)))
+        axes.plot([times_s[k] for k in front], [error[k] for k in front], "k--", linewidth=0.8, zorder=0)
+        axes.set(xscale="log", yscale="log", xlabel="seconds a frame, colour and depth on disk", ylabel=label)
+        axes.grid(visible=True, which="both", linewidth=0.3)
+    colour.yaxis.set_minor_formatter("{x:g}")
+    colour.yaxis.set_major_formatter("{x:g}")
+    for item in results.others:
+        colour.axvline(item["frame_s"]["median"], color="grey", linewidth=0.8, linestyle=":")
+        colour.text(
+            item["frame_s"]["median"],
+            0.02,
+            f" {item['name']}",
+            rotation=90,
+            fontsize=7,
+            color="grey",
+            transform=colour.get_xaxis_transform(),
+        )
+    handles = [
+        Line2D([], [], marker=mark, linestyle="", color=f"C{k}", label=engine)
+        for k, (engine, mark) in enumerate(MARKS.items())
+    ]
+    handles.append(Line2D([], [], linestyle="--", color="k", linewidth=0.8, label="best trade-offs"))
+    depth.legend(handles=handles, fontsize=8, title="number: samples")
+    machine = results.machine
+    figure.suptitle(
+        f"Room of 1.6 million triangles, 1200 x 680; {machine['processor']}, {machine['threads']} threads; "
+        f"Noisy World {machine['noisy_world']}, Blender {machine['blender']}",
+        fontsize=9,
+    )
+    figure.savefig(path, dpi=110)
+    pyplot.close(figure)
+
+
+# --- engine embree beside its rays alone ---
+
+
+def rays_only(options: argparse.Namespace) -> int:
+    """Measure the million quads and a mesh of one's own; return the exit status."""
+    results, scenes = Results({}), ["million"]
+    with tempfile.TemporaryDirectory(prefix="noisy-world-bench-") as scratch:
+        work = Path(scratch)
+        write_million(work)
+        if options.mesh is not None:
+            scenes.append(options.mesh.stem)
+            (work / f"{options.mesh.stem}.ply").symlink_to(options.mesh.resolve())
+            (work / f"{options.mesh.stem}.txt").symlink_to(options.trajectory.resolve())
+        for scene in scenes:
+            found = rays_alone(work, scene, results, options.turns)
+            if found is None:
+                print(*results.notes, sep="\n", file=sys.stderr)
+                return 1
+            frame, bare, output = (
+                Spread(**found[name]).text() for name in ("frame_core_s", "times_bare", "times_output")
+            )
+            print(f"{scene}: a frame on disk {frame} s, {bare} of bare rays, {output} of run(output=1); "
+                  f"loading {found['loading_s']:.1f} s")  # fmt: skip
+    return 0
 
 
 if __name__ == "__main__":

@@ -9,28 +9,31 @@ compositor's asset shelf.
 
 import argparse
 import sys
-import uuid
 from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT / "addon"), str(ROOT / "headless")]
 
+import uuid
+
 import bpy
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from noisy_world.blender.kept_groups import index_of
 from noisy_world.blender.nodes import ensure_group
 from noisy_world.blender.scratch_images import muted_output
+from noisy_world.core.geometry import Intrinsics
 from noisy_world.core.node_graphs.groups import build_group
 from noisy_world.core.perturbing.kinds import COLOUR_STAGES, ColourPerturbation
 from noisy_world.core.perturbing.reading import parse_steps
 from noisy_world.core.schema import ConfigPath
 from noisy_world.perturbations import registry
-from tools.lit_compositor import ColourStep, perturbed, shown
-from tools.showcase import shown_perturbations
-from tools.street.thumbnail import SIDE_PX, thumbnail, thumbnail_camera
+from pictures.gallery import shown_perturbations
+from pictures.lit_chain import ColourStep, perturbed, shown
+from pictures.street import FOCAL_WIDTHS, LitFrame, read_frame, write_frame
 
 FILE = "noisy_world_assets.blend"
 INDEX = "noisy_world_assets.json"
@@ -58,7 +61,12 @@ def main(arguments: list[str]) -> int:
     """Run the command line and return the exit status."""
     parser = argparse.ArgumentParser(prog="assets.py", description="Write the library of node groups.")
     parser.add_argument("--out", type=Path, default=ROOT / "addon/noisy_world/assets", help="the library's folder")
+    parser.add_argument(
+        "--frame", type=Path, help="of the street, an EXR of 1200 x 680: cut the previews' picture anew"
+    )
     options = parser.parse_args(arguments)
+    if options.frame is not None:
+        write_frame(STORED, cut(read_frame(options.frame)), exact_depth=False)
     count = write_library(options.out)
     print(f"wrote {options.out / FILE}: {count} node groups")
     return 0
@@ -129,6 +137,36 @@ def catalogs() -> str:
         name = CATALOG_NAMES[stage]
         lines.append(f"{catalog_id(stage)}:Noisy World/{name}:Noisy World-{name}")
     return "\n".join(lines) + "\n"
+
+
+# --- the part of a frame of the street that the groups' previews are made on ---
+
+
+FRAME_PX = (1200, 680)
+CUT_PX = (480, 90, 512)  # column, row and side of the part; chosen by eye: a lamp, cars, sky, near and far
+SIDE_PX = 256  # the size that Blender stores previews in
+GAIN = 1.7  # chosen, for small pictures on a grey ground
+STORED = ROOT / "headless/pictures/thumbnail.exr"
+
+
+def cut(frame: LitFrame) -> LitFrame:
+    """Return the part of a frame of FRAME_PX, smaller; depth is that of single pixels, as it cannot be averaged."""
+    left, top, side = CUT_PX
+    rgb = frame.rgb[top : top + side, left : left + side] * np.float32(GAIN)
+    small = np.asarray(cv2.resize(rgb, (SIDE_PX, SIDE_PX), interpolation=cv2.INTER_AREA), np.float32)
+    step = side // SIDE_PX
+    return LitFrame(small, frame.depth_m[top : top + side : step, left : left + side : step])
+
+
+def thumbnail() -> LitFrame:
+    """Return the frame of the previews."""
+    return read_frame(STORED)
+
+
+def thumbnail_camera() -> Intrinsics:
+    """Return its intrinsics, but for the middle, which is taken to be the picture's."""
+    focal_px = FOCAL_WIDTHS * FRAME_PX[0] * SIDE_PX / CUT_PX[2]
+    return Intrinsics(SIDE_PX, SIDE_PX, focal_px, focal_px, (SIDE_PX - 1) / 2, (SIDE_PX - 1) / 2)
 
 
 if __name__ == "__main__":

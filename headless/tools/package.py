@@ -44,11 +44,10 @@ LIBRARY_FILES = (".blend", ".json", ".txt")
 MANIFEST = "blender_manifest.toml"
 LIBRARY_SCRIPTS = (
     "tools/assets.py",
-    "tools/showcase.py",
-    "tools/lit_compositor.py",
-    "tools/street/frames.py",
-    "tools/street/thumbnail.py",
-    "tools/street/thumbnail.exr",
+    "pictures/gallery.py",
+    "pictures/lit_chain.py",
+    "pictures/street.py",
+    "pictures/thumbnail.exr",
 )
 EPOCH = (1980, 1, 1, 0, 0, 0)  # the earliest time that a zip can hold
 

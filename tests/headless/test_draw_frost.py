@@ -12,7 +12,7 @@ from noisy_world.perturbations import _crystals
 
 sys.path.insert(0, str(ROOT / "headless"))
 
-from tools import draw_frost
+from pictures import draw_frost
 
 WIDTH_PX = 384  # enough for plumes to fill it
 

@@ -12,7 +12,7 @@ from noisy_world.perturbations import _ice
 
 sys.path.insert(0, str(ROOT / "headless"))
 
-from tools import draw_ice
+from pictures import draw_ice
 
 
 @pytest.mark.parametrize("name", ["sheet", "needles", "rime", "ferns"])

@@ -11,7 +11,7 @@ from worlds import ROOT
 
 sys.path.insert(0, str(ROOT / "headless"))
 
-from bench import contestant, errors, pictures, report, results, tables
+from bench import report, results
 
 from noisy_world.core.scenes.mesh import Mesh
 
@@ -19,8 +19,8 @@ from noisy_world.core.scenes.mesh import Mesh
 def test_the_pareto_front_is_what_nothing_beats():
     points = [(1.0, 5.0), (2.0, 3.0), (3.0, 4.0), (0.5, 9.0), (2.0, 2.0), (4.0, 2.0), (5.0, 1.0)]
     beaten = {k for k, p in enumerate(points) if any(q != p and q[0] <= p[0] and q[1] <= p[1] for q in points)}
-    assert pictures.pareto_front(points) == sorted(set(range(7)) - beaten, key=lambda k: points[k])
-    assert pictures.pareto_front([]) == []
+    assert report.pareto_front(points) == sorted(set(range(7)) - beaten, key=lambda k: points[k])
+    assert report.pareto_front([]) == []
 
 
 def test_a_spread_is_median_and_range():
@@ -34,11 +34,11 @@ def test_a_spread_is_median_and_range():
 def test_edges_are_jumps_and_what_is_near_them():
     depth_m = np.full((9, 20), 2.0)
     depth_m[:, 10:] = 2.2
-    assert np.flatnonzero(errors.edges(depth_m)[4]).tolist() == list(range(7, 13))
+    assert np.flatnonzero(report.edges(depth_m)[4]).tolist() == list(range(7, 13))
     depth_m[:, 10:] = 2.09  # less than 5 %
-    assert not errors.edges(depth_m).any()
+    assert not report.edges(depth_m).any()
     depth_m[4, 4] = 0.0  # void
-    assert errors.edges(depth_m).sum() > 9
+    assert report.edges(depth_m).sum() > 9
 
 
 def test_depth_errors_tell_edges_from_the_rest(tmp_path):
@@ -51,8 +51,8 @@ def test_depth_errors_tell_edges_from_the_rest(tmp_path):
     depth_m[30, 30] = 0.0
     np.save(tmp_path / "0.npy", true_m)
     np.savez(tmp_path / "0.npz", depth_m=depth_m.astype(np.float32))
-    found = errors.cast_errors(tmp_path, tmp_path, [0])
-    edge = errors.edges(true_m)
+    found = report.cast_errors(tmp_path, tmp_path, [0])
+    edge = report.edges(true_m)
     assert found["off_median"] < 1e-7
     assert found["off_beyond_2e-4"] == pytest.approx(1 / ((~edge).sum() - 1), rel=1e-6)
     assert found["edge_wrong_surface"] == pytest.approx(1 / (edge.sum() - 1), rel=1e-6)
@@ -64,7 +64,7 @@ def test_colour_errors_are_the_textbook_s(tmp_path):
     for folder, value in zip(folders, (100, 110), strict=True):
         folder.mkdir()
         np.savez(folder / "0.npz", rgb=np.full((32, 32, 3), value / 255, np.float32))
-    found = errors.rgb_errors(*folders, [0])
+    found = report.rgb_errors(*folders, [0])
     assert found["psnr_db"] == pytest.approx(20 * np.log10(255 / 10), abs=1e-6)
     # SSIM of two constants is its luminance term alone.
     c1 = (0.01 * 255) ** 2
@@ -72,15 +72,15 @@ def test_colour_errors_are_the_textbook_s(tmp_path):
 
 
 def test_a_contestant_that_dies_is_told_of_with_its_last_words():
-    with pytest.raises(contestant.ContestantError, match=r"broken: .*no such thing"):
-        contestant.Contestant("broken", [sys.executable, "-c", "raise SystemExit('no such thing')"])
+    with pytest.raises(results.ContestantError, match=r"broken: .*no such thing"):
+        results.Contestant("broken", [sys.executable, "-c", "raise SystemExit('no such thing')"])
 
 
 def test_a_contestant_answers_beside_the_noise_that_others_print():
     lines = ["import sys", "print('noise')", "print('@{}', flush=True)"]
     lines += ["for line in sys.stdin:", "    print('x')", "    print('@' + line, flush=True)"]
     echo = "\n".join(lines)
-    item = contestant.Contestant("echo", [sys.executable, "-c", echo])
+    item = results.Contestant("echo", [sys.executable, "-c", echo])
     assert item.start == {}
     assert item.ask(do="time", frame_s=1.5) == {"do": "time", "frame_s": 1.5}
     item.stop()
@@ -124,7 +124,7 @@ def fake_results():
 
 
 def test_the_report_lays_out_every_figure(tmp_path):
-    text = tables.markdown(fake_results())
+    text = results.markdown(fake_results())
     assert "nan" not in text
     for words in (
         "| workbench | 3 | 3 | 1.1 s ± 18 %",
@@ -141,5 +141,5 @@ def test_the_report_lays_out_every_figure(tmp_path):
             assert len({line.count("|") for line in lines}) == 1
     json.dumps(asdict(fake_results()))
     pytest.importorskip("matplotlib", reason="matplotlib comes with `make bench`")
-    pictures.draw(fake_results(), tmp_path / "plot.png")
+    report.draw(fake_results(), tmp_path / "plot.png")
     assert (tmp_path / "plot.png").stat().st_size > 10_000

@@ -10,11 +10,11 @@ from worlds import ROOT
 
 sys.path.append(str(ROOT / "headless"))
 from noisy_world.blender.typed import fcurves_of
-from tools import example
-from tools.street.chain import CHAIN
-from tools.street.frames import LitFrame, StreetCamera, read_frame, write_frame
-from tools.street.scene import Street, intrinsics_of, path_c2w
-from tools.street.thumbnail import SIDE_PX, thumbnail
+from pictures import example
+from pictures.lit_chain import CHAIN
+from pictures.street import LitFrame, StreetCamera, read_frame, write_frame
+from pictures.street import Street, intrinsics_of, path_c2w
+from tools.assets import SIDE_PX, thumbnail
 
 SIZE = (48, 28)
 

@@ -10,11 +10,11 @@ import pytest
 from worlds import ROOT
 
 sys.path.append(str(ROOT / "headless"))
-from tools import film
-from tools.lit_compositor import LitScene, shown
-from tools.street.frames import LitFrame, write_frame
-from tools.street.scene import path_c2w
-from tools.street_frames import write_cameras
+from pictures import film
+from pictures.lit_chain import LitScene, shown
+from pictures.street import LitFrame, write_frame
+from pictures.street import path_c2w
+from pictures.street import write_cameras
 
 SIZE = (64, 36)
 

@@ -106,12 +106,11 @@ def test_what_an_existing_sequence_cannot_do(out, tmp_path):
 def generate_without_blender(*arguments):
     script = (
         "import sys; sys.modules['bpy'] = None\n"
-        "sys.path[:0] = sys.argv[1:3]\n"
-        "import generate\n"
-        "sys.exit(generate.main(sys.argv[3:]))"
+        "sys.path[:0] = sys.argv[1:2]\n"
+        "from noisy_world.cli.command import main\n"
+        "sys.exit(main(['generate', *sys.argv[2:]]))"
     )
-    paths = [str(ROOT / "addon"), str(ROOT / "headless")]
-    command = [sys.executable, "-c", script, *paths, *map(str, arguments)]
+    command = [sys.executable, "-c", script, str(ROOT / "addon"), *map(str, arguments)]
     return subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
 
 

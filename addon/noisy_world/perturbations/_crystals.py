@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Ice grown from a pane's edge by `headless/tools/draw_frost.py`: its thickness, and when it grew.
+"""Ice grown from a pane's edge by `headless/pictures/draw_frost.py`: its thickness, and when it grew.
 
 The strip is grown once, beside one edge, with its ends joined. Each side of a frame shows another part of it.
 """

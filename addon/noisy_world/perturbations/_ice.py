@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Pictures of ice on a pane, drawn by `headless/tools/draw_ice.py`: loaded, and tinted like photographs of ice."""
+"""Pictures of ice on a pane, drawn by `headless/pictures/draw_ice.py`: loaded, and tinted like photographs of ice."""
 
 from dataclasses import dataclass
 from functools import lru_cache

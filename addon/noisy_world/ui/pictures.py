@@ -16,7 +16,7 @@ from .offered import BENCHMARK, PHYSICAL, Offered, offered, short_label
 from .preset_files import listed, own_folder, preset_label, shipped_folder
 
 THUMBNAILS = Path(__file__).resolve().parent / "thumbnails"
-"""NAME.jpg for shipped presets, perturbations/NAME.jpg for perturbations; drawn by headless/tools/thumbnails.py."""
+"""NAME.jpg for shipped presets, perturbations/NAME.jpg for perturbations; drawn by headless/pictures/thumbnails.py."""
 
 OWN_SUFFIXES = (".jpg", ".png")
 COLUMNS, SCALE = 6, 4.0  # of a list; chosen: all of a list in a window of 900 pixels, at a picture's own size

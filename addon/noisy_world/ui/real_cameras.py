@@ -29,7 +29,7 @@ from .shown_sources import shown
 from .step_list import put_step
 from .typed_numbers import set_value
 
-PICTURES = Path(__file__).parent / "cameras"  # drawn by headless/tools/camera_pictures.py
+PICTURES = Path(__file__).parent / "cameras"  # drawn by headless/pictures/docs_pictures.py cameras
 SCALE = 5.0  # of a picture, in the interface's units
 _loaded: list[ImagePreviewCollection] = []  # while registered
 

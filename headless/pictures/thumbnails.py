@@ -3,7 +3,7 @@
 
 A perturbation is shown at its greatest strength in the gallery; a preset by up to four of its perturbations.
 
-python headless/tools/thumbnails.py docs/gallery addon/noisy_world/ui/thumbnails
+python headless/pictures/thumbnails.py docs/gallery addon/noisy_world/ui/thumbnails
 """
 
 import argparse

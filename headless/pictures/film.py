@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Make a short film of the street: four node groups come in behind the frames, one after another.
 
-    python headless/tools/street_frames.py out/film/frames --size 640x360 --samples 5
-    python headless/tools/film.py docs/street --frames out/film/frames
+    python headless/pictures/street.py out/film/frames --size 640x360 --samples 5
+    python headless/pictures/film.py docs/street --frames out/film/frames
 
 writes docs/street.mp4 and its picture docs/street.jpg. Frames of the film that are missing there are left out.
 """
@@ -23,10 +23,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from noisy_world.blender.scratch_images import muted_output
-from tools.lit_compositor import LitScene, shown
-from tools.street.chain import EVENING_FOG, OVERRIDE, Link, add_groups, key_camera
-from tools.street.frames import LitFrame, read_frame
-from tools.street.scene import FPS, intrinsics_of
+from pictures.lit_chain import EVENING_FOG, OVERRIDE, Link, LitScene, add_groups, key_camera, shown
+from pictures.street import FPS, LitFrame, intrinsics_of, read_frame
 
 REFERENCE_PX = 1200
 SKY_M = 500.0  # how far the sky is, for the fog: to where it would reach up

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Draw the pictures of ice that the frost perturbation puts over a frame, from seeded random numbers.
 
-    python headless/tools/draw_ice.py
+    python headless/pictures/draw_ice.py
 
 Needles, ferns, rime and a wrinkled sheet: grey JPEG files in the add-on, where `frost` loads and tints them.
 """

@@ -1,34 +1,102 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The street as a scene of the open file: houses, ground, what stands there, light, and a camera on a path."""
+"""Render frames of the street: scene-linear EXR files with depth, and the cameras beside them.
 
+    python headless/pictures/street.py FOLDER [--size 640x360] [--frames 0 12 24] [--samples 8]
+
+A file has RGB, scene-linear light of Rec. 709, and Z, planar depth in metres, 0 = void. cameras.json has the
+intrinsics, and each frame's pose: camera-to-world, OpenCV axes, metres.
+"""
+
+import argparse
+import json
 import math
 import random
+import sys
+from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path[:0] = [str(ROOT / "addon"), str(ROOT / "headless")]
 
 import bpy
 import numpy as np
+import OpenEXR
 from numpy.typing import NDArray
 
 from noisy_world.blender.camera import add_camera, key_trajectory, set_intrinsics
+from noisy_world.blender.depth_scene import set_frame, without_void
+from noisy_world.blender.render import RenderFile
+from noisy_world.blender.scratch_images import muted_output
 from noisy_world.blender.typed import cycles as cycles_of
 from noisy_world.core.geometry import Intrinsics
-
-from .furniture import (
+from pictures.street_models import (
     LANTERN_M,
+    Front,
+    House,
+    Point,
+    Solid,
     add_bench,
     add_board,
     add_bollard,
     add_bulbs,
     add_car,
+    add_house,
     add_lamp,
     add_pot,
     add_table,
+    new_tree_curve,
 )
-from .houses import Front, House, add_house
-from .light import BULBS_W, middle_of, new_lamp, new_lantern_light, new_sky
-from .solids import Solid
-from .surfaces import street_materials
-from .trees import new_tree_curve
+from pictures.street_surfaces import Shader, Value, street_materials
+
+
+def main(arguments: list[str]) -> int:
+    """Run the command line and return the exit status."""
+    parser = argparse.ArgumentParser(prog="street_frames.py", description="Render frames of the street.")
+    parser.add_argument("folder", type=Path, help="the folder to write into")
+    parser.add_argument("--size", type=size, default=(640, 360), help="width x height in pixels, such as 640x360")
+    parser.add_argument("--frames", type=int, nargs="+", default=list(range(FRAMES)), help="of the path, 24 a second")
+    parser.add_argument("--samples", type=int, default=8, help="of a pixel, before it is denoised")
+    options = parser.parse_args(arguments)
+    options.folder.mkdir(parents=True, exist_ok=True)
+    with muted_output():
+        bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
+    street = build_street(options.size, max(options.frames) + 1)
+    write_cameras(options.folder / "cameras.json", options.size, options.frames, street.c2w.tolist())
+    with StreetCamera(street, options.samples) as camera:
+        for number in options.frames:
+            path = options.folder / f"{number:04}.exr"
+            write_frame(path, camera.frame(number))
+            print(f"wrote {path}", flush=True)
+    return 0
+
+
+def size(text: str) -> tuple[int, int]:
+    """Return the width and height that are written as 640x360."""
+    wide, cross, high = text.partition("x")
+    if not (cross and wide.isdecimal() and high.isdecimal()):
+        raise argparse.ArgumentTypeError(f"{text!r} is no size such as 640x360")
+    return int(wide), int(high)
+
+
+def write_cameras(path: Path, size_px: tuple[int, int], frames: list[int], c2w: list[list[list[float]]]) -> None:
+    """Write the intrinsics and the frames' poses."""
+    camera = intrinsics_of(size_px)
+    content = {
+        "fps": FPS,
+        "width": camera.width_px,
+        "height": camera.height_px,
+        "fx": camera.fx_px,
+        "fy": camera.fy_px,
+        "cx": camera.cx_px,
+        "cy": camera.cy_px,
+        "c2w": {f"{number:04}.exr": c2w[number] for number in frames},
+    }
+    path.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+
+
+# --- the street as a scene of the open file: houses, ground, what stands there, light, and a camera on a path ---
+
 
 ROAD_M, FRONT_M, FAR_M, NEAR_M = 3.5, 6.2, 66.0, -8.0  # half widths; where the street ends and begins
 KERB_M = 0.15
@@ -233,3 +301,136 @@ def _set_look(scene: bpy.types.Scene) -> None:
     cycles.use_auto_tile = False
     scene.view_layers[0].use_pass_z = True
     render.use_persistent_data = True
+
+
+# --- the light of the street: a sky at dusk, and a light in each lantern ---
+
+
+LAMP_W = 900.0
+WARM = (1.0, 0.62, 0.3)
+BULBS_W = 60.0  # of a wire's bulbs together
+SKY_STRENGTH = 1.7
+
+
+def new_sky() -> bpy.types.World:
+    """Return a sky after sunset: warm low down where the street ends, blue above, with clouds."""
+    world = bpy.data.worlds.new("Dusk")
+    tree = world.node_tree
+    assert tree is not None
+    shader = Shader(tree)
+    toward = shader.add("TexCoord", output="Generated")
+    x, y, z = shader.parts(toward)
+    height = shader.math("MAXIMUM", z, 0.0)
+    glow = shader.between(shader.math("SUBTRACT", y, shader.math("MULTIPLY", height, 0.9)), -0.4, 1.0)
+    low = shader.mix(glow, (0.16, 0.18, 0.27), (0.95, 0.42, 0.2))
+    middle = shader.mix(glow, (0.12, 0.16, 0.3), (0.34, 0.3, 0.38))
+    tone = shader.mix(shader.between(height, 0.0, 0.28), low, middle)
+    tone = shader.mix(shader.between(height, 0.2, 0.9), tone, (0.07, 0.12, 0.27))
+    # Clouds lie on a plane above, so they are flat and dense near the horizon.
+    far = shader.math("ADD", height, 0.12)
+    on_plane = shader.add("CombineXYZ", {0: shader.math("DIVIDE", x, far), 1: shader.math("DIVIDE", y, far)})
+    cloud = shader.between(shader.noise(on_plane, 1.1, 7.0), 0.45, 0.72, 0.0, 0.75)
+    lit: Value = shader.mix(glow, (0.1, 0.11, 0.17), (0.62, 0.28, 0.2))
+    tone = shader.mix(shader.math("MULTIPLY", cloud, shader.between(height, 0.01, 0.12)), tone, lit)
+    shader.end(shader.add("Background", {"Color": tone, "Strength": SKY_STRENGTH}), "OutputWorld")
+    return world
+
+
+def new_lamp(name: str, place: Point, power_w: float, radius_m: float) -> bpy.types.Object:
+    """Return a round light."""
+    data = bpy.data.lights.new(name, "POINT")
+    assert isinstance(data, bpy.types.PointLight)
+    data.energy = power_w
+    data.color = WARM
+    data.shadow_soft_size = radius_m
+    lamp = bpy.data.objects.new(name, data)
+    lamp.location = place
+    lamp.visible_camera = False
+    lamp.visible_glossy = False  # the lantern itself is what is reflected
+    return lamp
+
+
+def new_lantern_light(name: str, place: Point) -> bpy.types.Object:
+    """Return the light of a lantern, which its iron roof keeps from the sky."""
+    data = bpy.data.lights.new(name, "SPOT")
+    assert isinstance(data, bpy.types.SpotLight)
+    data.energy = LAMP_W
+    data.color = WARM
+    data.shadow_soft_size = 0.12
+    data.spot_size = math.radians(168)
+    data.spot_blend = 0.6
+    lamp = bpy.data.objects.new(name, data)
+    lamp.location = place
+    lamp.visible_camera = False
+    lamp.visible_glossy = False
+    return lamp
+
+
+def middle_of(places: Sequence[Point]) -> Point:
+    """Return the mean of some places."""
+    x, y, z = (sum(values) / len(places) for values in zip(*places, strict=True))
+    return (x, y, z)
+
+
+# --- frames of the street: rendered, written and read, scene-linear colour with depth ---
+
+
+BRIGHTEST = 60_000.0  # that a half float holds
+
+
+@dataclass(frozen=True)
+class LitFrame:
+    """A frame. rgb: (H, W, 3) float32, scene-linear light, Rec. 709; depth_m: (H, W) float32, planar, 0 = void."""
+
+    rgb: NDArray[np.float32]
+    depth_m: NDArray[np.float32]
+
+
+class StreetCamera:
+    """Renders the street at frames of its path, without compositing."""
+
+    def __init__(self, street: Street, samples: int) -> None:
+        """Take over the street's scene. samples: a pixel, in Cycles, before its denoiser."""
+        self._street = street
+        scene = street.scene
+        scene.render.use_compositing = False
+        cycles_of(scene).samples = samples
+        self._file = RenderFile(scene, (scene.render.resolution_x, scene.render.resolution_y))
+
+    def frame(self, number: int) -> LitFrame:
+        """Render a frame of the path."""
+        scene = self._street.scene
+        set_frame(scene, number)
+        channels = self._file.render(scene.view_layers[0].name)
+        rgb = np.stack([channels[f"Combined.{name}"] for name in "RGB"], axis=-1)
+        return LitFrame(np.clip(rgb, 0.0, BRIGHTEST), without_void(channels["Depth.Z"], CLIP_M[1]))
+
+    def close(self) -> None:
+        """Remove the scratch file."""
+        self._file.close()
+
+    def __enter__(self) -> "StreetCamera":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+def write_frame(path: Path, frame: LitFrame, *, exact_depth: bool = True) -> None:
+    """Write a frame as an EXR: RGB as half floats, depth as float32 in the channel Z, or as half floats too."""
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    depth_m = frame.depth_m if exact_depth else frame.depth_m.astype(np.float16)
+    channels = {"RGB": np.ascontiguousarray(frame.rgb.astype(np.float16)), "Z": np.ascontiguousarray(depth_m)}
+    with OpenEXR.File(header, channels) as file:
+        file.write(str(path))
+
+
+def read_frame(path: Path) -> LitFrame:
+    """Read what `write_frame` wrote."""
+    with OpenEXR.File(str(path)) as file:
+        channels = file.channels()
+        return LitFrame(channels["RGB"].pixels.astype(np.float32), channels["Z"].pixels.astype(np.float32))
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

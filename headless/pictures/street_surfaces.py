@@ -8,8 +8,7 @@ import bpy
 
 from noisy_world.blender.typed import cycles as cycles_of
 from noisy_world.blender.typed import inputs, node_tree, outputs, set_value
-
-from .solids import GLOW
+from pictures.street_models import GLOW
 
 Colour: TypeAlias = tuple[float, float, float]
 Value: TypeAlias = bpy.types.NodeSocket | float | tuple[float, ...]

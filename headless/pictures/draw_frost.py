@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Grow the ice that lens_frost puts on the glass: ferns from an edge inwards, from seeded random numbers.
 
-    python headless/tools/draw_frost.py
+    python headless/pictures/draw_frost.py
 
 Writes two grey PNG files into the add-on: how thick the ice gets, and when it comes. All tips grow at the same time,
 each along the axis of its crystal, and put out branches at some 60 degrees to both sides, as ice does (Libbrecht, The

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Write an example for Blender: a street at dusk with four of the node groups behind its render, ready to play.
 
-    python headless/tools/example.py [--out out/example/street.blend]
+    python headless/pictures/example.py [--out out/example/street.blend]
 
 The file opens in any Blender 5.2, without the add-on. EEVEE shows it in the viewport; Cycles is set up as well.
 """
@@ -17,8 +17,8 @@ import bpy
 
 from noisy_world.blender.scratch_images import muted_output
 from noisy_world.blender.typed import override
-from tools.street.chain import CHAIN, show_behind_render
-from tools.street.scene import FRAMES, build_street, intrinsics_of
+from pictures.lit_chain import CHAIN, show_behind_render
+from pictures.street import FRAMES, build_street, intrinsics_of
 
 SIZE_PX = (1200, 680)
 NODES_SHARE = 0.45  # of the area that the 3D view had
