@@ -154,7 +154,7 @@ def tilted(path, parameters, _context):
 
 
 def installed(monkeypatch, *found):
-    known = registry() | {item.name: item for item in found}
+    known = dict(registry()) | {item.name: item for item in found}
     monkeypatch.setattr(noisy_world.planning, "registry", lambda: known)
 
 

@@ -175,7 +175,7 @@ def test_renders_are_shared_by_poses_and_moments_not_by_their_number(tmp_path, m
         name="odd", label="Odd", order=20, parameters=FasterMotion, severities={}, source="here",
         choose=lambda count, parameters, context: np.arange(1, count, parameters.factor),
     )  # fmt: skip
-    known = registry() | {"odd": odd}
+    known = {**registry(), "odd": odd}
     monkeypatch.setattr(noisy_world.planning, "registry", lambda: known)
     settings = [
         setting("faster", 0.03, {"faster_motion": {"factor": 2}}),

@@ -57,7 +57,7 @@ class Probes:
             ),
             DepthPerturbation(name=DEPTH, label="D", needs_rgb=True, apply=depth, **common),
         )
-        known = registry() | {item.name: item for item in (*ours, *more)}
+        known = dict(registry()) | {item.name: item for item in (*ours, *more)}
         for module in (noisy_world.planning, noisy_world.perturb):
             monkeypatch.setattr(module, "registry", lambda: known)
 

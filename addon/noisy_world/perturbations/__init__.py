@@ -7,9 +7,11 @@ docs/your_perturbation.md says how a package brings its own.
 import importlib
 import pkgutil
 import sys
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
-from functools import cache
+from functools import cache, cached_property
 
+from ..core.errors import NoisyWorldError
 from ..core.installed import Door, collected
 from ..core.opencv import check_opencv
 from ..core.perturbing.kinds import KINDS, Perturbation, propagation_key
@@ -19,23 +21,55 @@ DOOR = Door[Perturbation]("noisy_world.perturbations", "perturbation", "PERTURBA
 
 
 @cache
-def registry() -> dict[str, Perturbation]:
+def registry() -> Mapping[str, Perturbation]:
     """Return all perturbations by name, our own and those of installed packages, in the order of propagation.
 
+    One of ours is imported when it is asked for by its name, which is its file's; all are when they are gone through.
     Raises NoisyWorldError naming an installed package whose perturbations cannot be loaded or have a name in use, or
     an OpenCV that is too old.
     """
     check_opencv()
-    found = collected(DOOR, _own()).values()
-    items = [replace(each.item, distribution=each.distribution) for each in found]
-    return {item.name: item for item in sorted(items, key=propagation_key)}
+    brought = collected(DOOR, ())
+    if taken := next((name for name in brought if name in _own_modules()), None):
+        raise NoisyWorldError(
+            f"its perturbation {taken} has the name of one of our own",
+            file=brought[taken].distribution,
+            remedy="rename it, or uninstall the package",
+        )
+    return _Perturbations({name: replace(each.item, distribution=each.distribution) for name, each in brought.items()})
 
 
-def _own() -> list[Perturbation]:
-    modules = [
-        importlib.import_module(f"{package.__name__}.{module.name}")
-        for package in (sys.modules[__name__], shipped)
-        for module in pkgutil.iter_modules(package.__path__)
-        if not module.name.startswith("_")
-    ]
-    return [module.PERTURBATION for module in modules if hasattr(module, "PERTURBATION")]
+class _Perturbations(Mapping[str, Perturbation]):
+    def __init__(self, brought: Mapping[str, Perturbation]) -> None:
+        self._brought = brought
+
+    @cached_property
+    def _every(self) -> dict[str, Perturbation]:
+        every = [*map(_own, _own_modules()), *self._brought.values()]
+        return {item.name: item for item in sorted(every, key=propagation_key)}
+
+    def __getitem__(self, name: str) -> Perturbation:
+        return self._brought[name] if name not in _own_modules() else _own(name)
+
+    def __contains__(self, name: object) -> bool:
+        return name in _own_modules() or name in self._brought
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._every)
+
+    def __len__(self) -> int:
+        return len(_own_modules()) + len(self._brought)
+
+
+@cache
+def _own_modules() -> dict[str, str]:
+    """Return the modules of our own perturbations by their names, without importing them."""
+    package = shipped if any(pkgutil.iter_modules(shipped.__path__)) else sys.modules[__name__]
+    found = pkgutil.iter_modules(package.__path__)
+    return {
+        item.name: f"{package.__name__}.{item.name}" for item in found if not (item.ispkg or item.name.startswith("_"))
+    }
+
+
+def _own(name: str) -> Perturbation:
+    return importlib.import_module(_own_modules()[name]).PERTURBATION

@@ -35,7 +35,7 @@ def glow_of(taken: Float32, depth: Float32, parameters: FogDepth, focal_px: floa
     total = np.zeros_like(lamps)
     for share, wide in zip(shares(thick), WIDTHS, strict=True):
         part = lamps * np.asarray(cv2.merge([share] * 3), np.float32).reshape(lamps.shape)
-        total += blurred(part, float(wide * unit_px))
+        total += block_blurred(part, float(wide * unit_px))
     total *= np.float32(parameters.glow)
     grown = cv2.resize(total, (total.shape[1] * BLOCK_PX, total.shape[0] * BLOCK_PX), interpolation=cv2.INTER_LINEAR)
     bottom = len(grown) - BLOCK_PX
@@ -61,7 +61,7 @@ def block_means(image: Float32) -> Float32:
     return np.asarray(cv2.resize(whole, size, interpolation=cv2.INTER_AREA), np.float32)
 
 
-def blurred(image: Float32, sigma: float) -> Float32:
+def block_blurred(image: Float32, sigma: float) -> Float32:
     """Blur by a Gaussian; what leaves the image is gone, and none comes in."""
     import cv2
 

@@ -22,7 +22,7 @@ from ._streaks import MOST_OPAQUE
 LIT_SIZES = (Sizes(0.0, 2.0, 0.5, 4, (-0.25, 0.2)), Sizes(2.0, EXCESS, 1.8, 4, (0.45, -0.25)))
 LEAST_ROUND_PX = 2.0  # of a particle's width as it is drawn, so that pixels sample it evenly; it is fainter instead
 SPREAD = math.sqrt(0.5)  # of a run: the half axis of an ellipse as wide
-KEYS = 64.0  # a sheet's key is less; it keeps the digits of what is added to it
+LIT_KEYS = 64.0  # a sheet's key is less; it keeps the digits of what is added to it
 # Of the numbers that a cell draws, chosen: irrational steps, and slopes so steep that no part of 512 x 512 cells
 # correlates with another by more than 0.04.
 COLUMN, ROW, SHEET = 0.6180339887, 0.4142135624, 0.0973
@@ -72,7 +72,7 @@ def seen_through_lit_sheets(
             own = _of_sizes(canvas, blown_m_s, shared, sizes)
             passing = graph.math("SUBTRACT", blown_m_s, camera.velocity)
             own["Passing"] = passing * graph.vector(spread_px, spread_px, spread_px)
-            own["Key"] = canvas.random_value(FIRST_PURPOSE + number - 1) * KEYS
+            own["Key"] = canvas.random_value(FIRST_PURPOSE + number - 1) * LIT_KEYS
             inputs |= {f"{name} {number}": value for name, value in own.items()}
         return graph.group(_sheets_graph(), inputs, name="Round Streaks").out("Seen", "float")
 

@@ -11,14 +11,14 @@ from numpy.typing import NDArray
 from ..core.perturbing.kinds import FrameContext
 
 P = ParamSpec("P")
-T = TypeVar("T")
+Drawn = TypeVar("Drawn")
 
 _KEPT = 8  # patterns of the last 8 sequences; chosen, so that memory does not grow with the number of sequences
 
 
 def kept_for_sequence(
-    draw: Callable[Concatenate[FrameContext, P], T],
-) -> Callable[Concatenate[FrameContext, P], T]:
+    draw: Callable[Concatenate[FrameContext, P], Drawn],
+) -> Callable[Concatenate[FrameContext, P], Drawn]:
     """Decorate `draw`, so that it draws once per sequence unless the pattern is fresh for each frame.
 
     `draw` takes its random numbers from `pattern_stream`. Threads and frames share what it returns, so nobody may write
@@ -27,7 +27,7 @@ def kept_for_sequence(
     kept = lru_cache(maxsize=_KEPT)(draw)
 
     @wraps(draw)
-    def pick(context: FrameContext, *args: P.args, **kwargs: P.kwargs) -> T:
+    def pick(context: FrameContext, *args: P.args, **kwargs: P.kwargs) -> Drawn:
         if context.temporal == "fresh":
             return draw(context, *args, **kwargs)
         # Leave out what belongs to one frame: else the cache would miss, and keep the frame's images in memory.

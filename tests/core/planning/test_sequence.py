@@ -42,7 +42,7 @@ def moving(name, order):
 
 
 def sequence(perturb, count, chosen=None, more=()):
-    known = registry() | {item.name: item for item in more}
+    known = dict(registry()) | {item.name: item for item in more}
     return lay_out(Setting("setting", parse_steps(perturb, ConfigPath("test"), known)), "room", count, NAMES, chosen)
 
 
