@@ -10,7 +10,7 @@ python headless/tools/pages.py
 import argparse
 import re
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import fields
 from pathlib import Path
 from textwrap import fill
@@ -18,6 +18,7 @@ from textwrap import fill
 ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT / "addon")]
 
+from noisy_world.core.channels import CHANNELS, Channel
 from noisy_world.core.perturbing.kinds import STAGES, Perturbation
 from noisy_world.perturbations import registry
 
@@ -152,10 +153,46 @@ def wrapped(text: str) -> str:
     return fill(text, WIDTH, break_long_words=False, break_on_hyphens=False)
 
 
+# --- channels ---
+
+
+def channel_table() -> str:
+    """Return the table of the channels that come with Noisy World."""
+    own = (item for name, item in CHANNELS.items() if CHANNELS.distribution(name) is None)
+    rows = (
+        (
+            f"`{item.name}`",
+            item.meaning,
+            item.convention,
+            values_of(item),
+            item.unit,
+            ", ".join(map(quoted, item.kinds)),
+        )
+        for item in own
+    )
+    return table(("channel", "what it is", "what its files hold", "in memory", "unit", "files"), rows)
+
+
+def values_of(item: Channel) -> str:
+    """Return the shape and the type of a channel's values in memory."""
+    return f"{'(H, W)' if item.components == 1 else f'(H, W, {item.components})'} {item.dtype}"
+
+
+def listed(words: Iterable[str]) -> str:
+    """Return words as code, one after another."""
+    return ", ".join(map(quoted, words))
+
+
+def quoted(word: str) -> str:
+    """Return a word as code."""
+    return f"`{word}`"
+
+
 PARTS: dict[str, Callable[[], str]] = {
     "perturbation counts": perturbation_counts,
     "perturbation table": perturbation_table,
     "gallery": gallery,
+    "channel table": channel_table,
 }
 
 if __name__ == "__main__":

@@ -105,6 +105,17 @@ def collected(door: Door[T], own: Iterable[T]) -> dict[str, Brought[T]]:
     return found
 
 
+def held_in(package: str, attribute: str) -> list[Any]:
+    """Return what the modules of a package of ours hold under a name, sorted by its `order` and its name.
+
+    One file is enough to bring one; modules that hold none, or whose names begin with an underscore, are passed over.
+    """
+    names = (module.name for module in pkgutil.iter_modules(importlib.import_module(package).__path__))
+    modules = (importlib.import_module(f"{package}.{name}") for name in names if not name.startswith("_"))
+    held = (getattr(module, attribute) for module in modules if hasattr(module, attribute))
+    return sorted(held, key=lambda item: (item.order, item.name))
+
+
 def add(found: dict[str, Brought[T]], name: str, new: Brought[T], word: str) -> None:
     """Add what a package brings by its name. Raises NoisyWorldError naming the package where the name is in use."""
     if name in found:

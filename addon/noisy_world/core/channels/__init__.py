@@ -6,8 +6,7 @@ from collections.abc import Iterable
 from typing import TypeVar
 
 from ..errors import NoisyWorldError
-from ..installed import Door, Registry
-from . import depth, flow, instance, normal, rgb
+from ..installed import Door, Registry, held_in
 from .channel import Channel
 from .pair import PairChannel
 from .surface import SurfaceChannel
@@ -33,10 +32,10 @@ def contract_problem(item: Channel) -> str:
 KINDS = (SurfaceChannel, PairChannel)
 DOOR = Door[Channel]("noisy_world.channels", "channel", "CHANNEL", KINDS, contract_problem)
 
-CHANNELS = Registry[Channel](DOOR, lambda: (rgb.CHANNEL, depth.CHANNEL, normal.CHANNEL, instance.CHANNEL, flow.CHANNEL))
+CHANNELS = Registry[Channel](DOOR, lambda: held_in(__name__, DOOR.attribute))
 """Every channel by its name in presets, ours and those of installed packages, in the order in which they are made."""
 
-COLOUR_AND_DEPTH = frozenset({rgb.CHANNEL.name, depth.CHANNEL.name})
+COLOUR_AND_DEPTH = frozenset({"rgb", "depth"})
 """What every source has, but a video without depth; perturbations act on these."""
 
 

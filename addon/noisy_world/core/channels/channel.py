@@ -90,7 +90,8 @@ class PixelBytes:
 class Channel(ABC):
     """A kind of image of a frame: what its values mean, and how they become a file.
 
-    name: in presets (`output.modalities`) and in tables. label, meaning: for people. spoken: the word for it in
+    name: in presets (`output.modalities`) and in tables. order: among all, in which they are made and listed; ours are
+    the first. label, meaning: for people. spoken: the word for it in
     messages. dtype, components, unit: of its values in memory. convention: what its files hold, for the manifest.
     steps: which steps of a setting act on it; None for none: its images are always clean. paired: whether it is the
     depth sensor's, which has stamps and poses of its own and which desynchronisation shifts; else it is colour's.
@@ -100,6 +101,7 @@ class Channel(ABC):
     """
 
     name: ClassVar[str]
+    order: ClassVar[int] = 100
     label: ClassVar[str]
     meaning: ClassVar[str]
     spoken: ClassVar[str]

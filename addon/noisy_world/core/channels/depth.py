@@ -16,6 +16,7 @@ class Depth(Channel):
     """Planar depth, in 16-bit steps."""
 
     name = "depth"
+    order = 20
     label = "Depth"
     meaning = "planar depth of the pixel's centre, in 16-bit steps"
     spoken = "depth"

@@ -33,6 +33,7 @@ class Flow(PairChannel):
     """Forward optical flow, by depth and poses or, of a world in which things move, as a renderer tells it."""
 
     name = "flow"
+    order = 50
     label = "Flow"
     meaning = "forward optical flow to the sequence's next frame, and what is hidden there"
     spoken = "flow"

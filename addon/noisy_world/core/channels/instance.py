@@ -23,6 +23,7 @@ class Instance(SurfaceChannel):
     """The face property `object_id` of Replica's mesh_semantic.ply, with its names, or the objects of a .blend."""
 
     name = "instance"
+    order = 40
     label = "Instances"
     meaning = "the number of the object that a pixel sees"
     spoken = "instances"

@@ -17,6 +17,7 @@ class Normal(SurfaceChannel):
     """The direction of the surface: of a mesh that of the face itself, without smoothing between faces."""
 
     name = "normal"
+    order = 30
     label = "Normals"
     meaning = "unit surface normals in camera axes; 0 0 0 is void"
     spoken = "normals"

@@ -26,6 +26,7 @@ class Rgb(Channel):
     """Colour, as a camera gives it; a preset may ask for grey, and for JPEG, PNG or EXR."""
 
     name = "rgb"
+    order = 10
     label = "Colour"
     meaning = "colour, display-encoded (sRGB), or grey made of it"
     spoken = "colour"
