@@ -5,11 +5,10 @@ from types import SimpleNamespace
 
 import numpy as np
 
+from noisy_world.core.planning.source import ColourAndDepth
 
-class Frame(SimpleNamespace):
-    def image(self, modality):
-        return {"rgb": self.rgb, "depth": self.depth_m}[modality]
 
+class Frame(SimpleNamespace, ColourAndDepth):
     def file_as(self, modality, format_):
         return None
 

@@ -167,7 +167,6 @@ def print_plan(plan: "Plan", out: Path | str) -> None:
     from ..core.planning.estimate import estimate, size_text
     from ..core.planning.memory import memory_bytes
     from ..core.planning.plan_notes import plan_notes
-    from ..core.planning.source import remarks_on
 
     guess = estimate(plan)
     print(f"preset     {plan.preset.path} (SHA-256 {plan.preset.sha256[:12]})")
@@ -181,7 +180,7 @@ def print_plan(plan: "Plan", out: Path | str) -> None:
     for text in plan_notes(plan):
         print(f"note       {text}")
     for scene in plan.scenes:
-        for text in remarks_on(scene.source, plan.cameras[scene.name]):
+        for text in scene.source.remarks(plan.cameras[scene.name]):
             print(f"note       {scene.name}: {text}")
     print(f"sequences  {len(plan.sequences)} ({counted(plan.scenes, 'scene')}, {counted(plan.settings, 'setting')})")
     for line in render_lines(plan):

@@ -9,7 +9,7 @@ the colour of 1200 x 680 pixels, where OpenEXR's fastest compression takes 18 ms
 
 import hashlib
 import json
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -24,8 +24,6 @@ from ..core.datasets.layouts import Modality, OutputFormat
 from ..core.datasets.storage import own_scratch, storage_errors, write_atomic
 from ..core.errors import InputError
 from ..core.geometry import Intrinsics
-from ..core.perturbing.execution import Notes
-from ..core.planning.exposed import exposure_of
 from ..core.planning.source import ColourAndDepth, Motion, OpenSource, SourceFrame, motion_between
 from ..core.regular_files import read_array, read_bytes
 from ..core.trajectories.frame_request import FrameRequest
@@ -53,13 +51,23 @@ class CleanFiles:
         """Return the file of what the exposure of a frame did; there is none where nothing was exposed."""
         return self.folder / "exposure" / f"{number:06d}.json"
 
+    def kept(self, number: int) -> "KeptFrame":
+        """Return a frame that is there, its images read when they are asked for. Raises InputError."""
+        path = self.exposure_path(number)
+        try:
+            return KeptFrame(self, number, read_json(path))
+        except FileNotFoundError:
+            return KeptFrame(self, number)
+        except ValueError as error:
+            raise InputError(path, "is damaged", remedy=AGAIN) from error
+
     def lacking(self, frames: Iterable[int], wanted: Sequence[Modality]) -> list[int]:
         """Return the frames of which an image is not there as it was written. Each file is read once."""
         return [number for number in frames if not all(self._is_whole(name, number) for name in wanted)]
 
     def keep(self, number: int, frame: SourceFrame, wanted: Iterable[Modality]) -> None:
         """Write the images of a frame, and before them what its exposure did. Raises StorageError."""
-        if notes := exposure_of(frame):
+        if notes := frame.exposure:
             path = self.exposure_path(number)
             with storage_errors(path):
                 path.parent.mkdir(parents=True, exist_ok=True)
@@ -112,7 +120,7 @@ class _Through:
         number = request.index
         here = number is not None and not self._files.lacking([number], self._wanted)
         if number is not None and here and not self._again:
-            return KeptFrame(self._files, number)
+            return self._files.kept(number)
         frame = self._source().frame(request)
         if number is not None and not here:  # what is between frames is asked for once
             self._files.keep(number, frame, self._wanted)
@@ -134,6 +142,7 @@ class KeptFrame(ColourAndDepth):
 
     files: CleanFiles
     number: int
+    exposure: Sequence[Mapping[str, Any]] = ()
 
     @property
     def rgb(self) -> NDArray[np.float32]:
@@ -144,17 +153,6 @@ class KeptFrame(ColourAndDepth):
     def depth_m(self) -> NDArray[np.float32]:
         """Planar depth (H, W) in metres; 0 = void."""
         return self.image("depth")
-
-    @property
-    def exposure(self) -> Notes:
-        """What its exposure did, for its record; empty without one."""
-        path = self.files.exposure_path(self.number)
-        try:
-            return read_json(path)
-        except FileNotFoundError:
-            return []
-        except ValueError as error:
-            raise InputError(path, "is damaged", remedy=AGAIN) from error
 
     def image(self, modality: Modality) -> NDArray[Any]:
         """Return the image of any channel."""

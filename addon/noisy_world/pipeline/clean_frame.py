@@ -2,7 +2,7 @@
 """A clean frame on its way to the files: its images, decoded once, and the context that perturbations get."""
 
 import contextlib
-from collections.abc import Callable, Hashable
+from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -17,13 +17,12 @@ from ..core.datasets.registration import Registration
 from ..core.datasets.unmeasured import completed_m
 from ..core.geometry import Intrinsics
 from ..core.perturbing.earlier_frames import EarlierFrame
-from ..core.perturbing.execution import ColourWork, DepthWork, Notes
+from ..core.perturbing.execution import ColourWork, DepthWork
 from ..core.perturbing.lit import acts_on_light, after_light, on_light
-from ..core.planning.exposed import exposure_of
 from ..core.planning.metering import light_seen
 from ..core.planning.plan import Render
 from ..core.planning.sequence import Sequence, ShownSources
-from ..core.planning.source import SceneLight, SourceFrame, depth_behind_glass, light_of
+from ..core.planning.source import SceneLight, SourceFrame
 from ..core.trajectories.motion import CameraMotion, motion_between
 from ..core.trajectories.sensor_paths import SensorPaths
 from ..core.trajectories.trajectory import Trajectory
@@ -81,9 +80,9 @@ class CleanFrame:
         return cls(source, image, between, timer, of_light=of_light, registers=registers, unmeasured_m=unmeasured_m)
 
     @property
-    def exposure(self) -> Notes:
+    def exposure(self) -> list[Mapping[str, Any]]:
         """What the exposure of the frame did, for its record; empty without one."""
-        return exposure_of(self._image)
+        return list(self._image.exposure)
 
     @cached_property
     def rgb(self) -> NDArray[np.float32] | NDArray[np.uint8]:
@@ -145,7 +144,7 @@ class CleanFrame:
     @property
     def light(self) -> SceneLight | None:
         """Colour before the view transform, of a lit frame."""
-        return light_of(self._image)
+        return self._image.light
 
     def perturbed_rgb(self, work: ColourWork) -> NDArray[Any] | None:
         """Return colour (H, W, 3) uint8, or light float32, after steps of colour; None where they are the identity.
@@ -217,7 +216,7 @@ class CleanFrame:
         Of a lit frame, sky behind a pane is a surface: the sky that a window shows does not light the room's air. It is
         far away beside open sky, so that a pane punches no hole into weather, and at the pane in a room without any.
         """
-        behind_m = depth_behind_glass(self._image)
+        behind_m = self._image.behind_glass_m
         if behind_m is None or self.light is None:
             return self._completed_depth_m if behind_m is None else behind_m
         pane_m = self.read_depth_m()

@@ -20,7 +20,6 @@ from ..core.planning.memory import check_memory
 from ..core.planning.plan import Plan
 from ..core.planning.plan_notes import plan_notes
 from ..core.planning.shards import Shard
-from ..core.planning.source import remarks_on
 from ..core.presets.preset import canonical
 from ..core.progress import Progress
 from .completed_images import CompletedImages, FinishedImages, find_missing
@@ -167,7 +166,7 @@ class Run:
         """Say what is to be known of the scenes of which frames are missing."""
         for scene in self._plan.scenes:
             if any(render.scene is scene and work.get(render.name) for render in self._plan.renders):
-                for text in remarks_on(scene.source, self._plan.cameras[scene.name]):
+                for text in scene.source.remarks(self._plan.cameras[scene.name]):
                     self._note(Message(f"{scene.name}: ", text))
 
     def _make_here(self, work: Work) -> None:

@@ -52,7 +52,7 @@ class CleanStore:
     def frame(self, render: str, source: int) -> KeptFrame | None:
         """Return a source frame of a render; None where it holds none of its images."""
         files = self.files(render)
-        return KeptFrame(files, source) if any(files.path(name, source).is_file() for name in CHANNELS) else None
+        return files.kept(source) if any(files.path(name, source).is_file() for name in CHANNELS) else None
 
     def source(self, scene: str) -> "StoredScene":
         """Return what is known of a scene, as a source. Raises InputError where its path is damaged."""

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A rig's depth sensor that is a device of its own: another camera than colour's, another clock, registered or raw."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -27,7 +27,6 @@ from .source import (
     Source,
     SourceCapabilities,
     SourceFrame,
-    light_of,
     motion_between,
 )
 
@@ -163,6 +162,10 @@ class MountedSource:
         """The source's."""
         return self.source.mesh
 
+    def remarks(self, camera: Intrinsics) -> Iterable[str]:
+        """Return the source's."""
+        return self.source.remarks(camera)
+
     def hashes(self) -> dict[str, Any]:
         """Return what decides the source's bytes."""
         return self.source.hashes()
@@ -196,7 +199,7 @@ class ClockedSource:
             return replace(seen, depth_m=depth_m)
         others = {name: image for name in wanted - {"rgb", "depth"} if (image := seen.image(name)) is not None}
         rgb: Any = seen.rgb
-        return RenderedFrame(rgb, depth_m, others, light=light_of(seen))
+        return RenderedFrame(rgb, depth_m, others, light=seen.light)
 
     def motion(self, here: FrameRequest, there: FrameRequest) -> Motion | None:
         """Return what the source says."""

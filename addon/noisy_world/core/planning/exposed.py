@@ -2,7 +2,7 @@
 """A render's source, opened: where the render has an exposure, each frame is taken line by line or again and again."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -29,25 +29,11 @@ from .source import (
     RenderOptions,
     SceneLight,
     SourceFrame,
-    depth_behind_glass,
-    light_of,
     motion_between,
 )
 from .travel import travel_px
 
 FIRST_FRAMES = 3  # a path whose first three frames see nothing is taken for a mistake; chosen
-
-
-@dataclass(frozen=True)
-class ExposedFrame(RenderedFrame):
-    """A frame that was exposed. exposure: what was done, for its record."""
-
-    exposure: Notes = field(default_factory=Notes)
-
-
-def exposure_of(frame: SourceFrame) -> Notes:
-    """Return what the exposure of a frame did, for its record; empty without one."""
-    return getattr(frame, "exposure", [])  # frames of other sources have none
 
 
 @dataclass(frozen=True)
@@ -69,10 +55,10 @@ class ExposedSource:
             rgb, depth_m = None if once.rgb is None else as_float(once.rgb), once.depth_m
         notes, rays = self._notes(request, taken), around.colour_rays or None
         if rgb is None or around.light is None:
-            return ExposedFrame(rgb, depth_m, colour_rays=rays, behind_glass_m=around.behind_m, exposure=notes)
+            return RenderedFrame(rgb, depth_m, colour_rays=rays, behind_glass_m=around.behind_m, exposure=notes)
         light = replace(around.light, rgb=np.maximum(decoded(rgb), np.float32(0)))
         seen = {"light": light, "behind_glass_m": around.behind_m}
-        return ExposedFrame(light.show(light.rgb), depth_m, colour_rays=rays, exposure=notes, **seen)
+        return RenderedFrame(light.show(light.rgb), depth_m, colour_rays=rays, exposure=notes, **seen)
 
     def _notes(self, request: FrameRequest, taken: Mapping[str, int]) -> Notes:
         """Return what was done to a frame, with the poses of its lines where a step tells them."""
@@ -123,9 +109,9 @@ class _Around:
         if isinstance(frame, RenderedFrame) and frame.colour_rays is not None:
             self.colour_rays += frame.colour_rays
         taken: TakenImages = frame
-        if (behind_m := depth_behind_glass(frame)) is not None:
+        if (behind_m := frame.behind_glass_m) is not None:
             self.behind_m = behind_m
-        if (light := light_of(frame)) is not None:
+        if (light := frame.light) is not None:
             self.light, taken = light, _TakenLight(encoded(light.rgb), frame.depth_m)
         if channels is None:
             self._whole = seconds, taken

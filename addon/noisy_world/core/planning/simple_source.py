@@ -2,7 +2,7 @@
 """What most sources have in common, to begin one with; and one whose frames are computed one by one."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
@@ -60,6 +60,11 @@ class SimpleSource(ABC):
     def mesh(self) -> Callable[[], Mesh] | None:
         """None: its frames show no mesh that is known."""
         return None
+
+    def remarks(self, camera: Intrinsics) -> Iterable[str]:
+        """Return nothing that a user should know of its frames."""
+        del camera
+        return ()
 
 
 class ComputedSource(SimpleSource):

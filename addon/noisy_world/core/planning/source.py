@@ -7,7 +7,7 @@ All other code uses a source by this protocol alone and never asks which one it 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Literal, Protocol, TypeAlias
+from typing import TYPE_CHECKING, Any, Literal, Protocol, TypeAlias, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,6 +48,21 @@ class SourceFrame(Protocol):
         """Planar depth (H, W) in metres; 0 = void."""
         ...
 
+    @property
+    def light(self) -> "SceneLight | None":
+        """Colour before the view transform, of a lit frame; None of any other."""
+        ...
+
+    @property
+    def behind_glass_m(self) -> NDArray[np.float32] | None:
+        """Depth (H, W) of what it shows through panes, metres; None without any, or where it was not asked for."""
+        ...
+
+    @property
+    def exposure(self) -> Sequence[Mapping[str, Any]]:
+        """What its exposure did, for its record: a note of each step; empty without one."""
+        ...
+
     def image(self, modality: Modality) -> NDArray[Any] | None:
         """Return the image of a channel, as the channel describes it; colour and depth as above."""
         ...
@@ -78,21 +93,14 @@ class SceneLight:
         return self.encode(np.concatenate([light, self.alpha], axis=2))
 
 
-def light_of(frame: SourceFrame) -> SceneLight | None:
-    """Return a clean frame's light before the view transform; None of a frame that has no such."""
-    return getattr(frame, "light", None)
-
-
-def depth_behind_glass(frame: SourceFrame) -> NDArray[np.float32] | None:
-    """Return the depth (H, W) of what a clean frame shows through panes, metres; None of a frame without any."""
-    return getattr(frame, "behind_glass_m", None)
-
-
 class ColourAndDepth:
-    """The images of a frame that has no other channels than colour and depth."""
+    """The images of a frame that has no other channels than colour and depth, and none of what is rarer."""
 
     rgb: Any
     depth_m: Any
+    light: SceneLight | None = None
+    behind_glass_m: NDArray[np.float32] | None = None
+    exposure: Sequence[Mapping[str, Any]] = ()
 
     def image(self, modality: Modality) -> NDArray[Any] | None:
         """Return the image of a channel; None for what it has not."""
@@ -114,7 +122,7 @@ class RenderedFrame(ColourAndDepth):
     others: those of other channels that were asked for, by name, as the channels describe them. colour_rays: how many
     rays the pixels of colour took together; None where that does not follow from what is seen. light: colour before a
     view transform, of a lit scene. behind_glass_m: depth as `depth_m`, but of what is seen through panes; None where
-    there are none, or it was not asked for.
+    there are none, or it was not asked for. exposure: what was done while it was exposed, for its record.
     """
 
     rgb: NDArray[np.float32] | None
@@ -123,6 +131,7 @@ class RenderedFrame(ColourAndDepth):
     colour_rays: int | None = None
     light: SceneLight | None = None
     behind_glass_m: NDArray[np.float32] | None = None
+    exposure: Sequence[Mapping[str, Any]] = ()
 
     def image(self, modality: Modality) -> NDArray[Any] | None:
         """Return the image of a channel; None if it was not asked for."""
@@ -154,9 +163,9 @@ class SourceCapabilities:
     importers read it, whatever renders it. depth: whether it has any. surface: what is known of the surface that each
     pixel sees, for normals and the like. objects: returns the objects that it shows; None where they are a mesh's
     own. moving: whether anything but the camera may move. instants_only: why it has nothing between its frames; ""
-    where it answers requests for any time. lit: its frames have scene-linear light before a view transform
-    (`light_of`). casts_rays: whether it gives the rays that a request asks for. at_once: why it does not, where there
-    is more to say. distorts: whether its frames pass the lens that a preset's camera has. depth_cameras: whether depth
+    where it answers requests for any time. lit: its frames have scene-linear light before a view transform.
+    casts_rays: whether it gives the rays that a request asks for. at_once: why it does not, where there is more to
+    say. distorts: whether its frames pass the lens that a preset's camera has. depth_cameras: whether depth
     may have another camera than colour. unmeasured_m: of a source whose depth was measured, so that void is what was
     not: how far a frame counts that measured nothing at all, by its number, metres. None where void is the sky, as
     that of a renderer: infinitely far.
@@ -219,23 +228,30 @@ Motion: TypeAlias = tuple[NDArray[np.float32], NDArray[np.float32]]
 
 
 class OpenSource(Protocol):
-    """A source that is ready to give frames along the paths of one render.
-
-    One in which things move has a method `motion` too, as `motion_between` calls it.
-    """
+    """A source that is ready to give frames along the paths of one render; if things move there, a `MovingSource`."""
 
     def frame(self, request: FrameRequest) -> SourceFrame:
         """Return the frame of a request."""
         ...
 
 
-def motion_between(source: OpenSource, here: FrameRequest, there: FrameRequest) -> Motion | None:
-    """Return how what the colour camera sees moves between two frames, of a source in which things move.
+@runtime_checkable
+class MovingSource(OpenSource, Protocol):
+    """An open source in which things move."""
 
-    (H, W, 2) each, float32: how far what a pixel's centre sees here is from it there, x and y in pixels, and back. None
-    where both frames show the same moment.
-    """
-    return getattr(source, "motion")(here, there)  # noqa: B009 - others have none
+    def motion(self, here: FrameRequest, there: FrameRequest) -> Motion | None:
+        """Return how what the colour camera sees moves between two frames.
+
+        (H, W, 2) each, float32: how far what a pixel's centre sees here is from it there, x and y in pixels, and back.
+        None where both frames show the same moment.
+        """
+        ...
+
+
+def motion_between(source: OpenSource, here: FrameRequest, there: FrameRequest) -> Motion | None:
+    """Return what a source in which things move says of two frames, as `MovingSource` has it."""
+    assert isinstance(source, MovingSource), "its capabilities say that things move"
+    return source.motion(here, there)
 
 
 class PreparedSource(Protocol):
@@ -301,6 +317,13 @@ class Source(Protocol):
         """Returns the mesh that the frames show; None where it is none."""
         ...
 
+    def remarks(self, camera: Intrinsics) -> Iterable[str]:
+        """Return what a user should know of its frames before a run makes many, found by looking at some of them.
+
+        camera: as `camera` returned it. May take a second; most sources have nothing to say.
+        """
+        ...
+
     def hashes(self) -> dict[str, Any]:
         """Return what decides the frames' bytes: names as the preset gives them, and the SHA-256 of the files."""
         ...
@@ -312,12 +335,3 @@ class Source(Protocol):
         should see.
         """
         ...
-
-
-def remarks_on(source: Source, camera: Intrinsics) -> Iterable[str]:
-    """Return what a user should know of a source's frames before a run makes many, found by looking at some of them.
-
-    It is what a source's method `remarks` returns for its camera; most have none. May take a second.
-    """
-    remarks: Callable[[Intrinsics], Iterable[str]] | None = getattr(source, "remarks", None)
-    return () if remarks is None else remarks(camera)
