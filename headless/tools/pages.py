@@ -62,7 +62,7 @@ def with_parts(text: str, parts: Mapping[str, Callable[[], str]], page: str) -> 
     def made(match: re.Match[str]) -> str:
         if (name := match[1]) not in parts:
             raise SystemExit(f"pages: {page}: no part is called {name}; known: {', '.join(parts)}")
-        return f"<!-- made: {name} -->\n{parts[name]()}\n<!-- end -->"
+        return f"<!-- made: {name} -->\n\n{parts[name]()}\n\n<!-- end -->"
 
     return re.sub(r"<!-- made: ([\w ]+) -->\n.*?<!-- end -->", made, text, flags=re.DOTALL)
 
@@ -125,7 +125,7 @@ def gallery() -> str:
                 wrapped(f"`{item.name}`{'' if about.of_paper else ', ours'}: {caption}."),
                 f"![{about.picture or f'{item.label} at severities 1, 3 and 5'}](gallery/{item.name}.jpg)",
             ]
-    return "\n" + "\n\n".join(parts) + "\n"
+    return "\n\n".join(parts)
 
 
 def example_preset(item: Perturbation) -> str:
@@ -160,14 +160,7 @@ def channel_table() -> str:
     """Return the table of the channels that come with Noisy World."""
     own = (item for name, item in CHANNELS.items() if CHANNELS.distribution(name) is None)
     rows = (
-        (
-            f"`{item.name}`",
-            item.meaning,
-            item.convention,
-            values_of(item),
-            item.unit,
-            ", ".join(map(quoted, item.kinds)),
-        )
+        (quoted(item.name), item.meaning, item.convention, values_of(item), item.unit, listed(item.kinds))
         for item in own
     )
     return table(("channel", "what it is", "what its files hold", "in memory", "unit", "files"), rows)
