@@ -47,7 +47,7 @@ from .perturbations import registry
 
 if TYPE_CHECKING:
     from .core.optics import Optics
-    from .core.planning.sequence import Sequence as PlannedSequence
+    from .core.planning.sequence import PlannedSequence
     from .core.trajectories.trajectory import Trajectory
     from .sources.recording import Recording
 

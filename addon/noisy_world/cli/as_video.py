@@ -16,7 +16,7 @@ from ..core.errors import StorageError
 
 if TYPE_CHECKING:
     from ..core.planning.plan import Plan
-    from ..core.planning.sequence import Sequence
+    from ..core.planning.sequence import PlannedSequence
 
 
 def is_video(out: Path) -> bool:
@@ -70,5 +70,5 @@ def _colours(files: list[Path]) -> Iterator[NDArray[np.uint8]]:
         yield np.asarray(read_pixels(file, cv2.IMREAD_COLOR_RGB), np.uint8)
 
 
-def _named(out: Path, sequence: "Sequence") -> Path:
+def _named(out: Path, sequence: "PlannedSequence") -> Path:
     return out.with_name(f"{out.stem}-{sequence.folder.replace('/', '-')}{out.suffix}")

@@ -21,7 +21,7 @@ from ..core.perturbing.execution import ColourWork, DepthWork
 from ..core.perturbing.lit import acts_on_light, after_light, on_light
 from ..core.planning.metering import light_seen
 from ..core.planning.plan import Render
-from ..core.planning.sequence import Sequence, ShownSources
+from ..core.planning.sequence import PlannedSequence, ShownSources
 from ..core.planning.source import SceneLight, SourceFrame
 from ..core.trajectories.motion import CameraMotion, motion_between
 from ..core.trajectories.sensor_paths import SensorPaths
@@ -253,7 +253,7 @@ class Camera:
     path: Trajectory | None = None
     earlier: EarlierFrames | None = None
 
-    def motion(self, sequence: Sequence, frame: int) -> CameraMotion | None:
+    def motion(self, sequence: PlannedSequence, frame: int) -> CameraMotion | None:
         """Return how the camera moves at a frame of a sequence: its frames show the path's at an unchanged rate.
 
         Where the view has cut to another camera, that one is at rest: no camera flew from the one to the other.

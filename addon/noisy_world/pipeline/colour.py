@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The colour of all frames that show a clean one: what has to be done in the main thread, as soon as that is there."""
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from collections.abc import Sequence as Many
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
 from dataclasses import replace
 from functools import partial
@@ -14,7 +13,7 @@ from ..core.datasets.images import rgb_bytes
 from ..core.machine import keep_freed_memory
 from ..core.perturbing.kinds import ColourPerturbation
 from ..core.perturbing.steps import Step
-from ..core.planning.sequence import Sequence
+from ..core.planning.sequence import PlannedSequence
 from .made_frame import CleanFrames, Frame
 
 if TYPE_CHECKING:
@@ -27,7 +26,7 @@ Pictures: TypeAlias = dict[str, NDArray[Any] | None]
 Chains: TypeAlias = Mapping[str, tuple[Step[ColourPerturbation], ...]]
 """Steps of colour by the folder of their sequence, in propagation order."""
 
-FrameOf: TypeAlias = Callable[[Sequence, int], Frame]
+FrameOf: TypeAlias = Callable[[PlannedSequence, int], Frame]
 """A sequence and a frame's number -> that frame, of which one image at least shows the clean frame at hand."""
 
 
@@ -38,7 +37,7 @@ class Compositing:
         """Take the compositor with a chain for each sequence's folder."""
         self._compositor = compositor
 
-    def pictures(self, clean: "CleanFrame", frames: Many[Frame]) -> dict[tuple[str, int], NDArray[Any] | None]:
+    def pictures(self, clean: "CleanFrame", frames: Sequence[Frame]) -> dict[tuple[str, int], NDArray[Any] | None]:
         """Perturb all frames, several sequences in one evaluation; what several do alike is evaluated once."""
         made: dict[tuple[str, int], NDArray[Any] | None] = {}
         waiting = list(frames)
@@ -110,7 +109,12 @@ class Colour:
     """The colour of the sequences of a render, for one clean frame after another."""
 
     def __init__(
-        self, sequences: Many[Sequence], clean: CleanFrames, compositing: Compositing | None = None, *, lit: bool
+        self,
+        sequences: Sequence[PlannedSequence],
+        clean: CleanFrames,
+        compositing: Compositing | None = None,
+        *,
+        lit: bool,
     ) -> None:
         """Take the sequences whose colour is perturbed. lit: clean frames have light before a view transform."""
         self._sequences = sequences
@@ -154,13 +158,15 @@ class Colour:
         return partial(_frame_of, known, clean_frames)
 
 
-def _frame_of(known: Mapping[tuple[str, int], Frame], clean: CleanFrames, sequence: Sequence, index: int) -> Frame:
+def _frame_of(
+    known: Mapping[tuple[str, int], Frame], clean: CleanFrames, sequence: PlannedSequence, index: int
+) -> Frame:
     return known.get((sequence.folder, index)) or Frame(sequence, index, clean)
 
 
 @contextmanager
 def colour_of(
-    sequences: Iterable[Sequence],
+    sequences: Iterable[PlannedSequence],
     clean: CleanFrames,
     size_px: tuple[int, int],
     *,

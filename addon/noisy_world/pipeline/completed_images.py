@@ -21,7 +21,7 @@ from ..core.datasets.records import COMPLETED, FrameRecord
 from ..core.datasets.storage import sha256_of_regular_file
 from ..core.planning.estimate import image_bytes
 from ..core.planning.plan import Plan, Render
-from ..core.planning.sequence import Sequence, ShownSources
+from ..core.planning.sequence import PlannedSequence, ShownSources
 from ..core.planning.shards import Shard
 from ..core.planning.sharing import parts_made
 from .made_frame import Frame
@@ -60,12 +60,12 @@ def find_missing(plan: Plan, render: Render, completed: "CompletedImages") -> Mi
     return Missing(sorted(needed), size)
 
 
-def keep_intact(dataset: Dataset, sequence: Sequence, names: FrameNames) -> None:
+def keep_intact(dataset: Dataset, sequence: PlannedSequence, names: FrameNames) -> None:
     """Check the files of a sequence: from then on its journals name those alone that exist as they were written."""
     dataset.keep_intact(sequence.folder, names, len(sequence.source_frames), partial(is_as_planned, sequence, names))
 
 
-def is_as_planned(sequence: Sequence, names: FrameNames, record: FrameRecord) -> bool:
+def is_as_planned(sequence: PlannedSequence, names: FrameNames, record: FrameRecord) -> bool:
     """Tell whether a record says that to its images was done what the sequence does to them.
 
     That is known without the images: severities are drawn from the frame's own streams.
@@ -100,7 +100,7 @@ class CompletedImages:
         self._hasher = Hasher()
         self._flags: Flags = {folder: self._flags_of(sequence) for folder, sequence in self._sequences.items()}
 
-    def _flags_of(self, sequence: Sequence) -> dict[Modality, NDArray[np.bool_]]:
+    def _flags_of(self, sequence: PlannedSequence) -> dict[Modality, NDArray[np.bool_]]:
         count = len(sequence.source_frames)
         flags: dict[Modality, NDArray[np.bool_]] = {
             modality: np.zeros(count, dtype=np.bool_) for modality in self._dataset.format.modalities
@@ -115,20 +115,20 @@ class CompletedImages:
                 self._lost[sequence.shown(record.frame).depth_source] = record.out_of_range
         return flags
 
-    def _records(self, sequence: Sequence) -> Iterator[FrameRecord]:
+    def _records(self, sequence: PlannedSequence) -> Iterator[FrameRecord]:
         journals = self._dataset.journal_records(sequence.folder)
         if self._checked is None:
             return journals
         begun = (record for record in journals if is_as_planned(sequence, self._names, record))
         return chain(self._dataset.finished_records(sequence.folder), begun)
 
-    def _counts(self, sequence: Sequence, name: str, source: int, record: FrameRecord) -> bool:
+    def _counts(self, sequence: PlannedSequence, name: str, source: int, record: FrameRecord) -> bool:
         if self._checked is None or source in self._first:
             return True
         path = self._dataset.out / sequence.folder / name
         return source in self._checked and self._hasher.sha256(path) == record.files[name]
 
-    def has(self, sequence: Sequence, modality: Modality, frame: int) -> bool:
+    def has(self, sequence: PlannedSequence, modality: Modality, frame: int) -> bool:
         """Tell whether a frame's image is there."""
         finished = self._flags[sequence.folder].get(modality)
         return finished is None or bool(finished[frame])
@@ -155,7 +155,7 @@ class FinishedImages:
         """Take what the folders hold; the first one first, where several hold the same."""
         self._completed = tuple(completed)
 
-    def missing(self, sequence: Sequence, modality: Modality, source: int) -> list[int]:
+    def missing(self, sequence: PlannedSequence, modality: Modality, source: int) -> list[int]:
         """Return the frames to be made that show an image of a source frame and lack it."""
         return [
             frame
@@ -163,18 +163,20 @@ class FinishedImages:
             if not any(completed.has(sequence, modality, frame) for completed in self._completed)
         ]
 
-    def lacks(self, sequence: Sequence, modality: Modality, sources: Iterable[int]) -> bool:
+    def lacks(self, sequence: PlannedSequence, modality: Modality, sources: Iterable[int]) -> bool:
         """Tell whether a sequence lacks an image of some source frames."""
         return any(self.missing(sequence, modality, source) for source in sources)
 
     def sources_missing(self, render: Render, modalities: Iterable[Modality], sources: Iterable[int]) -> list[int]:
         """Return those of some source frames that a sequence of a render needs for a missing image."""
-        pairs: list[tuple[Sequence, Modality]] = [
+        pairs: list[tuple[PlannedSequence, Modality]] = [
             (sequence, modality) for sequence in render.sequences if sequence.frames for modality in modalities
         ]
         return [source for source in sources if any(self.missing(item, kind, source) for item, kind in pairs)]
 
-    def pairs(self, sequences: Iterable[Sequence], modalities: Iterable[Modality], source: int) -> set[ShownSources]:
+    def pairs(
+        self, sequences: Iterable[PlannedSequence], modalities: Iterable[Modality], source: int
+    ) -> set[ShownSources]:
         """Return the source frames, each with the next, of which images that lead on are missing."""
         return {
             sequence.shows(modality, frame)

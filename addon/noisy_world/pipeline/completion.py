@@ -19,7 +19,7 @@ from ..core.messages import Message, PresetKey
 from ..core.planning.motion_record import motion_of_frames
 from ..core.planning.plan import Plan, Render
 from ..core.planning.scene import Scene
-from ..core.planning.sequence import Sequence, written_paths
+from ..core.planning.sequence import PlannedSequence, written_paths
 from ..core.presets.preset import canonical
 from ..core.trajectories.rig import Rig
 from ..core.trajectories.sensor_paths import SensorPaths
@@ -39,7 +39,7 @@ def channel_texts(format_: OutputFormat, scene: Scene) -> dict[str, str]:
     return texts
 
 
-def _imu_samples(plan: Plan, sequence: Sequence, paths: SensorPaths, stamps: FrameStamps) -> ImuSamples | None:
+def _imu_samples(plan: Plan, sequence: PlannedSequence, paths: SensorPaths, stamps: FrameStamps) -> ImuSamples | None:
     """Return what the rig's IMU measures along a sequence's whole path; None without one.
 
     It draws by seed and scene alone: settings that follow the same path have the same samples.
@@ -166,7 +166,7 @@ class Completion:
             files[folder] = there | written
         return files
 
-    def _finished_frames(self, render: Render, sequence: Sequence) -> dict[int, FrameRecord]:
+    def _finished_frames(self, render: Render, sequence: PlannedSequence) -> dict[int, FrameRecord]:
         """Return the complete frames of a sequence, including those of earlier runs, and remove incomplete ones."""
         names = self._dataset.format.names(render.scene.source.frame_stamps)
         records = self._dataset.records(sequence.folder)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.perturbing.earlier_frames import EarlierFrame, ReadEarlier, earlier_than
-from ..core.planning.sequence import Sequence
+from ..core.planning.sequence import PlannedSequence
 
 KEPT = 4096  # small images: 36 MiB at most, more than any frame of 60 Hz looks back; chosen
 
@@ -27,7 +27,7 @@ class EarlierFrames:
         self._kept: OrderedDict[int, EarlierFrame] = OrderedDict()
         self._lock = threading.Lock()
 
-    def before(self, sequence: Sequence, frame: int) -> tuple[ReadEarlier, Hashable]:
+    def before(self, sequence: PlannedSequence, frame: int) -> tuple[ReadEarlier, Hashable]:
         """Return what reads the frames before one of a sequence, and what is equal where these are.
 
         They are looked up at once, so that later it may be called in any thread.
@@ -45,7 +45,7 @@ class EarlierFrames:
 
         return read, (frame, sources)
 
-    def prepare(self, sequence: Sequence, frame: int) -> None:
+    def prepare(self, sequence: PlannedSequence, frame: int) -> None:
         """Read what is before a frame of a sequence and is not kept, but for what the frame itself shows."""
         own = sequence.source_frames[frame]
         for number in earlier_than(self._stamps_s, frame, sequence.setting.looks_back_s):

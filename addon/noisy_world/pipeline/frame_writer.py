@@ -21,7 +21,7 @@ from ..core.datasets.records import FrameRecord
 from ..core.datasets.storage import sha256_of_bytes
 from ..core.errors import NoisyWorldError
 from ..core.planning.plan import Render
-from ..core.planning.sequence import Sequence
+from ..core.planning.sequence import PlannedSequence
 from .clean_frame import CleanFrame
 from .colour import FrameOf
 from .completed_images import FinishedImages
@@ -49,7 +49,7 @@ class WrittenImage:
 class Lost:
     """A frame of a sequence some of whose depth its image cannot hold."""
 
-    sequence: Sequence
+    sequence: PlannedSequence
     frame: int
     out_of_range: OutOfRange
 
@@ -145,7 +145,7 @@ class FrameWriter:
     def _write_images(
         self,
         modality: Modality,
-        sequence: Sequence,
+        sequence: PlannedSequence,
         clean: CleanFrame | CleanPair,
         files: "FrameFiles",
         frames: FrameOf,

@@ -19,7 +19,7 @@ from ..core.datasets.records import COMPLETED
 from ..core.errors import InputError
 from ..core.perturbing.execution import ColourWork, DepthWork, Notes
 from ..core.perturbing.kinds import FrameContext
-from ..core.planning.sequence import Sequence, ShownSources
+from ..core.planning.sequence import PlannedSequence, ShownSources
 from ..core.regular_files import read_bytes
 from ..core.trajectories.motion import CameraMotion
 
@@ -54,7 +54,7 @@ class Frame:
     Without clean frames it tells what follows from the plan alone: its sources, its steps and their part of the record.
     """
 
-    def __init__(self, sequence: Sequence, index: int, clean: CleanFrames | None = None) -> None:
+    def __init__(self, sequence: PlannedSequence, index: int, clean: CleanFrames | None = None) -> None:
         """Look up what it shows. index: its number in the sequence. Raises ValueError if it is left out."""
         self.sequence = sequence
         self.index = index

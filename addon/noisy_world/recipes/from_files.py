@@ -28,7 +28,7 @@ from .frame_numbers import FrameNumbers
 from .opened import Frame, Opened, OpenedSequence, decoded
 
 KEPT = 64  # sequences whose files and poses stay in memory, a megabyte or two each
-AGAIN = "'noisy-world verify' tells what else is damaged; the command that made the dataset mends it"
+MEND = "'noisy-world verify' tells what else is damaged; the command that made the dataset mends it"
 _RECORD = re.compile(rb'\{"frame": ([0-9]{1,18}), "time_s": ')
 
 
@@ -168,7 +168,7 @@ class _Records:
         found = [(int(match[1]), start) for start in starts if (match := _RECORD.match(data, start))]
         frames = sorted(found)
         if len({frame for frame, _ in frames}) != count:
-            raise InputError(path, f"tells of {len(frames)} frames, and there are {count} images", remedy=AGAIN)
+            raise InputError(path, f"tells of {len(frames)} frames, and there are {count} images", remedy=MEND)
         order, offsets = (np.array(values, dtype=np.int64) for values in zip(*frames, strict=True))
         return cls(path, FrameNumbers.of(order.tolist()), order, offsets)
 
@@ -189,7 +189,7 @@ class _Records:
             _ = {**record.get("perturbed", {})}  # an object, too
         except (ValueError, KeyError, TypeError) as error:
             where = f"frame {self._order[place]}"
-            raise InputError(self.path, "its line is damaged", where=where, remedy=AGAIN) from error
+            raise InputError(self.path, "its line is damaged", where=where, remedy=MEND) from error
         return record
 
 
@@ -238,7 +238,7 @@ class FrameOfFiles(Frame):
             return _content(self._files.depth_file if CHANNELS[channel].paired else self._files.rgb_file)
         data = _content(self._other_file(channel))
         if sha256_of_bytes(data) not in self._digests.values():
-            raise InputError(self._other_file(channel), "is not as it was written", remedy=AGAIN)
+            raise InputError(self._other_file(channel), "is not as it was written", remedy=MEND)
         return data
 
     def _other(self, channel: str) -> NDArray[Any]:
@@ -268,7 +268,7 @@ def _files(stored: StoredSequence, place: int, record: dict[str, Any], path: Pat
     )
     if rgb is None or depth is None or stored.folder / rgb != frame.rgb_file:
         where = f"frame {record['frame']}"
-        raise InputError(path, f"does not name {frame.rgb_file.name} and its depth", where=where, remedy=AGAIN)
+        raise InputError(path, f"does not name {frame.rgb_file.name} and its depth", where=where, remedy=MEND)
     return replace(frame, depth_file=stored.folder / depth, depth_sha256=record["sha256"][depth])
 
 
@@ -276,4 +276,4 @@ def _content(path: Path) -> bytes:
     try:
         return read_bytes(path)
     except OSError as error:
-        raise InputError(path, f"cannot be read: {error.strerror or error}", remedy=AGAIN) from error
+        raise InputError(path, f"cannot be read: {error.strerror or error}", remedy=MEND) from error

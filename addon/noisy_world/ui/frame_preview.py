@@ -18,7 +18,7 @@ from ..core.datasets.images import as_bytes, grey_bytes
 from ..core.datasets.overview import colour_depth
 from ..core.errors import NoisyWorldError
 from ..core.perturbing.steps import Setting
-from ..core.planning.sequence import Sequence, Shown, lay_out
+from ..core.planning.sequence import PlannedSequence, Shown, lay_out
 from ..core.planning.source import RenderedFrame
 from ..pipeline.clean_frame import Camera, CleanFrame
 from ..pipeline.colour import colour_of
@@ -90,7 +90,7 @@ def forget_drawn(scene: bpy.types.Scene) -> None:
     _drawn.pop(scene.session_uid, None)
 
 
-def sequence_of(scene: bpy.types.Scene) -> tuple[Sequence, int]:
+def sequence_of(scene: bpy.types.Scene) -> tuple[PlannedSequence, int]:
     """Return the sequence that the panel describes, and which of its frames the current scene frame shows.
 
     Raises NoisyWorldError where a value of the panel is wrong.
@@ -199,7 +199,7 @@ def _is_rendered(scene: bpy.types.Scene, sources: set[int]) -> bool:
     return footage.is_shown(panel_of(scene)) or sources <= _stills.get(scene.session_uid, {}).keys()
 
 
-def _shown(sequence: Sequence, index: int) -> Shown:
+def _shown(sequence: PlannedSequence, index: int) -> Shown:
     if sequence.leaves_out(index):
         raise NoisyWorldError(f"frame {index} is left out: there is no depth to pair with it")
     return sequence.shown(index)

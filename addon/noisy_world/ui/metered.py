@@ -14,7 +14,7 @@ from ..core.node_graphs.chain import decided_by
 from ..core.perturbing.by_frame import without_frames
 from ..core.perturbing.execution import ColourWork
 from ..core.perturbing.kinds import FrameContext
-from ..core.planning.sequence import Sequence
+from ..core.planning.sequence import PlannedSequence
 from ..pipeline.earlier import EarlierFrames
 from .paths import clean_stamps_s
 from .properties import panel_of
@@ -50,7 +50,7 @@ def keep(scene: bpy.types.Scene, lights: Mapping[int, NDArray[np.float32]]) -> N
     }
 
 
-def lights_of(scene: bpy.types.Scene, sequence: Sequence) -> list[NDArray[np.float32]] | None:
+def lights_of(scene: bpy.types.Scene, sequence: PlannedSequence) -> list[NDArray[np.float32]] | None:
     """Return what a meter saw of each source frame of the path; None where one that is shown was not metered."""
     kept: Any = scene.get(KEPT)
     if kept is None or kept["shows"] != panel_of(scene).mesh_source:
@@ -63,13 +63,13 @@ def lights_of(scene: bpy.types.Scene, sequence: Sequence) -> list[NDArray[np.flo
     return None if lacks else [images[0] if light is None else light for light in found]
 
 
-def earlier_of(scene: bpy.types.Scene, sequence: Sequence) -> EarlierFrames | None:
+def earlier_of(scene: bpy.types.Scene, sequence: PlannedSequence) -> EarlierFrames | None:
     """Return what the frames of the panel's sequence have before them; None where no step asks, or it is not known."""
     lights = lights_of(scene, sequence) if sequence.setting.looks_back else None
     return None if lights is None else EarlierFrames(clean_stamps_s(scene), lambda source: lights[source])
 
 
-def decided_at(scene: bpy.types.Scene, sequence: Sequence) -> DecidedAt | None:
+def decided_at(scene: bpy.types.Scene, sequence: PlannedSequence) -> DecidedAt | None:
     """Return what automatics decide for a frame of the panel's sequence; None where it has none.
 
     Where frames were not metered, it is as if all had been mid-grey.
@@ -101,7 +101,7 @@ def follows_grey(scene: bpy.types.Scene) -> bool:
 
 
 def _decided(
-    sequence: Sequence, frame: int, stamp_s: float, earlier: EarlierFrames | None
+    sequence: PlannedSequence, frame: int, stamp_s: float, earlier: EarlierFrames | None
 ) -> Mapping[str, FrameContext]:
     read, key = (None, None) if earlier is None else earlier.before(sequence, frame)
     context = FrameContext(

@@ -14,7 +14,7 @@ from bpy.app.handlers import persistent
 from ..blender.chain_scene import hide_chain, own_compositing, refresh_chain, set_split, shown_chain
 from ..blender.chain_values import is_edited
 from ..core.errors import NoisyWorldError
-from ..core.planning.sequence import Sequence
+from ..core.planning.sequence import PlannedSequence
 from . import frame_preview, metered, preview_buttons, properties, this_scene, view_depth, views
 from .document import intrinsics_of
 from .handlers import Handlers
@@ -176,7 +176,7 @@ def leaves_compositing_out(scene: bpy.types.Scene) -> bool:
     return this_scene.is_shown(panel_of(scene)) and not keeps_compositing(scene)
 
 
-def index_of(scene: bpy.types.Scene, sequence: Sequence) -> Callable[[int], int] | None:
+def index_of(scene: bpy.types.Scene, sequence: PlannedSequence) -> Callable[[int], int] | None:
     """Return what gives the sequence's frame that a scene frame shows; None where the numbers are equal."""
     if not this_scene.is_shown(panel_of(scene)):
         return sequence.frame_at if sequence.skips else None

@@ -8,7 +8,7 @@ import bpy
 import numpy as np
 
 from ..blender.scene_camera import sampled_camera, shots_at
-from ..core.planning.sequence import Sequence
+from ..core.planning.sequence import PlannedSequence
 from ..core.schema import ConfigPath
 from ..core.trajectories.camera_state import CameraState, camera_state_of
 from ..core.trajectories.trajectory import Trajectory
@@ -51,7 +51,7 @@ def _sampled(scene: bpy.types.Scene, sources: list[int]) -> Trajectory:
     return Trajectory(c2w, stamps_s, posed=posed, shots=shots_at(scene, path_frames(scene)))
 
 
-def camera_at(scene: bpy.types.Scene, sequence: Sequence, frame: int) -> Camera:
+def camera_at(scene: bpy.types.Scene, sequence: PlannedSequence, frame: int) -> Camera:
     """Return what is known about the camera at a frame of the sequence. Raises NoisyWorldError as `shown_path` does."""
     earlier = metered.earlier_of(scene, sequence)
     camera = Camera(intrinsics_of(panel_of(scene)), clean_stamps_s(scene), earlier=earlier)
@@ -61,7 +61,7 @@ def camera_at(scene: bpy.types.Scene, sequence: Sequence, frame: int) -> Camera:
     return replace(camera, path=shown_path(scene, sources))
 
 
-def camera_states(scene: bpy.types.Scene, sequence: Sequence) -> Callable[[int], CameraState] | None:
+def camera_states(scene: bpy.types.Scene, sequence: PlannedSequence) -> Callable[[int], CameraState] | None:
     """Return what gives the camera's state at a frame of the sequence, whose last one stays at later numbers.
 
     None where no perturbation asks for it, or where the path is not known wholly: the scene's own camera has to be
@@ -74,7 +74,7 @@ def camera_states(scene: bpy.types.Scene, sequence: Sequence) -> Callable[[int],
     return lambda frame: camera_state_of(camera.motion(sequence, min(max(frame, 0), last)))
 
 
-def is_unknown(scene: bpy.types.Scene, sequence: Sequence) -> bool:
+def is_unknown(scene: bpy.types.Scene, sequence: PlannedSequence) -> bool:
     """Tell whether a perturbation asks how the camera moves, and its path has to be loaded for that."""
     return sequence.setting.uses_motion and _waits(scene)
 

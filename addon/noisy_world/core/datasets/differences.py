@@ -17,7 +17,7 @@ from ..messages import Action, CommandLineOnly, Message, PresetKey, either, offe
 from ..planning.numbers import array_of
 from ..planning.plan import Plan
 from ..planning.scene import Scene
-from ..planning.sequence import Sequence, lay_out
+from ..planning.sequence import PlannedSequence, lay_out
 from ..planning.source import DRAWN, PERTURBED
 from ..planning.source_paths import source_paths
 from ..presets.names import format_same_folder
@@ -271,7 +271,7 @@ def _longer(scene: Scene, counts: dict[str, int], plan: Plan) -> str | None:
     return None
 
 
-def _goes_on(sequence: Sequence, count: int, before: SensorPaths, after: SensorPaths) -> bool:
+def _goes_on(sequence: PlannedSequence, count: int, before: SensorPaths, after: SensorPaths) -> bool:
     """Tell whether a sequence shows in each frame of a path's first `count` poses the same as on the longer path.
 
     before, after: the sensors' paths, of the first poses and of all.

@@ -11,12 +11,12 @@ from ..perturbing.execution import chosen_poses, drawn_motion
 from ..trajectories.sensor_paths import SensorPaths
 from .numbers import array_of
 from .plan import Render
-from .sequence import Sequence
+from .sequence import PlannedSequence
 
 Float64: TypeAlias = NDArray[np.float64]
 
 
-def motion_of_frames(render: Render, sequence: Sequence, paths: SensorPaths) -> list[dict[str, Any]]:
+def motion_of_frames(render: Render, sequence: PlannedSequence, paths: SensorPaths) -> list[dict[str, Any]]:
     """Return for each frame of a sequence what motion did to it; [] where it did nothing.
 
     paths: the render's. source_frame: the number of the pose on the scene's path, where frames show others than their

@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The plan of a preset: every sequence, and every render, which several sequences may share."""
 
-from collections.abc import Hashable
-from collections.abc import Sequence as Many
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -30,7 +29,7 @@ from .depth_unit import DepthUnit
 from .numbers import Numbers, union
 from .rig_sensors import check_imu, check_sensors, depth_sensor, read_rig
 from .scene import Scene
-from .sequence import Sequence, lay_out
+from .sequence import PlannedSequence, lay_out
 from .sharing import PartsMade
 
 OTHER_LAYOUT = Message("choose another ", PresetKey("output.layout"), ", such as tum")
@@ -49,7 +48,7 @@ class Render:
     name: str
     scene: Scene
     frames: Numbers
-    sequences: tuple[Sequence, ...]
+    sequences: tuple[PlannedSequence, ...]
     camera: Intrinsics
     moving: tuple[Step[MotionPerturbation], ...] = ()
     identifiers: Identifiers = ()
@@ -113,7 +112,7 @@ class Plan:
     chosen: slice | None = None
 
     @cached_property
-    def sequences(self) -> tuple[Sequence, ...]:
+    def sequences(self) -> tuple[PlannedSequence, ...]:
         """Every sequence, in the order of the renders; --frames may leave it without a frame."""
         return tuple(sequence for render in self.renders for sequence in render.sequences)
 
@@ -205,7 +204,7 @@ def read_settings(preset: Preset, registry: Registry) -> tuple[Setting, ...]:
 
 
 def lay_out_plan(
-    preset: Preset, settings: tuple[Setting, ...], scenes: Many[Scene], chosen: slice | None = None
+    preset: Preset, settings: tuple[Setting, ...], scenes: Sequence[Scene], chosen: slice | None = None
 ) -> Plan:
     """Lay out the work of a preset with its settings and scenes.
 
@@ -240,7 +239,7 @@ def _renders(plan: Plan, scene: Scene) -> list[Render]:
     check_pairs(scene, optics, preset, unit)
     clocked = unit is not None and unit.clock is not None
     check_light(scene, plan.settings, preset)
-    shared: list[Sequence] = []
+    shared: list[PlannedSequence] = []
     moved: dict[Hashable, Render] = {}
     for setting in plan.settings:
         moving, _ = split_motion(setting.motion, exposed=clocked or bool(setting.exposure))
@@ -329,7 +328,7 @@ def _optics(scene: Scene, plan: Plan, camera: Intrinsics) -> Optics:
     raise scene.error(f"its lens distorts, which the {layout.label} layout cannot say", OTHER_LAYOUT, lacks="pinhole")
 
 
-def needed_sources(sequences: Many[Sequence], modalities: Many[Modality]) -> Numbers:
+def needed_sources(sequences: Sequence[PlannedSequence], modalities: Sequence[Modality]) -> Numbers:
     """Return the source frames that sequences of one render show, increasing."""
     return union([sequence.sources_shown(modality) for sequence in sequences for modality in modalities])
 
@@ -337,7 +336,7 @@ def needed_sources(sequences: Many[Sequence], modalities: Many[Modality]) -> Num
 # --- checks ---
 
 
-def _check_scenes(scenes: Many[Scene], preset: Preset) -> None:
+def _check_scenes(scenes: Sequence[Scene], preset: Preset) -> None:
     """Refuse names given twice, and scenes that do not fit the layout or the rig."""
     names: dict[str, str] = {}
     for scene in scenes:

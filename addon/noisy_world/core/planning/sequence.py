@@ -6,7 +6,7 @@ that is rendered or recorded. Motion twice as fast shows every second source fra
 of one frame with the depth of another.
 """
 
-from collections.abc import Sequence as Many
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TypeAlias
@@ -41,7 +41,7 @@ class Shown:
 
 
 @dataclass(frozen=True)
-class Sequence:
+class PlannedSequence:
     """One setting of one scene: a folder of the dataset.
 
     identifiers: of its random streams. source_frames: the source frame of each of its frames, as if none were left out.
@@ -140,7 +140,7 @@ class Sequence:
         first, last = np.searchsorted(sources.values, (source, source + 1))
         return list(frames[int(first) : int(last)])
 
-    def sources(self, modalities: Many[Modality]) -> Numbers:
+    def sources(self, modalities: Sequence[Modality]) -> Numbers:
         """Return the source frames that its frames to be made need, increasing."""
         return union([self.sources_shown(modality) for modality in modalities])
 
@@ -154,7 +154,7 @@ def lay_out(
     *,
     clocked: bool = False,
     repeats: NDArray[np.int64] | None = None,
-) -> Sequence:
+) -> PlannedSequence:
     """Return the sequence that a setting makes of a scene.
 
     identifiers: the preset's seed, the scene, the setting. chosen: the sequence's frames to make, start and stop only.
@@ -174,10 +174,10 @@ def lay_out(
     frames: Numbers = range(len(source_frames))[chosen or slice(None)]
     if pairs is not None:
         frames = taken(frames, numbers_of(np.flatnonzero(pairs[frames.start : frames.stop] >= 0)))
-    return Sequence(setting, scene, identifiers, source_frames, depth_frames, frames)
+    return PlannedSequence(setting, scene, identifiers, source_frames, depth_frames, frames)
 
 
-def written_paths(sequence: Sequence, paths: SensorPaths) -> SensorPaths:
+def written_paths(sequence: PlannedSequence, paths: SensorPaths) -> SensorPaths:
     """Return the paths of a sequence's frames, given the source frames' paths.
 
     The camera's rate does not change: frame i has the path's i-th stamp.

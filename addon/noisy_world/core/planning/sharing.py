@@ -12,7 +12,7 @@ from ..datasets.layouts import Modality
 from ..perturbing.execution import work_key
 from ..perturbing.kinds import FrameContext
 from ..perturbing.steps import Setting
-from .sequence import Sequence
+from .sequence import PlannedSequence
 
 MOST_COMBINATIONS = 1000  # of the severities of a setting's steps; beyond, nothing is taken to be shared
 
@@ -21,7 +21,9 @@ Works: TypeAlias = dict[tuple[str, Modality], tuple[tuple[Hashable, float], ...]
 """By setting and modality, what a setting does to a frame, but for nothing at all, and how probable each is."""
 
 
-def parts_made(sequences: Iterable[Sequence], modality: Modality, works: Works | None = None) -> dict[str, float]:
+def parts_made(
+    sequences: Iterable[PlannedSequence], modality: Modality, works: Works | None = None
+) -> dict[str, float]:
     """Return for sequences of one render, by folder, which part of their images of a modality is made, from 0 to 1.
 
     The rest is clean, as severity 0 leaves it, or made for a sequence before it, which does the same to the frame. That
@@ -58,7 +60,7 @@ class PartsMade:
         self._works: Works = {}
         self._found: dict[tuple[str, Modality], dict[str, float]] = {}
 
-    def of(self, render: str, sequences: Iterable[Sequence], modality: Modality) -> dict[str, float]:
+    def of(self, render: str, sequences: Iterable[PlannedSequence], modality: Modality) -> dict[str, float]:
         """Return it for a render's sequences, by its name."""
         if (render, modality) not in self._found:
             self._found[render, modality] = parts_made(sequences, modality, self._works)

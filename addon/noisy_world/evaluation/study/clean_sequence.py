@@ -12,7 +12,7 @@ from ...core.datasets.layouts import OutputFormat
 from ...core.errors import InputError
 from ...core.geometry import Intrinsics
 from ...core.optics import Distortion
-from ...core.planning.sequence import Sequence
+from ...core.planning.sequence import PlannedSequence
 from ...pipeline.clean_frame import CleanFrame
 from ...recipes.frame_numbers import FrameNumbers
 from ...recipes.opened import Frame, OpenedSequence
@@ -22,7 +22,7 @@ class CleanSequence(OpenedSequence):
     """The clean counterpart of a sequence: frame i shows what that of the sequence shows."""
 
     def __init__(
-        self, noisy: OpenedSequence, laid: Sequence, read: Callable[[int], CleanFrame], format_: OutputFormat
+        self, noisy: OpenedSequence, laid: PlannedSequence, read: Callable[[int], CleanFrame], format_: OutputFormat
     ) -> None:
         """Take the sequence and how it was laid out. read: returns the frame on the path with a number, kept or made.
 
