@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """One job by every executor of this machine: what is heard of it, and how it ends where a task cannot be done."""
 
+import os
+import signal
 import subprocess
 import sys
 import threading
@@ -49,12 +51,19 @@ if __name__ == "__main__":
 
 @pytest.fixture
 def executors(tmp_path):
-    """Executors, whose tasks are the same: one in this process, and one of two processes."""
+    """Executors, whose tasks are the same: one in this process, and two of two processes, started and split off."""
     path = tmp_path / "program.py"
     path.write_text(WORKER.format(addon=ADDON))
     names = {"__name__": "program"}
     exec(path.read_text(), names)
-    return InProcess(names["ready"]), WorkerProcesses([sys.executable, str(path)], 2)
+
+    def work():
+        signal.signal(signal.SIGTERM, lambda *_: names["stop"].set())
+        return names["work"](names["ready"], names["stop"], lambda: {"pid": os.getpid()})
+
+    command = [sys.executable, str(path)]
+    with WorkerProcesses(command, 2, work) as split:
+        yield InProcess(names["ready"]), WorkerProcesses(command, 2), split
 
 
 class Heard:
@@ -103,11 +112,26 @@ def test_what_cannot_be_done_ends_the_job_with_its_line(executors):
     assert ended == [TaskOutcome("a", REFUSED, "no such scene")]
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="processes are split on Linux alone")
+def test_a_worker_that_is_split_off_answers_before_it_has_an_order(executors, monkeypatch):
+    split = executors[2]
+    assert split.kept
+    pid = split.ask()["pid"]
+    assert pid != os.getpid()
+    done, _ = outcomes(split, job("a", "b"))
+    assert [outcome.name for outcome in done] == ["a", "b"]
+    with pytest.raises(ChildProcessError):
+        os.waitpid(pid, os.WNOHANG)  # it has ended, and was waited for
+    monkeypatch.setitem(sys.modules, "bpy", None)
+    with WorkerProcesses(["false"], 2, lambda: 0) as whole:
+        assert not whole.kept, "Blender's threads would be missing in the other process"
+
+
 def test_a_worker_that_dies_is_named_by_its_task(executors):
-    with pytest.raises(
-        NoisyWorldError, match=r"^dies: its worker was ended by signal 9, perhaps for want of memory; .* goes on$"
-    ):
-        outcomes(executors[1], job("waits", "dies"))
+    said = r"^dies: its worker was ended by signal 9, perhaps for want of memory; .* goes on$"
+    for executor in executors[1:]:
+        with pytest.raises(NoisyWorldError, match=said):
+            outcomes(executor, job("waits", "dies"))
 
 
 def test_stopped(executors):

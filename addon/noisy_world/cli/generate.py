@@ -2,6 +2,7 @@
 """`generate`: make the dataset that a preset describes."""
 
 import argparse
+from functools import partial
 from typing import TYPE_CHECKING
 
 from ..core.extras import need
@@ -86,11 +87,10 @@ def generate(plan: "Plan", options: argparse.Namespace, entry: Entry) -> int:
     from .running import listener
     from .shard_tasks import make_dataset
 
-    need_blender(plan, entry)
     progress, stop = listener(options.progress)
     if (address := out_address(options)) is None and is_video(out_folder(options)):
         return generate_videos(plan, options, entry, progress, stop)
-    report = make_dataset(plan, options, entry, progress, stop)
+    report = make_dataset(plan, options, entry, progress, stop, partial(need_blender, plan, entry))
     for written in [address] if address else _written(plan, out_folder(options)):
         print(f"wrote {written}")
     tell_outcome(report, options)
@@ -113,8 +113,11 @@ def generate_videos(
     out = out_folder(options)
     videos = videos_of(plan, out, overwrite=options.overwrite)
     reports: list[Report] = []
+    need = partial(need_blender, plan, entry)
     make_videos(
-        plan, videos, lambda folder: reports.append(make_dataset(plan, options, entry, progress, stop, folder=folder))
+        plan,
+        videos,
+        lambda folder: reports.append(make_dataset(plan, options, entry, progress, stop, need, folder=folder)),
     )
     for path in videos.values():
         print(f"wrote {path}")

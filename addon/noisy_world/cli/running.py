@@ -7,7 +7,7 @@ import signal
 import sys
 import threading
 from collections.abc import Callable
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import AbstractContextManager
 from functools import partial
 from types import FrameType
 from typing import IO, TYPE_CHECKING, Any, TextIO
@@ -61,23 +61,28 @@ def stop_on_signal(stream: IO[str] | None) -> threading.Event:
     return stop
 
 
-def executor_of(options: argparse.Namespace, entry: "Entry", jobs: int) -> "AbstractContextManager[Executor]":
-    """Return what carries out tasks: the cluster that the options name, or else processes of this machine."""
+def executor_of(
+    options: argparse.Namespace, entry: "Entry", jobs: int, work: Callable[[], int] | None = None
+) -> "AbstractContextManager[Executor]":
+    """Return what carries out tasks: the cluster that the options name, or else processes of this machine.
+
+    work: what those do that are split from this one; see `WorkerProcesses`.
+    """
     if options.ray is not None:
         from ..executors.ray_cluster import ray_cluster
 
         return ray_cluster(options.ray, options.cpus)
     from ..executors.processes import WorkerProcesses
 
-    return nullcontext(WorkerProcesses(entry.command(["--worker"]), jobs))
+    return WorkerProcesses(entry.command(["--worker"]), jobs, work)
 
 
-def work_on(prepare: Callable[..., AbstractContextManager[Any]]) -> int:
+def work_on(prepare: Callable[..., AbstractContextManager[Any]], answer: Callable[[], Any] | None = None) -> int:
     """Be a worker: do tasks for the process that started this one; return the exit status.
 
-    prepare: as `executors.jobs.Prepare`, and takes the event that stops it as `stop`.
+    prepare: as `executors.jobs.Prepare`, and takes the event that stops it as `stop`. answer: as of `worker.work`.
     """
     from ..executors.worker import work
 
     stop = stop_on_signal(None)
-    return work(partial(prepare, stop=stop), stop)
+    return work(partial(prepare, stop=stop), stop, answer)

@@ -9,12 +9,14 @@ import contextlib
 import json
 import math
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from ..core.datasets.dataset_state import IDENTITY, WORK_FOLDER
+from ..core.datasets.provenance import base_versions
 from ..core.machine import available_threads, peak_memory_bytes
 from ..core.planning.estimate import estimate
 from ..core.planning.memory import check_memory
@@ -23,15 +25,17 @@ from ..core.planning.shards import Shard, seconds_of
 from ..core.presets.preset import check_document
 from ..core.progress import Progress
 from ..executors.jobs import Executor, Job, Perform, Task, TaskOutcome, carry_out
+from ..executors.processes import WorkerProcesses
 from ..pipeline.destination import Destination, Made
 from ..pipeline.report import Report
 from ..pipeline.run import Run, threads_of_each
+from ..pipeline.versions import versions_of
 from ..planning import make_plan
 from ..storage.open_store import is_address, open_store
 from .arguments import out_address
 from .destinations import destination_of
 from .entry import Entry
-from .running import executor_of
+from .running import executor_of, work_on
 
 SHARD_S = 120.0  # of work on two cores in a shard on a cluster: loading a scene is a small part of it then
 
@@ -75,10 +79,15 @@ class ShardOrder:
 
 
 @contextlib.contextmanager
-def ready_for_shards(text: str, progress: Progress, *, stop: threading.Event) -> Iterator[Perform]:
-    """Be ready to make the shards of an order, given as its text; see `executors.jobs.Prepare`."""
+def ready_for_shards(
+    text: str, progress: Progress, *, stop: threading.Event, plan: Plan | None = None
+) -> Iterator[Perform]:
+    """Be ready to make the shards of an order, given as its text; see `executors.jobs.Prepare`.
+
+    plan: of the order, where this process was split from one that has made it.
+    """
     order = ShardOrder(**json.loads(text))
-    plan = order.plan()
+    plan = plan or order.plan()
     if is_address(order.out):
         from ..pipeline.address_destination import AddressDestination
 
@@ -156,21 +165,26 @@ def useful_jobs(asked: int, frames: int) -> tuple[int, str]:
     return jobs, f"--jobs {asked} is more than is of use with {count} {what}{plural}, so it is taken as {jobs}"
 
 
-def make_dataset(
+def make_dataset(  # noqa: PLR0917 - what every command that makes one has
     plan: Plan,
     options: argparse.Namespace,
     entry: Entry,
     progress: Progress,
     stop: threading.Event,
+    need: Callable[[], None],
     *,
     folder: Path | None = None,
 ) -> Report:
     """Make the dataset of a plan by what the options name. folder: where, if not where they say.
 
+    need: raises MissingDependencyError where its frames cannot be made here; it loads what makes them.
+
     Raises MissingDependencyError without Ray where that is to make it, NoisyWorldError where it cannot be made.
     """
     jobs, note = useful_jobs(options.jobs, plan.frame_count)
-    with executor_of(options, entry, jobs) as executor:
+    if jobs > 1 and options.ray is None:
+        _load_shared(plan)
+    with executor_of(options, entry, jobs, lambda: _work_split(plan, need)) as executor:
         if options.ray is not None:
             jobs, count = executor.slots, options.shards or math.ceil(estimate(plan).seconds / SHARD_S)
             place = destination_of(plan, options, put_by_workers=True)
@@ -182,6 +196,35 @@ def make_dataset(
             check_memory(plan, jobs)
             place, count = destination_of(plan, options, folder=folder), None
             workers = ShardWorkers(plan, place.folder, executor, stop, merging=place.merged_by_workers)
-        overwrite, make = options.overwrite, workers.make
-        run = Run(plan, place, progress=progress, stop=stop, overwrite=overwrite, jobs=jobs, workers=make, shards=count)
+        kept = executor if isinstance(executor, WorkerProcesses) and executor.kept else None
+        if kept is None:
+            need()
+        run = Run(
+            plan,
+            place,
+            progress=progress,
+            stop=stop,
+            overwrite=options.overwrite,
+            jobs=jobs,
+            workers=workers.make,
+            shards=count,
+            versions=None if kept is None else kept.ask,
+        )
         return run.make_dataset()
+
+
+def _load_shared(plan: Plan) -> None:
+    """Load what every worker of a plan needs, before they are split off: paths, the meshes of made ones, libraries."""
+    base_versions()
+    for scene in plan.scenes:
+        _ = scene.path
+
+
+def _work_split(plan: Plan, need: Callable[[], None]) -> int:
+    """Be a worker that was split from the process that has made the plan."""
+
+    def versions() -> dict[str, str]:
+        need()
+        return versions_of(plan)
+
+    return work_on(partial(ready_for_shards, plan=plan), versions)

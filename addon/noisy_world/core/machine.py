@@ -34,8 +34,20 @@ def peak_memory_bytes() -> int | None:
     return peak if sys.platform == "darwin" else peak * 1024
 
 
+_LIMIT: list[int] = []  # the threads of a process that was split from another
+
+
+def limit_threads(count: int) -> None:
+    """Let this process, whatever the system allows, run so many threads at once."""
+    _LIMIT[:] = [count]
+
+
 def available_threads() -> int:
     """Return how many threads this process may run at once."""
+    return min([_system_threads(), *_LIMIT])
+
+
+def _system_threads() -> int:
     if sys.version_info >= (3, 13):
         return os.process_cpu_count() or 1
     if sys.platform == "linux":

@@ -24,7 +24,7 @@ from typing import Any
 from ..core import exit_statuses, messages, progress
 from ..core.exit_statuses import BUSY, DONE, INTERRUPTED, REFUSED, USERS_ERROR, how_it_ended
 from . import worker_process
-from .worker_process import Heard, WorkerProcess
+from .worker_process import Heard, WorkerProcess, started
 
 CARRIED = (exit_statuses, messages, progress, worker_process)
 GRACE_S = 60.0  # for a worker to end after its current frame
@@ -132,10 +132,11 @@ def _run(task: NodeTask, environment: dict[str, str], tell: Callable[[dict[str, 
     """Start a worker, and let it do the task."""
     heard, ended = Heard(), Ended()
     command = [sys.executable, *task.words]
-    begins = _dying_with_parent()
-    worker = WorkerProcess(command, task.order, heard, environment=environment, listening=True, begins=begins)
+    process = started(command, environment, listening=True, begins=_dying_with_parent())
+    worker = WorkerProcess(process, heard)
     advanced, told_s = 0, time.monotonic()
     try:
+        worker.tell(task.order)
         worker.tell(task.name)
         while ended.status is None:
             # In turns: Ray ends a cancelled task by KeyboardInterrupt, which nothing hears that waits for long.

@@ -5,6 +5,7 @@ import contextlib
 import os
 import queue
 import threading
+from collections.abc import Callable
 from typing import Any
 
 from ..core.errors import BusyError, CannotJoinError, InterruptedRunError, NoisyWorldError, memory_errors
@@ -12,18 +13,25 @@ from ..core.exit_statuses import BUSY, DONE, INTERRUPTED, REFUSED, USERS_ERROR
 from ..core.progress import JsonProgress
 from .jobs import Prepare
 
+QUESTION = "?"  # a line in place of the order, which follows it
 
-def work(prepare: Prepare, stop: threading.Event) -> int:
+
+def work(prepare: Prepare, stop: threading.Event, answer: Callable[[], Any] | None = None) -> int:
     """Do the tasks that the process names which started this one; return the exit status.
 
-    stop: when set, this process ends where its task can be taken up again.
+    stop: when set, this process ends where its task can be taken up again. answer: to a question before the order, as
+    plain data: what takes something to find out that a worker loads anyway.
     """
     parent = Parent(stop)
     order = parent.next()
-    if order is None:
-        return INTERRUPTED
     with contextlib.ExitStack() as closing:
         try:
+            if order == QUESTION and answer is not None:
+                with memory_errors():
+                    parent.tell({"answer": answer()})
+                order = parent.next()
+            if order is None:
+                return INTERRUPTED if stop.is_set() else DONE
             with memory_errors():
                 perform = closing.enter_context(prepare(order, parent))
         except NoisyWorldError as error:  # the parent could prepare it, so it is this machine that lacks something

@@ -11,7 +11,7 @@ import queue
 import subprocess
 import threading
 from collections.abc import Callable, Mapping, Sequence
-from typing import IO, Any, TypeAlias
+from typing import IO, Any, Protocol, TypeAlias
 
 from ..core.progress import read_message
 
@@ -19,37 +19,64 @@ Heard: TypeAlias = queue.Queue[tuple[int, dict[str, Any]]]
 """What workers tell, each with the worker's number; {"end": status} is the last, {"said": line} of standard error."""
 
 
+class Started(Protocol):
+    """A process with pipes to its standard input and from its standard output, as subprocess.Popen has them."""
+
+    stdin: IO[str] | None
+    stdout: IO[str] | None
+    stderr: IO[str] | None
+
+    def poll(self) -> int | None:
+        """Return its exit status, negative where a signal ended it; None while it runs."""
+        ...
+
+    def wait(self, timeout: float | None = None) -> int:
+        """Return its exit status when it has ended. Raises subprocess.TimeoutExpired."""
+        ...
+
+    def terminate(self) -> None:
+        """Ask it to end."""
+        ...
+
+    def kill(self) -> None:
+        """End it."""
+        ...
+
+
+def started(
+    command: Sequence[str],
+    environment: Mapping[str, str],
+    *,
+    listening: bool = False,
+    begins: Callable[[], object] | None = None,
+) -> "subprocess.Popen[str]":
+    """Start the process of a worker. listening: to standard error too, which is this process's otherwise.
+
+    begins: is called in it.
+    """
+    return subprocess.Popen(
+        command,
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE if listening else None,
+        text=True,
+        errors="replace",
+        env=environment,
+        preexec_fn=begins,  # noqa: PLW1509 - a call in C and nothing else
+    )
+
+
 class WorkerProcess:
     """A process that does one task after another."""
 
-    def __init__(
-        self,
-        command: Sequence[str],
-        order: str,
-        heard: Heard,
-        *,
-        number: int = 0,
-        environment: Mapping[str, str] | None = None,
-        listening: bool = False,
-        begins: Callable[[], object] | None = None,
-    ) -> None:
-        """Start it. listening: to standard error too, which is this process's otherwise. begins: is called in it."""
+    def __init__(self, process: Started, heard: Heard, *, number: int = 0) -> None:
+        """Listen to a process that was started."""
         self._number = number
         self._heard = heard
-        self._process = subprocess.Popen(
-            command,
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE if listening else None,
-            text=True,
-            errors="replace",
-            env=environment,
-            preexec_fn=begins,  # noqa: PLW1509 - a call in C and nothing else
-        )
-        errors = threading.Thread(target=self._hear_errors, args=(self._process.stderr,), daemon=True)
+        self._process = process
+        errors = threading.Thread(target=self._hear_errors, args=(process.stderr,), daemon=True)
         errors.start()
-        threading.Thread(target=self._hear, args=(self._process.stdout, errors), daemon=True).start()
-        self.tell(order)
+        threading.Thread(target=self._hear, args=(process.stdout, errors), daemon=True).start()
 
     def tell(self, line: str) -> None:
         """Tell it a line: its order, or the name of a task."""

@@ -4,9 +4,11 @@
 Where the dataset lies, its destination knows (`destination`, `address_destination`).
 """
 
+import math
 import threading
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import TypeAlias
 
@@ -16,6 +18,7 @@ from ..core.datasets.shard_record import shard_folder
 from ..core.errors import StorageError
 from ..core.machine import available_threads, peak_memory_bytes
 from ..core.messages import Message
+from ..core.planning.estimate import estimate
 from ..core.planning.memory import check_memory
 from ..core.planning.plan import Plan
 from ..core.planning.plan_notes import plan_notes
@@ -29,6 +32,8 @@ from .frame_maker import FrameMaker
 from .report import Report, processors_of
 from .shard import ShardMaker
 from .versions import versions_of
+
+LEAST_SHARD_S = 1.0  # of a shard for a process of this machine; chosen: opening and merging one takes some 50 ms
 
 Workers: TypeAlias = Callable[[tuple[Shard, ...], Made, Progress], Report]
 """A function that makes shards in several processes, and returns when all are made."""
@@ -49,13 +54,14 @@ class Run:
         workers: Workers | None = None,
         shards: int | None = None,
         frames: FrameMaker | None = None,
+        versions: Callable[[], dict[str, str]] | None = None,
     ) -> None:
         """Prepare a run.
 
         out: a folder, or another destination. stop: when set, the run ends after the current frame. workers: what
         starts the processes where there are several. shards: about how many shards they make; by default some for each
         of the jobs, if there are several. frames: makes those that this process makes, where it has a scene or clean
-        frames already.
+        frames already. versions: returns those of `versions_of`, where it is not this process that loads the renderer.
         """
         self._plan = plan
         self._progress = progress
@@ -66,6 +72,7 @@ class Run:
         self._shards = shards
         self._out = Destination(plan, out) if isinstance(out, Path) else out
         self._frames = FrameMaker(plan, progress=progress, stop=stop) if frames is None else frames
+        self._versions = versions or partial(versions_of, plan)
         self._notes_told = 0
         self.report = Report(jobs=jobs)
 
@@ -110,7 +117,7 @@ class Run:
         """
         start_s = time.perf_counter()
         try:
-            made_from = plain_identity(self._plan, versions_of(self._plan))
+            made_from = plain_identity(self._plan, self._versions())
             if self._out.open(made_from, overwrite=self._overwrite, unfinished=unfinished):
                 self._tell_notes()
                 make(*self._missing())
@@ -143,7 +150,7 @@ class Run:
 
     def _make(self, work: Work, needed_bytes: int) -> None:
         """Make what is missing: straight into the dataset, or in shards, which other processes may make."""
-        count = None if self._workers is None else self._shards or SHARDS_PER_JOB * self._jobs
+        count = None if self._workers is None else self._shards or self._useful_shards(work)
         shards = self._out.cut(work, needed_bytes, count, self._jobs)
         self._tell_notes()
         self._progress.start("rendering", self._plan.frame_count, self.report.frames_kept)
@@ -161,6 +168,12 @@ class Run:
                 else:
                     self._make_shards_here(shards, made)
         self._progress.finish()
+
+    def _useful_shards(self, work: Work) -> int:
+        """Return about how many shards several processes make: some each, where there is work for so many."""
+        left = sum(map(len, work.values())) / max(1, self._plan.frame_count)
+        worth = math.ceil(left * estimate(self._plan).seconds / LEAST_SHARD_S)
+        return min(SHARDS_PER_JOB * self._jobs, max(self._jobs, worth))
 
     def _remark(self, work: Work) -> None:
         """Say what is to be known of the scenes of which frames are missing."""
