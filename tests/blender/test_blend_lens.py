@@ -112,7 +112,8 @@ def made(path, out, **several):
 
 
 def test_a_dataset_of_it_is_the_same_in_any_order(hall, tmp_path):
-    settings = [{"name": "clean"}, {"name": "blurred", "perturb": [{"camera_motion_blur": {"shutter_ms": 20}}]}]
+    blur = {"camera_motion_blur": {"shutter_ms": 20, "most_moments": 3}}
+    settings = [{"name": "clean"}, {"name": "blurred", "perturb": [blur]}]
     path = preset(hall, settings=settings)
     alone = made(path, tmp_path / "alone")
     assert json.loads(alone["manifest.json"])["camera"]["distortion"] == MODEL.content()

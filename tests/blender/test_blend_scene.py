@@ -99,7 +99,7 @@ class Towards:
         return self.directions
 
 
-@cases("between", [(1, 2), (1, 3), (4, 1), (0.5, 1.75)])
+@cases("between", [(1, 3), (4, 1), (0.5, 1.75)])
 def test_flow_of_a_ball_that_moves(between, tmp_path):
     new_scene()
     first, second = between

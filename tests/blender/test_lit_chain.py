@@ -89,9 +89,9 @@ PATTERNS = {
 
 
 def test_random_patterns_are_the_same_picture_in_both_executions():
-    light, depth_m = street_light(5)
+    light, depth_m = street_light(2)
     height, width = depth_m.shape
-    camera = Intrinsics(width, height, 160.0, 160.0, (width - 1) / 2, (height - 1) / 2)
+    camera = Intrinsics(width, height, 64.0, 64.0, (width - 1) / 2, (height - 1) / 2)
     chains = {label: [step_of(name, **values)] for label, (name, values) in PATTERNS.items()}
     with Compositor((width, height), chains, width, camera, lit=True) as compositor:
         found, _ = compositor.evaluate(light, dict.fromkeys(chains, (5, IDENTIFIERS)), depth_m)

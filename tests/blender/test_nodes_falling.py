@@ -1,20 +1,15 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The node groups of snow and rain by depth beside the execution on arrays: as much, as strong, hidden alike."""
 
-import bpy
 import numpy as np
 import pytest
 from cases import cases
-from group_tools import by_nodes, by_reference, picture, radial_power, step_of
-from shown import evaluate_scene, image_of
+from group_tools import by_groups, by_nodes, by_reference, picture, radial_power, step_of
 
 from noisy_world.blender.compositor import Compositor
-from noisy_world.blender.nodes import ensure_group
 from noisy_world.core.geometry import Intrinsics
-from noisy_world.core.node_graphs.groups import build_group
 from noisy_world.core.perturbing.kinds import FrameContext
 from noisy_world.core.trajectories.motion import CameraMotion
-from noisy_world.perturbations import registry
 
 NAMES = ("snow_depth", "rain_depth")
 SIZE = (240, 360)
@@ -71,23 +66,11 @@ def test_what_is_brighter_than_white_comes_through(name, tmp_path):
     """A group in an artist's compositor, in linear light, its Depth one number, before lamps of 4, 20 and 100."""
     light = np.full((24, 36, 3), 0.2, np.float32)
     light[4:8, 4:8], light[10:14, 4:8], light[16:20, 4:8] = 4, 20, 100
-    scene = bpy.data.scenes.new("Artist")
-    scene.render.resolution_x, scene.render.resolution_y = 36, 24
-    scene.render.compositor_precision, scene.render.compositor_device = "FULL", "CPU"
-    tree = scene.compositing_node_group = bpy.data.node_groups.new("Own", "CompositorNodeTree")
-    tree.interface.new_socket("Image", in_out="OUTPUT", socket_type="NodeSocketColor")
-    shown, end = tree.nodes.new("CompositorNodeImage"), tree.nodes.new("NodeGroupOutput")
-    shown.image = image_of(light)
-    node = tree.nodes.new("CompositorNodeGroup")
-    node.node_tree = ensure_group(build_group(registry()[name]))
-    tree.links.new(shown.outputs["Image"], node.inputs["Image"])
-    tree.links.new(node.outputs["Image"], end.inputs[0])
-    for depth_m, apart in ((0.01, 1e-4), (3.0, 0.2)):
-        node.inputs["Depth"].default_value = depth_m
-        found = evaluate_scene(scene, tmp_path)
+    near, far = by_groups({f"{z}": (name, {"Depth": z}) for z in (0.01, 3.0)}, light, tmp_path).values()
+    for found, apart in ((near, 1e-4), (far, 0.2)):
         for row, value in ((5, 4), (11, 20), (17, 100)):
             assert found[row, 5] == pytest.approx([value] * 3, rel=apart)
-    assert np.ptp(found[:, 12:]) > 1e-4  # and it falls
+    assert np.ptp(far[:, 12:]) > 1e-4  # and it falls
 
 
 def test_a_known_camera_decides_the_field_of_view():

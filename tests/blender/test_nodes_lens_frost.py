@@ -3,17 +3,13 @@
 
 from dataclasses import replace
 
-import bpy
 import cv2
 import numpy as np
 import pytest
 from cases import cases
-from group_tools import IDENTIFIERS, by_nodes, levels_apart, picture, step_of
-from shown import evaluate_scene, image_of
+from group_tools import IDENTIFIERS, by_groups, by_nodes, levels_apart, picture, step_of
 
 from noisy_world.blender.compositor import Compositor
-from noisy_world.blender.nodes import ensure_group
-from noisy_world.core.node_graphs.groups import build_group
 from noisy_world.perturbations import registry
 
 PERTURBATION = registry()["lens_frost"]
@@ -87,19 +83,7 @@ def test_what_is_brighter_than_white_comes_through(tmp_path):
     """In an artist's compositor, in linear light, in the clear middle: lamps of 4, 20 and 100; and the ice shines."""
     light = np.full((24, 36, 3), 0.2, np.float32)
     light[10:14, 12:15], light[10:14, 16:19], light[10:14, 20:23] = 4, 20, 100
-    scene = bpy.data.scenes.new("Artist")
-    scene.render.resolution_x, scene.render.resolution_y = 36, 24
-    scene.render.compositor_precision, scene.render.compositor_device = "FULL", "CPU"
-    tree = scene.compositing_node_group = bpy.data.node_groups.new("Own", "CompositorNodeTree")
-    tree.interface.new_socket("Image", in_out="OUTPUT", socket_type="NodeSocketColor")
-    shown, end = tree.nodes.new("CompositorNodeImage"), tree.nodes.new("NodeGroupOutput")
-    shown.image = image_of(light)
-    node = tree.nodes.new("CompositorNodeGroup")
-    node.node_tree = ensure_group(build_group(PERTURBATION))
-    node.inputs["Coverage"].default_value = 0.2
-    tree.links.new(shown.outputs["Image"], node.inputs["Image"])
-    tree.links.new(node.outputs["Image"], end.inputs[0])
-    found = evaluate_scene(scene, tmp_path)
+    found = by_groups({"x": ("lens_frost", {"Coverage": 0.2})}, light, tmp_path)["x"]
     for column, value in ((13, 4), (17, 20), (21, 100)):
         assert found[12, column] == pytest.approx([value] * 3, rel=1e-3)
     assert found[0].max() > 0.2 * 1.6 * 1.3  # lamps light the ice: more than a surface of .2 lights at most

@@ -9,7 +9,7 @@ import pytest
 bpy = pytest.importorskip("bpy", reason="bpy is not installed")
 
 from analytic import interpolated, look_at, quads_mesh
-from engines import each_engine, need_gl
+from engines import each_engine, need_gl, other_engines_at_length
 from ply_files import INDICES, XYZ, ply, vertex
 
 from noisy_world.blender.session import Session
@@ -74,7 +74,7 @@ def test_faces_have_their_bytes_up_to_the_edge(engine):
     assert np.array_equal(render(mesh, engine), expected)
 
 
-@each_engine
+@other_engines_at_length
 def test_several_samples_keep_colours(engine):
     # each texel is 16 x 12 pixels; away from its edges several samples average to it, within a half of a byte
     picture = every_byte()[:4, :4]
@@ -94,13 +94,13 @@ def test_between_texels_colours_are_interpolated_as_stored(engine):
     assert np.abs(image - interpolated(picture, W, H)).max() < tolerance
 
 
-@each_engine
+@other_engines_at_length
 def test_coordinates_beyond_the_picture_repeat_it(engine):
     picture = every_byte()[: H // 2, : W // 4]
     assert np.array_equal(render(textured([picture], WHOLE_UV * [4, 2] + [3, -5]), engine), np.tile(picture, (2, 4, 1)))
 
 
-@each_engine
+@other_engines_at_length
 def test_a_quarter_turn(engine):
     picture = every_byte()[:, :H]
     board = ((0, 0, H, H),)

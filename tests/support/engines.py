@@ -10,6 +10,9 @@ from noisy_world.core.errors import NoisyWorldError
 
 OF_GL = ("eevee", "workbench")
 each_engine = pytest.mark.parametrize("engine", ["cycles", *OF_GL])
+other_engines_at_length = pytest.mark.parametrize(  # EEVEE takes more than a second to begin
+    "engine", ["cycles", "workbench", pytest.param("eevee", marks=pytest.mark.long)]
+)
 gl_engines = pytest.mark.parametrize("engine", OF_GL)
 
 

@@ -11,6 +11,8 @@ from noisy_world.core.presets.preset import read_preset
 from noisy_world.core.planning.exposed import render_options
 from noisy_world.planning import make_plan
 
+pytest.importorskip("embreex", reason="embreex is not installed: pip install '.[embree]'")
+
 CAMERA = {"width": 1200, "height": 680, "fx": 600.0, "fy": 600.0, "cx": 599.5, "cy": 339.5}
 
 
@@ -18,7 +20,8 @@ def preset_of(folder, mesh):
     path = folder / "rooms.yaml"
     # The frames are half a minute apart: they show much of the room.
     trajectory = {"handheld": {"frames": 2000}, "every": 700}
-    content = {"scenes": [{"mesh": mesh, "trajectory": trajectory}], "camera": CAMERA}
+    scenes = [{"mesh": mesh, "trajectory": trajectory}]
+    content = {"scenes": scenes, "camera": CAMERA, "render": {"engine": "embree"}}
     path.write_text(yaml.safe_dump(content), encoding="utf-8")
     return read_preset(path)
 
