@@ -4,14 +4,16 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from ...core.channels import COLOUR_AND_DEPTH
 from ...core.geometry import Intrinsics
 from ...core.perturbing.contexts import Identifiers
-from ...core.perturbing.earlier_frames import alone
-from ...core.perturbing.execution import move, perturb_depth, perturb_rgb, split_motion
-from ...core.perturbing.kinds import FrameContext
+from ...core.perturbing.execution import move, split_motion
 from ...core.perturbing.steps import Setting
 from ...core.planning.scene import Scene
 from ...core.planning.sequence import lay_out
+from ...core.planning.source import RenderedFrame
+from ...pipeline.clean_frame import Camera, CleanFrame
+from ...pipeline.made_frame import CleanFrames, Frame
 
 PROBED_FRAMES = 12  # of which a severity that is drawn differs somewhere but in one of 10^8 cases
 PROBE_PX = (64, 48)
@@ -46,20 +48,13 @@ def _images_differ(setting: Setting, one: Identifiers, other: Identifiers) -> bo
     rgb, depth_m = _probe()
     width_px, height_px = PROBE_PX
     camera = Intrinsics(width_px, height_px, width_px, width_px, (width_px - 1) / 2, (height_px - 1) / 2)
+    seen = Camera(camera, np.arange(PROBED_FRAMES) / 20)
+    clean = CleanFrames(seen, seen).of_one(CleanFrame(0, RenderedFrame(rgb, depth_m)))
+    by_reference = Setting(setting.name, (*setting.rgb, *setting.depth))
+    laid = [lay_out(by_reference, "", PROBED_FRAMES, identifiers) for identifiers in (one, other)]
     for index in range(PROBED_FRAMES):
-        made: list[list[NDArray[np.uint8] | NDArray[np.float32] | None]] = []
-        for identifiers in (one, other):
-            where = FrameContext(
-                index,
-                identifiers,
-                stamp_s=index / 20,
-                intrinsics=camera,
-                read_rgb=lambda: rgb,
-                read_depth_m=lambda: depth_m,
-                read_earlier=alone(rgb),
-            )
-            made.append([perturb_rgb(setting.rgb, rgb, where)[0], perturb_depth(setting.depth, depth_m, where)[0]])
-        if not all(_equal(left, right) for left, right in zip(*made, strict=True)):
+        frames = [Frame(sequence, index, clean) for sequence in laid]
+        if not all(_equal(*(frame.changed(channel) for frame in frames)) for channel in COLOUR_AND_DEPTH):
             return True
     return False
 
