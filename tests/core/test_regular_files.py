@@ -12,7 +12,7 @@ import pytest
 from noisy_world.core import regular_files
 from noisy_world.core.datasets.image_files import read_header
 from noisy_world.core.datasets.layouts.asl import read_sensor_yaml
-from noisy_world.core.datasets.stored import read_text
+from noisy_world.core.datasets.stored import recorded_text
 from noisy_world.core.datasets.video_files import read_video
 from noisy_world.core.errors import InputError
 from noisy_world.core.presets.preset import read_preset
@@ -125,7 +125,7 @@ def refusals(path):
         read_sensor_yaml,
         read_estimate_file,
         read_header,
-        read_text,
+        recorded_text,
         imported_format,
         read_picture,
         load_arrays,

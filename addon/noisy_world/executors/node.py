@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Runs a worker for a task on a node of a cluster, and reports its progress.
 
-Ray carries this module to the nodes by its content, with those of CARRIED, so it works where the package is missing,
-and says that in a line. Hence they import nothing else but the standard library, and Ray where Ray runs them.
+Ray carries this module to the nodes by its content, with those that `carried` names, so it works where the package is
+missing, and says that in a line. Hence they import nothing else but the standard library, and Ray where Ray runs them.
 """
 
 import contextlib
@@ -19,14 +19,14 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
-from ..core import exit_statuses, messages, progress
 from ..core.exit_statuses import BUSY, DONE, INTERRUPTED, REFUSED, USERS_ERROR, how_it_ended
-from . import worker_process
+from ..core.messages import Message
+from ..core.progress import read_message
 from .worker_process import Heard, WorkerProcess, started
 
-CARRIED = (exit_statuses, messages, progress, worker_process)
 GRACE_S = 60.0  # for a worker to end after its current frame
 TELL_EVERY_S = 1.0
 BUSY_FOR_S = 120.0  # how long a task waits for another process on the same one to end: one whose node is lost
@@ -73,6 +73,11 @@ class Ended:
             return self.said[-1] if self.said else ""
         assert self.status is not None, "it has ended"
         return f"{how_it_ended(self.status)}: {' | '.join(self.said) or 'it said nothing'}"
+
+
+def carried() -> set[ModuleType]:
+    """Return the modules that go to the nodes: of this one and of what it imports of the package."""
+    return {sys.modules[item.__module__] for item in (carried, WorkerProcess, how_it_ended, Message, read_message)}
 
 
 def in_ray(task: NodeTask, tell: Callable[[dict[str, Any]], object]) -> dict[str, Any]:

@@ -23,9 +23,8 @@ from ..core.errors import MissingDependencyError, NoisyWorldError
 from ..core.exit_statuses import DONE, INTERRUPTED, REFUSED, USERS_ERROR
 from ..core.extras import install_command
 from ..core.machine import thread_variables
-from . import node
 from .jobs import Job, TaskMessage, TaskOutcome
-from .node import NodeTask
+from .node import NodeTask, carried, in_ray
 
 ANSWER_S = 10.0  # for a cluster to answer; chosen
 RETRIES = 3  # of a task whose process, worker or node was lost
@@ -142,8 +141,8 @@ class _Tasks:
         stop: threading.Event,
     ) -> None:
         self._ray = module("ray")
-        for carried in (node, *node.CARRIED):
-            module("ray.cloudpickle").register_pickle_by_value(carried)
+        for item in carried():
+            module("ray.cloudpickle").register_pickle_by_value(item)
         self._cpus = cpus
         self._hear = hear
         self._ended = ended
@@ -155,7 +154,7 @@ class _Tasks:
         actor = {"num_cpus": 0, "scheduling_strategy": here, "max_restarts": -1, "max_task_retries": -1}
         self._messages = module("ray.util.queue").Queue(actor_options=actor)
         # A task's own processes and memory end with it: max_calls=1.
-        self._remote = self._ray.remote(num_cpus=cpus, max_retries=RETRIES, max_calls=1)(node.in_ray)
+        self._remote = self._ray.remote(num_cpus=cpus, max_retries=RETRIES, max_calls=1)(in_ray)
         self._running: dict[Any, tuple[NodeTask, int]] = {}  # by the reference to the result: a task and its tries
         self._refused: dict[str, str] = {}  # why, by the node's identifier
 

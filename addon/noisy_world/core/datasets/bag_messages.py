@@ -18,7 +18,7 @@ from .layouts import LAYOUTS
 from .layouts.asl import read_poses_csv, read_sensor_yaml
 from .layouts.euroc import COLOUR, DEPTH, IMU, MAV, TRUE_STATE
 from .layouts.imu_files import read_samples
-from .stored import StoredSequence, read_text
+from .stored import StoredSequence, recorded_text
 
 TOPICS = {
     "/cam0/image_raw": "sensor_msgs/msg/Image",
@@ -52,7 +52,7 @@ class BagMessages:
         path = self.folder / IMU / "data.csv"
         if not path.is_file():
             return np.zeros(0, np.int64), np.zeros((0, 6))
-        return read_samples(read_text(path), path)
+        return read_samples(recorded_text(path), path)
 
     def in_order(self) -> Iterator[tuple[int, str, Any]]:
         """Yield stamp in nanoseconds, topic and message, in the order of time."""

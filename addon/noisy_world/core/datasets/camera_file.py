@@ -8,7 +8,7 @@ from ..errors import InputError
 from ..geometry import Intrinsics
 from .json_text import parse_given_json
 from .layouts.cam_params import read_cam_params_file
-from .stored import checked_intrinsics, read_text
+from .stored import checked_intrinsics, recorded_text
 
 # By the names of files: plain, with Open3D's and OpenCV's words, and nerfstudio's.
 _NAMES = (("w", "h", "fx", "fy", "cx", "cy"), ("width", "height", "fx", "fy", "cx", "cy"))
@@ -19,7 +19,7 @@ _REMEDY = "a camera has width, height, fx, fy, cx and cy"
 
 def read_camera_file(path: Path) -> Intrinsics:
     """Return the intrinsics that a JSON file says. Raises InputError where it says none, or what no camera has."""
-    document = parse_given_json(read_text(path), path, remedy=_REMEDY)
+    document = parse_given_json(recorded_text(path), path, remedy=_REMEDY)
     if not isinstance(document, dict):
         raise InputError(path, "is JSON, but no mapping", remedy=_REMEDY)
     if isinstance(document.get("camera"), dict) and "scale" in document["camera"]:

@@ -13,7 +13,7 @@ from ..messages import Message, PresetKey
 from ..trajectories.stamps import FrameStamps, Stamps
 from .json_text import finite_number, parse_given_json
 from .records import FRAMES
-from .stored import read_text
+from .stored import recorded_text
 
 _REMEDY = Message("mend it; without it, frames are ", PresetKey("rate_hz"), " apart")
 
@@ -42,7 +42,7 @@ def read_frame_times(folder: Path, frames: Sequence[int]) -> FrameStamps | None:
 def _times(path: Path) -> dict[int, tuple[float, float]]:
     """Return by frame the stamps of its colour and of its depth."""
     times_s: dict[int, tuple[float, float]] = {}
-    for number, line in enumerate(read_text(path).split("\n"), 1):
+    for number, line in enumerate(recorded_text(path).split("\n"), 1):
         if not line.strip():
             continue
         where = f"line {number}"

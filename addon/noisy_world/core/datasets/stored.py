@@ -286,7 +286,7 @@ def check_files(listing: Path, files: tuple[Path, ...]) -> None:
         raise InputError(listing, f"names {_short(lost.name)}, which is not there", remedy=f"looked in {lost.parent}")
 
 
-def read_text(path: Path) -> str:
+def recorded_text(path: Path) -> str:
     """Return the text of a file. Raises InputError where it cannot be read."""
     try:
         return regular_files.read_text(path, encoding="utf-8-sig")

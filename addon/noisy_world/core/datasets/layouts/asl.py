@@ -28,7 +28,7 @@ from ...trajectories.trajectory import Trajectory
 from ...yaml_reading import read_yaml
 from ..association import StampedFiles
 from ..json_text import finite_number
-from ..stored import checked_depth_scale, checked_intrinsics, read_text
+from ..stored import checked_depth_scale, checked_intrinsics, recorded_text
 from .layout import lines
 from .stated_optics import checked_distortion
 
@@ -119,7 +119,7 @@ def read_poses_csv(path: Path) -> Trajectory:
 
 def _rows(path: Path) -> Iterator[tuple[str, list[str]]]:
     """Yield for each row where it is ("line 3"), and its cells without the blanks around them."""
-    for number, line in enumerate(read_text(path).splitlines(), 1):
+    for number, line in enumerate(recorded_text(path).splitlines(), 1):
         if line.strip() and not line.lstrip().startswith("#"):
             yield f"line {number}", [cell.strip() for cell in line.split(",")]
 
@@ -216,7 +216,7 @@ def read_sensor_yaml(path: Path) -> AslSensor:
 
 def _load_yaml(path: Path) -> dict[str, Any]:
     # Some tools begin the file with OpenCV's line %YAML:1.0, which is not valid YAML.
-    text = "\n".join("" if line.startswith("%YAML") else line for line in read_text(path).splitlines())
+    text = "\n".join("" if line.startswith("%YAML") else line for line in recorded_text(path).splitlines())
     document = read_yaml(text, path)
     if not isinstance(document, dict):
         raise InputError(path, "describes no sensor")

@@ -11,7 +11,7 @@ from ...errors import InputError
 from ...geometry import Intrinsics
 from ...optics import DISTORTION, PINHOLE, Optics
 from ..json_text import parse_given_json
-from ..stored import checked_depth_scale, checked_intrinsics, read_text
+from ..stored import checked_depth_scale, checked_intrinsics, recorded_text
 from .stated_optics import stated_optics
 
 CAM_PARAMS = "cam_params.json"
@@ -65,7 +65,7 @@ def read_cam_params(folder: Path) -> CamParams | None:
 
 def read_cam_params_file(path: Path) -> CamParams:
     """Return what a cam_params.json says. Raises InputError as read_cam_params does."""
-    document = parse_given_json(read_text(path), path, remedy=_REMEDY)
+    document = parse_given_json(recorded_text(path), path, remedy=_REMEDY)
     camera = document.get("camera") if isinstance(document, dict) else None
     if not isinstance(camera, dict) or "scale" not in camera:
         raise InputError(path, "holds no camera with a scale", remedy=_REMEDY)

@@ -28,7 +28,7 @@ from ...trajectories.trajectory import Trajectory
 from ..association import StampedFiles, associate_frames
 from ..json_text import finite_number, parse_given_json
 from ..known_poses import PosePolicy
-from ..stored import StoredSequence, read_text
+from ..stored import StoredSequence, recorded_text
 from .numbered import CountedPoses, NumberedPoses, numbered_frames, numbered_images, poses_of_images
 from .recorded import MILLIMETRES, RECORDED_HZ, RecordedLayout, counted_note, intrinsics_of_matrix, stated_camera
 
@@ -146,7 +146,7 @@ def _intrinsics_file(folder: Path) -> Path | None:
 
 
 def _document(path: Path) -> dict[str, Any]:
-    document = parse_given_json(read_text(path), path)
+    document = parse_given_json(recorded_text(path), path)
     if not isinstance(document, dict) or "intrinsic_matrix" not in document:
         raise InputError(path, "holds no intrinsic_matrix", remedy="as Open3D writes it")
     return document

@@ -20,7 +20,7 @@ from ...optics import DepthCamera, Distortion, Optics, distortion_of
 from ...trajectories.files import read_file_poses
 from ..json_text import finite_number, parse_given_json
 from ..known_poses import PosePolicy
-from ..stored import StoredSequence, check_files, checked_intrinsics, read_text, size_of
+from ..stored import StoredSequence, check_files, checked_intrinsics, recorded_text, size_of
 from .numbered import NumberedPoses, numbered_frames
 from .recorded import MILLIMETRES, RECORDED_HZ, RecordedLayout, counted_note
 
@@ -47,7 +47,7 @@ class NerfstudioLayout(RecordedLayout):
     def read(self, folder: Path, rate_hz: float | None = None, poses: PosePolicy = "drop") -> StoredSequence:
         """Take the frames in the order of their images' names; their poses are OpenGL's."""
         path = folder / TRANSFORMS
-        text = read_text(path)
+        text = recorded_text(path)
         document = parse_given_json(text, path)
         frames = document.get("frames") if isinstance(document, dict) else None
         if not isinstance(frames, list) or not frames or not all(isinstance(frame, dict) for frame in frames):

@@ -17,7 +17,7 @@ from ...geometry import Intrinsics
 from ...optics import DepthCamera, Optics
 from ..json_text import finite_number
 from ..known_poses import PosePolicy
-from ..stored import StoredSequence, read_text, same_camera
+from ..stored import StoredSequence, recorded_text, same_camera
 from .numbered import folder_of_poses, numbered_frames, numbered_images
 from .recorded import MILLIMETRES, RECORDED_HZ, RecordedLayout, counted_note, intrinsics_of_matrix, stated_camera
 
@@ -117,7 +117,7 @@ def _read(
 
 
 def _info(path: Path) -> dict[str, str]:
-    lines = [line.partition("=") for line in read_text(path).splitlines()]
+    lines = [line.partition("=") for line in recorded_text(path).splitlines()]
     return {name.strip(): value.strip() for name, equals, value in lines if equals}
 
 

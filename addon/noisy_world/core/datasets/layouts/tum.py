@@ -16,7 +16,7 @@ from ...trajectories.stamped_poses import tum_text
 from ...trajectories.stamps import NS_PER_S, Stamps
 from ..association import StampedFiles, associate_frames
 from ..known_poses import PosePolicy, truth_file
-from ..stored import StoredSequence, check_files, read_text
+from ..stored import StoredSequence, check_files, recorded_text
 from .cam_params import CAM_PARAMS, cam_params_text, read_cam_params
 from .layout import PATH_SUFFIXES, Image, Layout, SequenceFacts, lines, numbered, path_suffix, poses_at
 
@@ -161,7 +161,7 @@ def _stamp_texts(stamps: Stamps) -> list[str]:
 def _listed(path: Path) -> StampedFiles:
     """Read a list of stamps and files, in any order. Raises InputError where a stamp is given twice."""
     found: dict[Decimal, Path] = {}
-    for number, line in enumerate(read_text(path).split("\n"), 1):
+    for number, line in enumerate(recorded_text(path).split("\n"), 1):
         if not line.strip() or line.lstrip().startswith("#"):
             continue
         where = f"line {number}"

@@ -25,7 +25,7 @@ from ...yaml_reading import read_yaml
 from ..association import StampedFiles, associate_frames
 from ..json_text import finite_number
 from ..known_poses import PosePolicy, truth_file
-from ..stored import StoredSequence, check_files, checked_depth_scale, checked_intrinsics, read_text
+from ..stored import StoredSequence, check_files, checked_depth_scale, checked_intrinsics, recorded_text
 from .asl import LARGEST_NS, exact_stamps
 from .layout import PATH_SUFFIXES, Image, Layout, SequenceFacts, StampsLike, lines, numbered, path_suffix, poses_at
 from .vslamlab_imu import SAMPLES, braced, number, vslamlab_imu, vslamlab_samples
@@ -250,7 +250,7 @@ def _read_listed(path: Path) -> tuple[StampedFiles, StampedFiles]:
 
 def _rows(path: Path) -> Iterator[tuple[str, list[str]]]:
     """Yield for each row where it is ("line 3"), and its cells without the blanks around them."""
-    reader = csv.reader(io.StringIO(read_text(path), newline=""), strict=True)
+    reader = csv.reader(io.StringIO(recorded_text(path), newline=""), strict=True)
     try:
         for cells in reader:
             if any(cell.strip() for cell in cells):
@@ -269,7 +269,7 @@ def _stamp_ns(path: Path, where: str, cell: str) -> int:
 def _read_calibration(path: Path) -> tuple[Intrinsics, float, Distortion | None]:
     """Return the intrinsics of the camera rgb_0, its depth scale per metre, and its lens. Raises InputError."""
     # Another version's directive, which PyYAML might not take.
-    text = "\n".join("" if line.startswith("%YAML") else line for line in read_text(path).splitlines())
+    text = "\n".join("" if line.startswith("%YAML") else line for line in recorded_text(path).splitlines())
     document = read_yaml(text, path)
     cameras = document.get("cameras") if isinstance(document, dict) else None
     found = [item for item in cameras if _is_colour(item)] if isinstance(cameras, list) else []
