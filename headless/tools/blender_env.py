@@ -14,7 +14,7 @@ import sys
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
-PACKAGES = ("deflate", "opencv-contrib-python-headless", "openexr", "pyyaml", "tqdm")
+PACKAGES = ("deflate", "opencv-contrib-python-headless", "openexr", "pyyaml", "simplejpeg", "tqdm")
 ASK = "import json, sys; print('@' + json.dumps([sys.implementation.cache_tag, '%d.%d' % sys.version_info[:2]]))"
 
 

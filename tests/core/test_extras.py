@@ -72,7 +72,7 @@ def test_an_extension_of_blender_names_the_packages(installed, monkeypatch):
 
 def test_an_environment_without_pip_has_uv(monkeypatch):
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
-    assert shlex.split(extras.install_command("strict"))[:5] == ["uv", "pip", "install", "--python", sys.executable]
+    assert shlex.split(extras.install_command("cloud"))[:5] == ["uv", "pip", "install", "--python", sys.executable]
 
 
 def test_where_blender_is_missing_the_line_names_the_extra_and_its_python(monkeypatch):
@@ -90,7 +90,7 @@ def test_where_blender_is_missing_the_line_names_the_extra_and_its_python(monkey
 
 
 def test_what_is_missing_is_one_line_with_the_command():
-    extras.need(["json"], "strict")
+    extras.need(["json"], "cloud")
     with pytest.raises(MissingDependencyError) as caught:
         extras.need(["json", "no_such_module"], "embree", for_what="casting rays", otherwise="do without")
     line = str(caught.value)

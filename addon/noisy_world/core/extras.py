@@ -23,7 +23,6 @@ EXTRAS = {
     "embree": (_EMBREEX, _NUMBA),
     "cloud": ("fsspec>=2026.2", "pyarrow>=23", "s3fs>=2026.2"),
     "cluster": ("ray>=2.50",),
-    "strict": ("simplejpeg>=1.8",),
     "simulate": ("mujoco>=3.3,<4",),
     "ros": ("rosbags>=0.11",),
     "view": ("rerun-sdk>=0.30",),

@@ -16,8 +16,7 @@ import numpy as np
 import pytest
 from refusals import refused
 
-from noisy_world.core.datasets import image_reading
-from noisy_world.core.datasets.image_files import read_header, whole_image
+from noisy_world.core.datasets.image_files import check_whole, read_header, whole_image
 from noisy_world.core.datasets.image_header import LARGEST_PIXELS
 from noisy_world.core.datasets.image_reading import read_colour, read_steps
 
@@ -30,16 +29,6 @@ SAMPLINGS = [getattr(cv2, f"IMWRITE_JPEG_SAMPLING_FACTOR_{name}") for name in (4
 # ISO/IEC 15948, 8.2: where each pass begins, and its steps.
 ADAM7 = ((0, 0, 8, 8), (4, 0, 8, 8), (0, 4, 4, 8), (2, 0, 4, 4), (0, 2, 2, 4), (1, 0, 2, 2), (0, 1, 1, 2))
 SAMPLES = {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}
-
-
-@pytest.fixture(params=["strict", "OpenCV alone"])
-def decoder(request, monkeypatch):
-    """Either decoder of JPEG."""
-    if request.param == "strict":
-        pytest.importorskip("simplejpeg")
-    else:
-        monkeypatch.setattr(image_reading, "strict_decoder", lambda: None)
-    return request.param
 
 
 def part(name, content):
@@ -96,7 +85,7 @@ def test_every_kind_of_png_is_read_as_opencv_reads_it(tmp_path, capfd):
     assert capfd.readouterr() == ("", "")
 
 
-def test_jpeg_as_opencv_writes_it(tmp_path, decoder):
+def test_jpeg_as_opencv_writes_it(tmp_path):
     for sampling, progressive, restart, optimised in itertools.product(SAMPLINGS, (0, 1), (0, 2), (0, 1)):
         options = [cv2.IMWRITE_JPEG_SAMPLING_FACTOR, sampling, cv2.IMWRITE_JPEG_PROGRESSIVE, progressive]
         options += [cv2.IMWRITE_JPEG_RST_INTERVAL, restart, cv2.IMWRITE_JPEG_OPTIMIZE, optimised]
@@ -108,7 +97,7 @@ def test_jpeg_as_opencv_writes_it(tmp_path, decoder):
         assert np.array_equal(read(tmp_path, data + more), as_opencv(data))
 
 
-def test_jpeg_as_pillow_writes_it(tmp_path, decoder):
+def test_jpeg_as_pillow_writes_it(tmp_path):
     image = pytest.importorskip("PIL.Image").fromarray(PIXELS)
     upright = b"Exif\0\0MM\0*\0\0\0\x08\0\x01\x01\x12\0\x03\0\0\0\x01\0\x01\0\0\0\0\0\0"
     for options in (
@@ -156,7 +145,7 @@ def test_png_as_ffmpeg_writes_it(tmp_path):
         assert np.array_equal(read(tmp_path, frame, (WIDE * 2, HIGH * 2)), wide[..., ::-1])
 
 
-def test_motion_jpeg_as_ffmpeg_writes_it(tmp_path, decoder):
+def test_motion_jpeg_as_ffmpeg_writes_it(tmp_path):
     for frame in frames_by_ffmpeg(tmp_path, "MJPG", b"\xff\xd8\xff")[1]:
         assert np.array_equal(read(tmp_path, frame, (WIDE * 2, HIGH * 2)), as_opencv(frame))
 
@@ -267,13 +256,34 @@ def test_what_is_no_depth_image(tmp_path):
 # --- damage ---
 
 
-def test_a_scan_that_is_damaged_is_refused_with_the_package(tmp_path):
-    pytest.importorskip("simplejpeg")
+def test_a_scan_that_is_damaged_is_refused_whether_its_pixels_are_asked_for_or_not(tmp_path):
     pixels = np.clip(np.kron(PIXELS, np.ones((4, 4, 1))) + RNG.normal(0, 9, (HIGH * 4, WIDE * 4, 3)), 0, 255)
+    path, size = tmp_path / "image", (WIDE * 4, HIGH * 4)
     data = cv2.imencode(".jpg", pixels.astype(np.uint8))[1].tobytes()
-    start, size = data.index(b"\xff\xda") + 20, (WIDE * 4, HIGH * 4)
+    start = data.index(b"\xff\xda") + 20
     for at in range(start, len(data) - 200, (len(data) - start) // 20):
-        refused(read, tmp_path, data[:at] + b"\xff\xd9", size, names=("image: ", "is damaged: "))
+        refused(read, tmp_path, data[:at] + b"\xff\xd9", size, names=("image: ", "is damaged: its decoder says"))
+        refused(check_whole, path, names=("image: ", "is damaged: its decoder says"))
+    path.write_bytes(data)
+    assert check_whole(path)[1] == hashlib.sha256(data).hexdigest()
+
+
+def test_more_scans_than_any_encoder_writes(tmp_path):
+    """An image of one grey block whose coefficients have a scan each, for three components."""
+
+    def segment(marker, *content):
+        return bytes([0xFF, marker]) + struct.pack(">H", len(bytes(content)) + 2) + bytes(content)
+
+    one_code = (1, *[0] * 15, 0)  # a table with the value 0 alone, as the code 0
+    head = b"\xff\xd8" + segment(0xDB, 0, *[1] * 64)
+    head += segment(0xC2, 8, 0, 8, 0, 8, 3, *(item for k in (1, 2, 3) for item in (k, 0x11, 0)))
+    head += segment(0xC4, 0x00, *one_code) + segment(0xC4, 0x10, *one_code)
+    first = segment(0xDA, 3, 1, 0, 2, 0, 3, 0, 0, 0, 0) + b"\x1f"
+    others = [segment(0xDA, 1, name, 0, k, k, 0) + b"\x7f" for k in range(1, 64) for name in (1, 2, 3)]
+    few = head + first + b"".join(others[:99]) + b"\xff\xd9"
+    assert (read(tmp_path, few, (8, 8)) == 128).all()
+    many = head + first + b"".join(others) + b"\xff\xd9"
+    refused(read, tmp_path, many, (8, 8), names="100 scans")
 
 
 def test_a_file_is_held_against_what_was_written(tmp_path):

@@ -14,7 +14,6 @@ from ..regular_files import NotRegularError, TooLargeError, open_regular
 from . import jpeg_files, png_files
 from .float_files import EXR_SIGNATURE, light_size_px
 from .image_header import UPRIGHT, DamagedImageError, ImageHeader, UnfitImageError, check_size
-from .jpeg_structure import check_structure
 from .storage import sha256_of_bytes
 
 LARGEST_FILE_BYTES = 2**30  # chosen: an image within the limits of its size that cannot be compressed has half of it
@@ -34,12 +33,12 @@ class WholeFile:
 def damage(data: bytes) -> str:
     """Return what shows that a PNG or JPEG is damaged, "" where nothing does, and for files of other kinds.
 
-    PNG: every part lies in the file and has its checksum, up to the end. JPEG: segments, tables, scans and restarts
-    are as the standard has them and fit one another, up to the end; the scans themselves have no checksum.
+    PNG: every part lies in the file and has its checksum, up to the end. JPEG: it has an end, and its decoder meets
+    nothing wrong; the scans themselves have no checksum.
     """
     try:
         if _kind(data) is not None:
-            whole_image(data)
+            _check_scans(*whole_image(data))
     except DamagedImageError as error:
         return error.what
     except UnfitImageError:
@@ -50,14 +49,15 @@ def damage(data: bytes) -> str:
 def whole_image(data: bytes, *, sums: bool = True) -> tuple[ImageHeader, bytes]:
     """Return the header of a PNG, a JPEG or an EXR of light, and what of its file decides its pixels.
 
-    sums: check the sums of a PNG's parts. Raises DamagedImageError where it is not whole, and UnfitImageError where it
+    sums: check the sums of a PNG's parts. The scans of a JPEG are looked at where they are decoded. Raises
+    DamagedImageError where it is not whole, and UnfitImageError where it
     cannot be used as it is meant: another kind of file, an animation, a size beyond the limits, an orientation.
     """
     if _kind(data) == "exr":  # its pixels have no sums: digests tell of damage
         return _header(io.BytesIO(data)), data
     if _kind(data) != "png":
         header = _header(io.BytesIO(data))
-        check_structure(data)
+        jpeg_files.check_ends(data)
         return header, data
     whole = png_files.whole_png(data, sums=sums)  # before the header is believed
     header = _header(io.BytesIO(data))
@@ -78,7 +78,7 @@ def read_header(path: Path) -> ImageHeader:
 
 
 def read_whole(path: Path, sha256: str | None = None) -> tuple[ImageHeader, bytes]:
-    """Return the header of the image in a file, and what of its content decides its pixels.
+    """Return the header of the image in a file, and what of its content decides its pixels, to be decoded.
 
     sha256: of the file when it was written, if that is known. Raises InputError where it is not whole, or another.
     """
@@ -90,7 +90,18 @@ def check_whole(path: Path, sha256: str | None = None) -> tuple[ImageHeader, str
     """Return the header of the image in a file, and the SHA-256 of the file; raises InputError as `read_whole`."""
     data = _content(path)
     digest = sha256_of_bytes(data)
-    return _checked(path, data, sha256, digest)[0], digest
+    header, whole = _checked(path, data, sha256, digest)
+    if digest != sha256:
+        try:
+            _check_scans(header, whole)
+        except DamagedImageError as error:
+            raise InputError(path, error.problem, remedy=error.remedy) from None
+    return header, digest
+
+
+def _check_scans(header: ImageHeader, data: bytes) -> None:
+    if header.kind == "jpg":
+        jpeg_files.check_scans(header, data)
 
 
 def _content(path: Path) -> bytes:

@@ -1,11 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Reading the pixels of image files; damage that can be detected is refused."""
 
-import importlib
-import importlib.util
-from functools import cache
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -17,10 +13,8 @@ from .float_files import decode_light
 from .image_files import LARGEST_FILE_BYTES, read_whole
 from .image_header import DamagedImageError, ImageHeader, UnfitImageError
 from .images import UINT16_MAX
+from .jpeg_files import decode_strictly
 
-STRICT_PACKAGE = "simplejpeg"
-# That the strict decoder knows; with these it gives OpenCV's pixels. By channel, horizontally and vertically.
-_STRICT_SAMPLINGS = {((1, 1),)} | {(luma, (1, 1), (1, 1)) for luma in ((1, 1), (2, 1), (1, 2), (2, 2), (4, 1), (1, 4))}
 _ONE_SIZE = "a sequence has one size"
 
 
@@ -122,11 +116,8 @@ def decoded_colour(header: ImageHeader, data: bytes) -> NDArray[np.uint8] | NDAr
     """
     import cv2
 
-    if header.kind == "jpg" and header.sampling in _STRICT_SAMPLINGS and (strict := strict_decoder()) is not None:
-        try:
-            return strict.decode_jpeg(data, colorspace="RGB", strict=True)
-        except ValueError as error:
-            raise DamagedImageError(f"its decoder says {str(error)!r}") from None
+    if header.kind == "jpg" and (pixels := decode_strictly(header, data)) is not None:
+        return pixels
     if header.bits <= 8 and not header.alpha:
         plain = cv2.IMREAD_COLOR_RGB | cv2.IMREAD_IGNORE_ORIENTATION
         return np.asarray(_decoded(data, plain, header, np.uint8), np.uint8)
@@ -158,11 +149,3 @@ def _decoded(data: bytes, mode: int, header: ImageHeader, dtype: type) -> NDArra
     if pixels.dtype != dtype or pixels.shape[:2] != expected:
         raise DamagedImageError(f"it says {header.description} of {spoken(header.size_px)}, and holds {pixels.shape}")
     return pixels
-
-
-@cache
-def strict_decoder() -> ModuleType | None:
-    """Return the package that refuses a JPEG where libjpeg would fill in what is damaged; None without it."""
-    if importlib.util.find_spec(STRICT_PACKAGE) is None:
-        return None
-    return importlib.import_module(STRICT_PACKAGE)

@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 
 from .. import regular_files
 from ..errors import InputError
-from ..extras import install_command
 from ..geometry import Intrinsics
 from ..optics import PINHOLE, Optics
 from ..trajectories.stamps import FrameStamps
@@ -31,7 +30,6 @@ from .image_reading import (
     read_light,
     read_steps,
     spoken,
-    strict_decoder,
 )
 from .json_text import finite_number
 
@@ -176,7 +174,7 @@ class StoredSequence:
         for file, header in zip(self.rgb_files, self._rgb_headers, strict=True):
             check_colour(file, header)
             check_size_px(file, header, self.size_px)
-            found.update(_remarks(header, known=self._digest(file) is not None))
+            found.update(_remarks(header))
         for file in self.depth_files:
             header = read_header(file)
             check_depth(file, header)
@@ -225,16 +223,14 @@ def size_of(path: Path) -> SizePx:
     return read_header(path).size_px
 
 
-def _remarks(header: ImageHeader, *, known: bool) -> Iterator[str]:
-    """Yield what the user should know of a colour image. known: the SHA-256 of its file is."""
+def _remarks(header: ImageHeader) -> Iterator[str]:
+    """Yield what the user should know of a colour image."""
     if header.channels == 1:
         yield "are grey: perturbations get three equal channels"
     if header.bits == 16:
         yield "have 16 bits a channel: they are perturbed so, and written with 8"
     if header.channels == 4:
         yield "are CMYK: OpenCV converts them to RGB"
-    if header.kind == "jpg" and not known and strict_decoder() is None:
-        yield f"are JPEG: damage inside them is filled in, unless {install_command('strict')} has it refused"
 
 
 def same_camera(one: Intrinsics, other: Intrinsics) -> bool:
