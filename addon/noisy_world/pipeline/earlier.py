@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.perturbing.by_frame import MID_GREY
 from ..core.perturbing.earlier_frames import EarlierFrame, ReadEarlier, earlier_than
 from ..core.planning.sequence import PlannedSequence
 
@@ -65,3 +66,15 @@ class EarlierFrames:
             self.keep(source, light)
             frame = self._kept.get(source) or EarlierFrame(0.0, light)
         return frame
+
+
+class GreyFrames(EarlierFrames):
+    """What frames have before them where none are known, as in a live preview: mid-grey."""
+
+    def __init__(self) -> None:
+        super().__init__(np.zeros(0), lambda _source: MID_GREY.light)
+
+    def before(self, sequence: PlannedSequence, frame: int) -> tuple[ReadEarlier, Hashable]:
+        """Return what reads a mid-grey frame."""
+        del sequence, frame
+        return lambda _span_s: (MID_GREY,), None

@@ -17,14 +17,15 @@ from ..blender.still_process import StillRequest, read_metered
 from ..core.datasets.provenance import render_seed
 from ..core.errors import NoisyWorldError
 from ..core.node_graphs.groups import group_name
-from ..core.perturbing.execution import ColourWork
 from ..core.perturbing.kinds import ColourPerturbation, FrameContext
 from ..core.perturbing.reading import parse_steps
 from ..core.perturbing.steps import DEFAULT_SEVERITY, Setting, Step
 from ..core.planning.sequence import lay_out
 from ..core.schema import ConfigPath
 from ..perturbations import registry
+from ..pipeline.clean_frame import Camera
 from ..pipeline.earlier import EarlierFrames
+from ..pipeline.made_frame import CleanFrames, Frame
 from . import footage, metered, preview, runs, this_scene
 from .document import identifiers_of, steps_of
 from .following import Following
@@ -182,14 +183,11 @@ with the values that the tab's list has for them, else the defaults. Your own ke
         stamps_s = np.arange(len(frames), dtype=np.float64) * (scene.render.fps_base / scene.render.fps)
         sequence = lay_out(setting, scene.name, len(frames), identifiers_of(panel_of(scene)))
         earlier = EarlierFrames(stamps_s, lambda source: lights[frames[source]])
+        clean = CleanFrames(Camera(None, stamps_s, earlier=earlier))
         values: list[dict[str, list[float]]] = [{} for _ in groups]
         for frame in range(len(frames)):
-            read, known = earlier.before(sequence, frame) if setting.looks_back else (None, None)
-            context = FrameContext(
-                frame, sequence.identifiers, stamp_s=float(stamps_s[frame]), read_earlier=read, earlier_key=known,
-                shutter=setting.shutter,
-            )  # fmt: skip
-            told = {id(step): _told(step, own) for step, own, _ in ColourWork.of(setting.rgb, context).active}
+            acting = Frame(sequence, frame, clean).colour.active
+            told = {id(step): _told(step, own) for step, own, _ in acting}
             for made, step in zip(values, steps, strict=True):
                 for name, value in told[id(step)].items():
                     made.setdefault(name, []).append(value)

@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 
 from ..blender.chain_values import DecidedAt
 from ..core.node_graphs.chain import decided_by
-from ..core.perturbing.by_frame import without_frames
-from ..core.perturbing.execution import ColourWork
 from ..core.perturbing.kinds import FrameContext
 from ..core.planning.sequence import PlannedSequence
-from ..pipeline.earlier import EarlierFrames
+from ..pipeline.clean_frame import Camera
+from ..pipeline.earlier import EarlierFrames, GreyFrames
+from ..pipeline.made_frame import CleanFrames, Frame
 from .paths import clean_stamps_s
 from .properties import panel_of
 from .stills import path_frames
@@ -84,12 +84,13 @@ def decided_at(scene: bpy.types.Scene, sequence: PlannedSequence) -> DecidedAt |
     known = _known.get(scene.session_uid)
     if known is None or known.made_from != made_from:
         known = _known[scene.session_uid] = _Known(made_from, {})
+    clean = CleanFrames(Camera(None, stamps_s, earlier=GreyFrames() if earlier is None else earlier))
     by_frame, last = known.by_frame, len(sequence.source_frames) - 1
 
     def decided(frame: int) -> Mapping[str, FrameContext]:
         frame = min(max(frame, 0), last)
         if frame not in by_frame:
-            by_frame[frame] = _decided(sequence, frame, float(stamps_s[frame]), earlier)
+            by_frame[frame] = decided_by(Frame(sequence, frame, clean).colour)
         return by_frame[frame]
 
     return decided
@@ -98,18 +99,3 @@ def decided_at(scene: bpy.types.Scene, sequence: PlannedSequence) -> DecidedAt |
 def follows_grey(scene: bpy.types.Scene) -> bool:
     """Tell whether what a scene's preview decided last is as if all frames before had been mid-grey."""
     return scene.session_uid in _grey
-
-
-def _decided(
-    sequence: PlannedSequence, frame: int, stamp_s: float, earlier: EarlierFrames | None
-) -> Mapping[str, FrameContext]:
-    read, key = (None, None) if earlier is None else earlier.before(sequence, frame)
-    context = FrameContext(
-        frame,
-        sequence.identifiers,
-        stamp_s=stamp_s,
-        read_earlier=read,
-        earlier_key=key,
-        shutter=sequence.setting.shutter,
-    )
-    return decided_by(ColourWork.of(sequence.setting.rgb, context if read is not None else without_frames(context)))

@@ -11,6 +11,7 @@ from .contexts import FrameContext
 from .earlier_frames import EarlierFrame
 
 GREY = 0.18  # of white: the light that a meter takes for the middle
+MID_GREY = EarlierFrame(0.0, np.full((1, 1, 3), GREY, np.float32))
 
 
 @dataclass(frozen=True)
@@ -38,5 +39,4 @@ class ByFrame:
 
 def without_frames(context: FrameContext) -> FrameContext:
     """Return a context for where no earlier frames are known, as in a live preview: as if all had been mid-grey."""
-    light = np.full((1, 1, 3), GREY, np.float32)
-    return replace(context, stamp_s=context.stamp_s or 0.0, read_earlier=lambda _span_s: (EarlierFrame(0.0, light),))
+    return replace(context, stamp_s=context.stamp_s or 0.0, read_earlier=lambda _span_s: (MID_GREY,))
