@@ -98,8 +98,8 @@ $(VENV)/.evaluate: requirements-evaluate.lock $(VENV)/.installed
 	$(ENVIRONMENT) "$(PYTHON)" $(VENV) $(PINNED) $<
 	touch $(VENV)/.installed $@
 
-# Several processes share the tests, a file at a time; tests/conftest.py says which files are the first. Above Blender
-# many a test waits for a window or a cluster, so there is a process more than processors.
+# Several processes share the tests, a file at a time; tests/conftest.py says which files are the first. Many a long test
+# above Blender waits for a window or a cluster, so there is a process more than processors, each of which collects all.
 PYTEST := $(PY) -m pytest --dist loadfile --no-loadscope-reorder --maxprocesses 4 --numprocesses
 ONE_MORE = $$($(PY) -c 'import os; print(min(4, 1 + os.cpu_count()))')
 
@@ -121,7 +121,7 @@ ifdef COUNT_BRANCHES
 endif
 
 test-above: $(VENV)/.extras
-	$(PYTEST) $(ONE_MORE) $(SELECTED) tests $(COUNTED:%=--ignore=%)
+	$(PYTEST) $(if $(SELECTED),logical,$(ONE_MORE)) $(SELECTED) tests $(COUNTED:%=--ignore=%)
 
 # What the library does without Blender, under the oldest Python and with the oldest packages that it works with.
 test-lowest: .venv-lowest/.installed ## run tests of what needs no Blender under Python 3.11, with the lowest versions of all packages
