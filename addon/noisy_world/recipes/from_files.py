@@ -235,7 +235,9 @@ class FrameOfFiles(Frame):
     def image_bytes(self, channel: str) -> bytes:
         """Return the content of the file of a channel's image."""
         if channel in COLOUR_AND_DEPTH:
-            return _content(self._files.depth_file if CHANNELS[channel].paired else self._files.rgb_file)
+            file = self._files.depth_file if CHANNELS[channel].paired else self._files.rgb_file
+            assert file is not None, "there is no depth"
+            return _content(file)
         data = _content(self._other_file(channel))
         if sha256_of_bytes(data) not in self._digests.values():
             raise InputError(self._other_file(channel), "is not as it was written", remedy=MEND)
@@ -261,7 +263,7 @@ def _files(stored: StoredSequence, place: int, record: dict[str, Any], path: Pat
     """Return the images of a frame: those that its record names, which pairs them."""
     frame = stored.frame(place)
     names = {series_of(name): name for name in record.get("sha256", ())}
-    if not names:
+    if not names or frame.depth_file is None:
         return frame
     rgb, depth = (
         names.get(series_of(file.relative_to(stored.folder).as_posix())) for file in (frame.rgb_file, frame.depth_file)

@@ -156,8 +156,11 @@ class Recording(SimpleSource):
     @property
     def capabilities(self) -> SourceCapabilities:
         """Frames from the recorded poses, not rendered."""
-        unmeasured_m = None if self.void == "sky" else self._measured
-        return SourceCapabilities(rendered=False, any_pose=False, instants_only=RECORDED, unmeasured_m=unmeasured_m)
+        depth = bool(self.stored.depth_files)
+        unmeasured_m = self._measured if depth and self.void != "sky" else None
+        return SourceCapabilities(
+            rendered=False, any_pose=False, depth=depth, instants_only=RECORDED, unmeasured_m=unmeasured_m
+        )
 
     @property
     def stamps_s(self) -> NDArray[np.float64]:
@@ -219,7 +222,7 @@ class Recording(SimpleSource):
             "sequence_sha256": hashlib.sha256(digests.encode()).hexdigest(),
             "trajectory": None if path is None else path.name,
             "trajectory_sha256": None if path is None else sha256_of_path(path),
-            "depth_scale_per_m": stored.depth_scale_per_m,
+            **({"depth_scale_per_m": stored.depth_scale_per_m} if stored.depth_files else {}),
             **stored.optics.content(),
             **{key: True for key in ("undistort", "register") if getattr(self, key)},
             **_timing(stored),
@@ -227,6 +230,8 @@ class Recording(SimpleSource):
 
     def remarks(self, camera: Intrinsics) -> Iterator[str]:
         """Yield what parallax between some of the frames says against the depth scale and the poses."""
+        if not self.stored.depth_files:
+            return
         lensless = self.stored.assumed and camera != self.stored.known_camera
         optics = replace(self.stored.optics, distortion=None) if lensless else self.stored.optics
         if remark := parallax_remark(replace(self.stored, optics=optics), camera):
@@ -269,6 +274,10 @@ def read_recording(
     if rate_hz is not None and own_hz is not None and not abs(rate_hz / own_hz - 1) <= RATE_TOLERANCE:
         problem = f"is {rate_hz:g} Hz, but {stored.stamps_path} says {own_hz:.6g} Hz"
         raise place.at("rate_hz").error(problem, "leave it out: the recording's own time stamps are kept")
+    if not stored.depth_files:
+        asked = {"register": register, "depth_scale_per_m": depth_scale_per_m is not None, "void": void == "sky"}
+        for name in (name for name, given in asked.items() if given):
+            raise place.at(name).error(f"{folder} has no depth", "leave it out")
     if undistort and stored.optics.distortion is None:
         raise place.at("undistort").error(f"no file of {folder} says that the lens distorts", "leave it out")
     if register and stored.optics.depth is None:
@@ -331,8 +340,10 @@ class RecordedFrame(ColourAndDepth):
         return rgb if self.rectification is None else self.rectification.rgb(rgb)
 
     @property
-    def depth_m(self) -> NDArray[np.float32]:
-        """Planar depth (H, W) in metres, 0 = void. Raises InputError where the file is no 16-bit image."""
+    def depth_m(self) -> NDArray[np.float32] | None:
+        """Planar depth (H, W) in metres, 0 = void; None of a recording without. Raises InputError as `rgb` does."""
+        if self.stored.depth_file is None:
+            return None
         depth_m = self.stored.depth_m
         return depth_m if self.rectification is None else self.rectification.depth_m(depth_m)
 

@@ -64,14 +64,15 @@ def _check_read(layout: Layout | RecordedLayout, folder: Path) -> StoredSequence
     stored, again = layout.read(folder), layout.read(folder)
     frames = len(stored.rgb_files)
     require(frames > 0, name, "reads no frame")
-    equal = len({frames, len(stored.depth_files), len(stored.trajectory), len(stored.stamps.rgb.seconds)}) == 1
+    depths = len(stored.depth_files) or frames  # a recording may have none
+    equal = len({frames, depths, len(stored.trajectory), len(stored.stamps.rgb.seconds)}) == 1
     require(equal, name, "reads colour, depth, poses and stamps of different numbers; each frame has one of each")
     gone = [file for file in (*stored.rgb_files, *stored.depth_files) if not file.is_file()]
     require(not gone, name, f"names {gone[:1]}, which is not there; raise InputError that names it")
     same = stored.rgb_files == again.rgb_files and np.array_equal(stored.trajectory.c2w, again.trajectory.c2w)
     require(same, name, "reads something else the second time")
     require(_colour(stored, 0).ndim == 3, name, "reads no colour")
-    require(stored.frame(0).depth_m.ndim == 2, name, "reads no depth")
+    require(not stored.depth_files or stored.frame(0).depth_m.ndim == 2, name, "reads no depth")
     if stored.counted_hz is not None:
         slower = layout.read(folder, stored.counted_hz / 2).stamps.rgb.seconds
         took_s = np.ptp(stored.stamps.rgb.seconds)

@@ -122,16 +122,16 @@ def test_frames_are_associated_in_two_steps_as_with_the_script(tmp_path, seed):
     of_depth = dict(with_depth)
     wanted = as_published(list(of_depth), poses.tolist(), 0.02)
     found = associate_frames(tmp_path, listed(tmp_path, "c", rgb), listed(tmp_path, "d", depth), path_at(poses))
-    assert found.stamps.rgb.seconds.tolist() == [a for a, _ in wanted] == found.path.stamps_s.tolist()
+    assert found.stamps.rgb.seconds.tolist() == [a for a, _ in wanted] == found.trajectory.stamps_s.tolist()
     assert found.stamps.depth.seconds.tolist() == [of_depth[a] for a, _ in wanted]
     assert found.stamps.pose.seconds.tolist() == [b for _, b in wanted]
     assert [file.name for file in found.rgb_files] == [f"c{rgb.tolist().index(a)}.png" for a, _ in wanted]
     assert [file.name for file in found.depth_files] == [f"d{depth.tolist().index(of_depth[a])}.png" for a, _ in wanted]
-    assert found.path.c2w[:, 0, 3].tolist() == [poses.tolist().index(b) for _, b in wanted]
+    assert found.trajectory.c2w[:, 0, 3].tolist() == [poses.tolist().index(b) for _, b in wanted]
     lost, no_depth = len(rgb) - len(wanted), len(rgb) - len(with_depth)
-    assert found.excluded.startswith(f"{lost} of {len(rgb)} colour images are left out: ")
-    assert (f"{no_depth} with no depth image" in found.excluded) == bool(no_depth)
-    assert (f"{lost - no_depth} with no pose" in found.excluded) == bool(lost - no_depth)
+    assert found.notes[0].startswith(f"{lost} of {len(rgb)} colour images are left out: ")
+    assert (f"{no_depth} with no depth image" in "".join(found.notes)) == bool(no_depth)
+    assert (f"{lost - no_depth} with no pose" in "".join(found.notes)) == bool(lost - no_depth)
 
 
 def test_poses_that_cross_stay_with_their_images(tmp_path):
@@ -142,13 +142,13 @@ def test_poses_that_cross_stay_with_their_images(tmp_path):
         path_at([0.004, 0.011]),
     )
     assert found.stamps.pose.seconds.tolist() == [0.011, 0.004]
-    assert found.path.c2w[:, 0, 3].tolist() == [1, 0]
-    assert found.excluded == ""
+    assert found.trajectory.c2w[:, 0, 3].tolist() == [1, 0]
+    assert found.notes == ()
 
 
 def test_no_common_time_says_what_each_list_covers(tmp_path):
     colour, depth = (listed(tmp_path, name, [0.0, 1.0]) for name in "cd")
-    named = ("within 0.02 s", "poses 50.000000 to 51.500000 s")
+    named = ("within 0.02 s", "pose 50.000000 to 51.500000 s")
     refused(associate_frames, tmp_path, colour, depth, path_at([50.0, 51.5]), names=named)
 
 

@@ -283,7 +283,7 @@ CAM, DEPTH, STATE = "mav0/cam0", "mav0/depth0", "mav0/state_groundtruth_estimate
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        (lambda folder: (folder / f"{DEPTH}/data.csv").unlink(), "depth0/data.csv: is not there: no depth"),
+        (lambda folder: (folder / f"{DEPTH}/data.csv").unlink(), "depth0/data.csv: cannot be read"),
         (lambda folder: (folder / f"{CAM}/data.csv").unlink(), "cam0/data.csv: is not there: no colour"),
         (lambda folder: (folder / f"{CAM}/sensor.yaml").unlink(), "cam0/sensor.yaml: cannot be read"),
         (lambda folder: (folder / STATE).unlink(), "state_groundtruth_estimate0/data.csv: does not exist"),

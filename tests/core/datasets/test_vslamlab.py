@@ -55,7 +55,7 @@ LISTED = f"{STAMPS_NS[0]},rgb_0/{STAMPS_NS[0]}.png,{STAMPS_NS[0]},depth_0/{STAMP
 @pytest.mark.parametrize(
     ("name", "old", "new", "words"),
     [
-        ("rgb.csv", ",path_depth_0", ",depth", "rgb.csv: has no column path_depth_0; a sequence needs"),
+        ("rgb.csv", ",path_depth_0", ",depth", "rgb.csv: has no column path_depth_0; it has to have"),
         ("rgb.csv", LISTED, f"{LISTED}\n{LISTED}", f"line 3: the time stamp {STAMPS_NS[0]} is that of an earlier line"),
         ("rgb.csv", f"\n{STAMPS_NS[0]}", "\n1.5", "line 2: '1.5' is no time in whole nanoseconds"),
         ("rgb.csv", f"depth_0/{STAMPS_NS[0]}.png", "", "line 2: names no colour or no depth image"),

@@ -31,23 +31,18 @@ class StampedFiles:
 
 
 @dataclass(frozen=True, eq=False)
-class Associated:
-    """The frames of a recording. path: the poses, at the stamps of the colour.
+class MatchedFrames:
+    """The frames of a recording: a colour image each, with depth where it has any, and a pose where that is known.
 
-    excluded: what is not used, in words. read: what is to be said about how the poses were read.
+    depth_files: one for each colour image; () of a recording without depth. trajectory: the poses, at the stamps of the
+    colour. stamps: of colour, depth and poses. notes: on what is left out, and on how the poses were read.
     """
 
     rgb_files: tuple[Path, ...]
     depth_files: tuple[Path, ...]
-    path: Trajectory
+    trajectory: Trajectory
     stamps: FrameStamps
-    excluded: str
-    read: tuple[str, ...] = ()
-
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """What a user should know."""
-        return (*self.read, self.excluded) if self.excluded else self.read
+    notes: tuple[str, ...]
 
 
 def associate(
@@ -85,22 +80,23 @@ def associate(
 def associate_frames(
     folder: Path,
     rgb: StampedFiles,
-    depth: StampedFiles,
+    depth: StampedFiles | None,
     path: Trajectory | None,
     pose_stamps: Stamps | None = None,
     *,
     paired: bool = False,
     policy: PosePolicy = "drop",
-) -> Associated:
-    """Return the frames of a recording: first each colour image with its depth, then each pair with its pose.
+) -> MatchedFrames:
+    """Return the frames of a recording: first each colour image with its depth, then each of these with its pose.
 
-    path: the ground truth; None where there is none. pose_stamps: its stamps where they are known more exactly than the
-    path holds them. paired: the i-th depth is that of the i-th colour image, whatever their stamps. policy: what
-    becomes of pairs without a pose. Raises InputError where no colour image has both, or none is left.
+    depth, path: images of depth, and the ground truth; None where there is none. pose_stamps: those of the path where
+    they are known more exactly than it holds them. paired: the i-th depth is that of the i-th colour image, whatever
+    their stamps. policy: what becomes of frames without a pose. Raises InputError where no colour image has all that
+    there is, or none is left.
     """
     poses = pose_stamps or Stamps(np.zeros(0) if path is None else path.stamps_s)
     try:
-        if paired:
+        if depth is None or paired:
             of_rgb = of_depth = np.arange(len(rgb.files), dtype=np.int64)
         else:
             of_rgb, of_depth = associate(rgb.stamps.seconds, depth.stamps.seconds)
@@ -108,38 +104,37 @@ def associate_frames(
     except ValueError as error:
         raise InputError(folder, str(error), remedy="stamps are seconds: are these in another unit?") from error
     if not len(of_rgb if path is None else with_pose):
-        covered = (("colour", rgb.stamps), ("depth", depth.stamps), ("poses", poses))
-        spans = ", ".join(f"{name} {item.seconds[0]:.6f} to {item.seconds[-1]:.6f} s" for name, item in covered if item)
-        wanted = "colour and depth" if path is None else "colour, depth and pose"
-        raise InputError(folder, f"no {wanted} lie within {PAIRING_S} s of one another", remedy=spans)
+        stamped = {"colour": rgb.stamps}
+        stamped |= {} if depth is None else {"depth": depth.stamps}
+        stamped |= {} if path is None else {"pose": poses}
+        spans = [f"{name} {item.seconds[0]:.6f} to {item.seconds[-1]:.6f} s" for name, item in stamped.items() if item]
+        *others, last = stamped
+        problem = f"no {', '.join(others)} and {last} lie within {PAIRING_S} s of one another"
+        raise InputError(folder, problem, remedy=", ".join(spans))
     with_depth = len(of_rgb)
+    notes = () if path is None else path.notes
     if path is None or (policy in ("keep", "require") and len(with_pose) < with_depth):
         known = np.zeros(with_depth, dtype=np.bool_)
         known[with_pose] = True
         _, note = chosen_by_pose(folder, known, policy)
+        notes += (note,) if note else ()
         c2w, taken = np.tile(np.eye(4), (with_depth, 1, 1)), rgb.stamps.take(of_rgb)
         if path is not None:
             c2w[with_pose] = path.c2w[of_pose]
-        stamps = FrameStamps(taken, depth.stamps.take(of_depth), _pose_stamps(taken, poses, with_pose, of_pose))
-        found = Trajectory(c2w, taken.seconds, posed=known)
-        read = (*(() if path is None else path.notes), *((note,) if note else ()))
-        excluded = _excluded(len(rgb.files), with_depth, with_depth)
-        return Associated(*_files(rgb, of_rgb, depth, of_depth), found, stamps, excluded, read)
-    of_rgb, of_depth = of_rgb[with_pose], of_depth[with_pose]
-    stamps = FrameStamps(rgb.stamps.take(of_rgb), depth.stamps.take(of_depth), poses.take(of_pose))
-    return Associated(
-        *_files(rgb, of_rgb, depth, of_depth),
-        Trajectory(path.c2w[of_pose], stamps.rgb.seconds),
-        stamps,
-        _excluded(len(rgb.files), with_depth, len(of_rgb)),
-        path.notes,
+        of_poses = _pose_stamps(taken, poses, with_pose, of_pose)
+        trajectory = Trajectory(c2w, taken.seconds, posed=known)
+    else:
+        of_rgb, of_depth = of_rgb[with_pose], of_depth[with_pose]
+        taken, of_poses = rgb.stamps.take(of_rgb), poses.take(of_pose)
+        trajectory = Trajectory(path.c2w[of_pose], taken.seconds)
+    excluded = _excluded(len(rgb.files), with_depth, len(of_rgb))
+    return MatchedFrames(
+        tuple(rgb.files[row] for row in of_rgb),
+        () if depth is None else tuple(depth.files[row] for row in of_depth),
+        trajectory,
+        FrameStamps(taken, taken if depth is None else depth.stamps.take(of_depth), of_poses),
+        (*notes, excluded) if excluded else notes,
     )
-
-
-def _files(
-    rgb: StampedFiles, of_rgb: NDArray[np.int64], depth: StampedFiles, of_depth: NDArray[np.int64]
-) -> tuple[tuple[Path, ...], tuple[Path, ...]]:
-    return tuple(rgb.files[row] for row in of_rgb), tuple(depth.files[row] for row in of_depth)
 
 
 def _pose_stamps(taken: Stamps, poses: Stamps, with_pose: NDArray[np.int64], of_pose: NDArray[np.int64]) -> Stamps:

@@ -54,7 +54,7 @@ class StoredFrame:
     """
 
     rgb_file: Path
-    depth_file: Path
+    depth_file: Path | None
     depth_scale_per_m: float
     size_px: SizePx
     rgb_sha256: str | None = None
@@ -79,6 +79,7 @@ class StoredFrame:
     @property
     def depth_m(self) -> NDArray[np.float32]:
         """Planar depth (H, W) in metres, 0 = void. Raises InputError where the file is no 16-bit image of the size."""
+        assert self.depth_file is not None, "there is no depth"
         steps = read_steps(self.depth_file, self.depth_size_px or self.size_px, self.depth_sha256)
         if self.void_steps:
             steps[np.isin(steps, self.void_steps)] = 0
@@ -93,6 +94,7 @@ class StoredFrame:
     def whole_file(self, modality: str) -> WholeFile:
         """Return the file of "rgb" or "depth" that is used as it is. Raises InputError where it is damaged."""
         file, sha256 = (self.rgb_file, self.rgb_sha256) if modality == "rgb" else (self.depth_file, self.depth_sha256)
+        assert file is not None, "there is no depth"
         header, digest = check_whole(file, sha256)
         own_size_px = None if modality == "rgb" else self.depth_size_px
         check_size_px(file, header, own_size_px or self.size_px, own_size_px not in (None, self.size_px))
@@ -101,10 +103,11 @@ class StoredFrame:
 
 @dataclass(frozen=True)
 class StoredSequence:
-    """A recording: its pairs of images, its ground truth, its stamps, its depth scale and its camera.
+    """A recording: colour, and whatever else there is: depth, ground truth, stamps, a camera.
 
-    trajectory: the colour camera's poses, one for each pair of images, at the stamps of the colour. stamps: of colour,
-    depth and poses, as the recording has them. depth_scale_per_m: steps per metre. stamps_path: the file that says the
+    depth_files: one for each colour image; () without depth. trajectory: the colour camera's poses, one for each colour
+    image, at its stamp. stamps: of colour, depth and poses, as the recording has them. depth_scale_per_m: steps per
+    metre; any number without depth. stamps_path: the file that says the
     stamps; None where there is none, and counted_hz is the rate that they follow from. camera: its intrinsics, and
     camera_path the file that says them; None where none does. notes: sentences that the user should see. void_steps:
     what depth images hold where there is no depth, besides 0. optics: what its cameras have beyond one pinhole.
@@ -189,14 +192,14 @@ class StoredSequence:
 
     def frame(self, index: int) -> StoredFrame:
         """Return a frame."""
-        rgb, depth = self.rgb_files[index], self.depth_files[index]
+        rgb, depth = self.rgb_files[index], self.depth_files[index] if self.depth_files else None
         return StoredFrame(
             rgb,
             depth,
             self.depth_scale_per_m,
             self.size_px,
             self._digest(rgb),
-            self._digest(depth),
+            None if depth is None else self._digest(depth),
             self.depth_size_px,
             self.void_steps,
             self._rgb_headers[index] if "_rgb_headers" in self.__dict__ else None,  # one is not worth reading all

@@ -57,8 +57,10 @@ class GivenSequence:
         A modality that the system does not read is null, and so is what its depth is like.
         """
         camera, stored = self.camera, self.stored
+        if "depth" in self.modalities and not stored.depth_files:
+            raise InputError(stored.folder, "has no depth, which the system reads")
         colour = [self._named(images, file, "colour") for file in stored.rgb_files]
-        depth = [self._named(images, file, "depth") for file in stored.depth_files]
+        depth = [self._named(images, file, "depth") for file in stored.depth_files] or [None] * len(colour)
         inverse = None
         if "depth" in self.modalities:
             inverse = measured_inverse_depth(stored.depth_files, stored.depth_scale_per_m)
@@ -128,12 +130,14 @@ class GivenSequence:
         own = [name for name in layouts if LAYOUTS[name].recognises(self.stored.folder)]
         layout = LAYOUTS[(own or list(layouts))[0]]
         image = self._image(layout)
-        stored_as = OutputFormat(layout, image, layout.colours[0], ("rgb", "depth"), self.stored.depth_scale_per_m)
+        modalities = ("rgb", "depth") if self.stored.depth_files else ("rgb",)
+        stored_as = OutputFormat(layout, image, layout.colours[0], modalities, self.stored.depth_scale_per_m)
         still = Trajectory(np.broadcast_to(np.eye(4), (len(self), 4, 4)), np.array(self.stamps_s))
         frames = tuple(range(len(self)))
         facts = SequenceFacts(stored_as, self.camera, None, frames, SensorPaths(still), self.stored.stamps)
-        for frame, (rgb, depth) in enumerate(zip(self.stored.rgb_files, self.stored.depth_files, strict=True)):
+        for frame, rgb in enumerate(self.stored.rgb_files):
             self._link(rgb, folder / facts.names.rgb(frame), image)
+        for frame, depth in enumerate(self.stored.depth_files):
             self._link(depth, folder / facts.names.depth(frame), "png")
         for name, text in layout.sequence_texts(facts).items():
             _write(folder / name, text.encode())

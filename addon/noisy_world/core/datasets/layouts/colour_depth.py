@@ -14,9 +14,9 @@ colors/00000.jpg, depth/00000.png and office1-traj.txt) and http://redwood-data.
 """
 
 import re
-from collections.abc import Mapping
+from collections.abc import Collection
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -25,26 +25,52 @@ from ...geometry import Intrinsics
 from ...trajectories.files import read_file_poses
 from ...trajectories.stamps import Stamps
 from ...trajectories.trajectory import Trajectory
-from ..association import StampedFiles, associate_frames
+from ..association import MatchedFrames, StampedFiles, associate_frames
 from ..json_text import finite_number, parse_given_json
 from ..known_poses import PosePolicy
 from ..stored import StoredSequence, recorded_text
-from .numbered import CountedPoses, NumberedPoses, numbered_frames, numbered_images, poses_of_images
-from .recorded import MILLIMETRES, RECORDED_HZ, RecordedLayout, counted_note, intrinsics_of_matrix, stated_camera
+from .numbered import (
+    Cameras,
+    CountedPoses,
+    ImageFiles,
+    NumberedLayout,
+    NumberedPoses,
+    numbered_images,
+    poses_of_images,
+)
+from .recorded import MILLIMETRES, intrinsics_of_matrix, stated_camera
 
 INTRINSICS = ("intrinsic.json", "camera_intrinsic.json")
 TRAJECTORIES = ("*.log", "scene/*.log", "*-traj.txt", "*trajectory.txt")
 COLOURS = ("rgb", "image", "images", "color", "colors")
 COLOUR = r"([0-9]+)\.(?:jpg|png)"
-DEPTH = r"([0-9]+)\.png"
 TIMED = r"([0-9]+)-([0-9]+)\.(?:jpg|png)"
-_OPEN3D_BEGINS = (0,)  # what its recorders begin to count with
-_REDWOOD_BEGINS = (0, 1)
 PRIMESENSE = Intrinsics(640, 480, 525.0, 525.0, 319.5, 239.5)
 _ASSUMED = "the PrimeSense's factory camera of fx = fy = 525 and (319.5, 239.5) is used, as by the dataset; camera says another"  # fmt: skip  # noqa: E501
 
 
-class Open3DLayout(RecordedLayout):
+class _LoggedLayout(NumberedLayout):
+    """Colour and depth in folders, and a file of poses that counts frames, whatever the numbers of their images.
+
+    begins: the numbers that its recordings begin with.
+    """
+
+    depth = ImageFiles("depth", r"([0-9]+)\.png")
+    begins: ClassVar[tuple[int, ...]]
+
+    def poses_path(self, folder: Path, policy: PosePolicy) -> Path | None:
+        """Return the one file of poses. Raises InputError where there is none or are several."""
+        return _trajectory_file(folder, policy)
+
+    def poses(self, path: Path, rgb: Collection[int], depth: Collection[int] | None) -> NumberedPoses:
+        """Return the poses of a .log by the numbers of the images."""
+        images, pairs = (set(rgb), set(rgb)) if depth is None else ({*rgb, *depth}, set(rgb) & set(depth))
+        if not pairs:
+            return NumberedPoses(path, {})  # the images say what is wrong
+        return poses_of_images(_counted_poses(path), images, pairs, self.begins)
+
+
+class Open3DLayout(_LoggedLayout):
     """`color/00000.jpg`, `depth/00000.png`, `intrinsic.json` and a `.log` of poses."""
 
     name = "open3d"
@@ -53,46 +79,32 @@ class Open3DLayout(RecordedLayout):
         "a recording of Open3D's RealSense or Azure Kinect recorder, with a .log of poses such as its reconstruction's"
     )
     files = "color/00000.jpg, depth/00000.png, intrinsic.json, *.log"
+    rgb = ImageFiles("color", COLOUR)
+    begins = (0,)
 
     def recognises(self, folder: Path) -> bool:
-        """Tell whether there are intrinsics of a recorder beside colour and depth."""
-        return _has_folders(folder, ("color",)) and _intrinsics_file(folder) is not None
+        """Tell whether there are intrinsics of a recorder beside colour."""
+        return (folder / "color").is_dir() and _intrinsics_file(folder) is not None
 
-    def read(self, folder: Path, rate_hz: float | None = None, poses: PosePolicy = "drop") -> StoredSequence:
-        """Match images by their numbers, and poses by those of the .log, which count frames."""
-        path = _intrinsics_file(folder)
-        assert path is not None, "recognised"
-        document = _document(path)
-        camera = _camera(path, document)
-        scale_per_m, fps = (_positive(path, document, key) for key in ("depth_scale", "fps"))
-        used_hz = rate_hz or fps or RECORDED_HZ
-        colour, depth = numbered_images(folder / "color", COLOUR), numbered_images(folder / "depth", DEPTH)
-        truth = _trajectory_file(folder, poses)
-        given = None if truth is None else _log(truth, colour, depth, _OPEN3D_BEGINS)
-        found = numbered_frames(folder, colour, depth, given, policy=poses, rate_hz=used_hz)
-        return StoredSequence(
-            folder,
-            found.rgb_files,
-            found.depth_files,
-            truth,
-            found.trajectory,
-            found.stamps,
-            scale_per_m or MILLIMETRES,
-            None,
-            camera,
-            path,
-            (*found.notes, *(() if fps else counted_note(rate_hz, used_hz))),
-            used_hz,
-        )
+    def stated_rate_hz(self, folder: Path) -> float | None:
+        """Return the frames a second of the recorder."""
+        return _positive(*_recorder(folder), "fps")
+
+    def cameras(self, folder: Path, found: MatchedFrames) -> Cameras:
+        """Return the camera of the recorder, and its depth scale."""
+        del found
+        path, document = _recorder(folder)
+        return Cameras(_camera(path, document), path, depth_scale_per_m=_positive(path, document, "depth_scale"))
 
 
-class RedwoodLayout(RecordedLayout):
+class RedwoodLayout(_LoggedLayout):
     """`image` or `rgb`, `depth` and a trajectory in Redwood's format."""
 
     name = "redwood"
     label = "Redwood"
     meaning = "a sequence of the Redwood datasets: depth in mm, the PrimeSense's factory camera"
     files = "rgb/ (or image/, colors/), depth/, *.log or *-traj.txt"
+    begins = (0, 1)
 
     def recognises(self, folder: Path) -> bool:
         """Tell whether there are colour and depth with a trajectory, or images named by number and time."""
@@ -103,20 +115,22 @@ class RedwoodLayout(RecordedLayout):
         timed = (re.fullmatch(TIMED, path.name) for path in (folder / "depth").glob("*-*.png"))
         return bool(_trajectories(folder)) or any(timed)
 
+    def images(self, folder: Path) -> tuple[dict[int, Path], dict[int, Path] | None]:
+        """Return colour and depth by number."""
+        return numbered_images(_colour_folder(folder), COLOUR), self.depth.there(folder)
+
+    def cameras(self, folder: Path, found: MatchedFrames) -> Cameras:
+        """Return the camera that a file says, else the PrimeSense's."""
+        stated = stated_camera(folder, found.rgb_files[0])
+        return Cameras(PRIMESENSE, assumed=_ASSUMED) if stated is None else Cameras(*stated)
+
     def read(self, folder: Path, rate_hz: float | None = None, poses: PosePolicy = "drop") -> StoredSequence:
         """Match images by their numbers, or by their times where their names say them; a .log counts frames."""
-        colours = [name for name in COLOURS if (folder / name).is_dir()]
-        if len(colours) > 1:
-            raise InputError(folder, f"has {colours[0]} and {colours[1]}", remedy="leave one folder of colour in it")
-        images = folder / colours[0]
-        truth = _trajectory_file(folder, poses)
-        if any(re.fullmatch(TIMED, path.name) for path in images.iterdir()):
-            return _timed(folder, images, truth, poses)
-        used_hz = rate_hz or RECORDED_HZ
-        colour, depth = numbered_images(images, COLOUR), numbered_images(folder / "depth", DEPTH)
-        given = None if truth is None else _log(truth, colour, depth, _REDWOOD_BEGINS)
-        found = numbered_frames(folder, colour, depth, given, policy=poses, rate_hz=used_hz)
-        camera, path = stated_camera(folder, found.rgb_files[0]) or (PRIMESENSE, None)
+        images = _colour_folder(folder)
+        if not any(re.fullmatch(TIMED, path.name) for path in images.iterdir()):
+            return super().read(folder, rate_hz, poses)
+        found = _timed_frames(folder, images, truth := self.poses_path(folder, poses), poses)
+        cameras = self.cameras(folder, found)
         return StoredSequence(
             folder,
             found.rgb_files,
@@ -125,13 +139,20 @@ class RedwoodLayout(RecordedLayout):
             found.trajectory,
             found.stamps,
             MILLIMETRES,
-            None,
-            camera,
-            path,
-            (*found.notes, *counted_note(rate_hz, used_hz)),
-            used_hz,
-            assumed="" if path else _ASSUMED,
+            images,
+            cameras.camera,
+            cameras.path,
+            found.notes,
+            assumed=cameras.assumed,
         )
+
+
+def _colour_folder(folder: Path) -> Path:
+    """Return the one folder of colour. Raises InputError where there are two."""
+    colours = [name for name in COLOURS if (folder / name).is_dir()]
+    if len(colours) > 1:
+        raise InputError(folder, f"has {colours[0]} and {colours[1]}", remedy="leave one folder of colour in it")
+    return folder / colours[0]
 
 
 def _has_folders(folder: Path, colours: tuple[str, ...]) -> bool:
@@ -145,11 +166,14 @@ def _intrinsics_file(folder: Path) -> Path | None:
 # --- intrinsics ---
 
 
-def _document(path: Path) -> dict[str, Any]:
+def _recorder(folder: Path) -> tuple[Path, dict[str, Any]]:
+    """Return the file that a recorder describes its cameras in, and what it says."""
+    path = _intrinsics_file(folder)
+    assert path is not None, "recognised"
     document = parse_given_json(recorded_text(path), path)
     if not isinstance(document, dict) or "intrinsic_matrix" not in document:
         raise InputError(path, "holds no intrinsic_matrix", remedy="as Open3D writes it")
-    return document
+    return path, document
 
 
 def _camera(path: Path, document: dict[str, Any]) -> Intrinsics:
@@ -195,14 +219,6 @@ def _trajectory_file(folder: Path, policy: PosePolicy) -> Path | None:
     return found[0] if found else None
 
 
-def _log(path: Path, colour: Mapping[int, Path], depth: Mapping[int, Path], begins: tuple[int, ...]) -> NumberedPoses:
-    """Return the poses of a .log by the numbers of the images."""
-    images, pairs = colour.keys() | depth.keys(), colour.keys() & depth.keys()
-    if not pairs:
-        return NumberedPoses(path, {})  # which is told of the images
-    return poses_of_images(_counted_poses(path), images, pairs, begins)
-
-
 def _counted_poses(path: Path) -> CountedPoses:
     found = read_file_poses(path, format="log")
     assert found.numbers is not None
@@ -211,35 +227,18 @@ def _counted_poses(path: Path) -> CountedPoses:
     return CountedPoses(path, c2w, list(map(int, found.listed.tolist())))
 
 
-def _timed(folder: Path, images: Path, truth: Path | None, policy: PosePolicy) -> StoredSequence:
-    """Read images that are named by number and microseconds; a pose belongs to the colour image of its number."""
+def _timed_frames(folder: Path, images: Path, truth: Path | None, policy: PosePolicy) -> MatchedFrames:
+    """Match images that are named by number and microseconds; a pose belongs to the colour image of its number."""
     numbers, colour = _stamped(images)
     _, depth = _stamped(folder / "depth")
-    path = None
-    if truth is not None:
-        given = poses_of_images(_counted_poses(truth), numbers, numbers, _REDWOOD_BEGINS).c2w
-        rows = [row for row, number in enumerate(numbers) if number in given]
-        if not rows:
-            raise InputError(
-                truth, "has no valid pose of an image", remedy="poses: none uses them without ground truth"
-            )
-        path = Trajectory(np.array([given[numbers[row]] for row in rows]), colour.stamps.seconds[rows])
-    found = associate_frames(folder, colour, depth, path, policy=policy)
-    camera, file = stated_camera(folder, found.rgb_files[0]) or (PRIMESENSE, None)
-    return StoredSequence(
-        folder,
-        found.rgb_files,
-        found.depth_files,
-        truth,
-        found.path,
-        found.stamps,
-        MILLIMETRES,
-        images,
-        camera,
-        file,
-        found.notes,
-        assumed="" if file else _ASSUMED,
-    )
+    if truth is None:
+        return associate_frames(folder, colour, depth, None, policy=policy)
+    given = poses_of_images(_counted_poses(truth), numbers, numbers, RedwoodLayout.begins).c2w
+    rows = [row for row, number in enumerate(numbers) if number in given]
+    if not rows:
+        raise InputError(truth, "has no valid pose of an image", remedy="poses: none uses them without ground truth")
+    path = Trajectory(np.array([given[numbers[row]] for row in rows]), colour.stamps.seconds[rows])
+    return associate_frames(folder, colour, depth, path, policy=policy)
 
 
 def _stamped(folder: Path) -> tuple[list[int], StampedFiles]:

@@ -185,15 +185,16 @@ class EurocLayout(Layout):
     def read(self, folder: Path, rate_hz: float | None = None, poses: PosePolicy = "drop") -> StoredSequence:
         """Find images and poses with close stamps; the body's poses are converted to the colour camera's."""
         del rate_hz  # the lists have stamps
-        for sensor, what in ((COLOUR, "colour"), (DEPTH, "depth")):
-            if not (folder / sensor / "data.csv").is_file():
-                remedy = f"{sensor} has to be there: a sequence needs colour and depth"
-                raise InputError(folder / sensor / "data.csv", f"is not there: no {what}", remedy=remedy)
-        rgb, depth = (read_images_csv(folder / sensor / "data.csv") for sensor in (COLOUR, DEPTH))
-        colour_file, depth_file = (folder / sensor / "sensor.yaml" for sensor in (COLOUR, DEPTH))
-        colour_sensor, depth_sensor = read_sensor_yaml(colour_file), read_sensor_yaml(depth_file)
-        optics = _optics(depth_file, colour_sensor, depth_sensor)
-        assert depth_sensor.depth_scale_per_m is not None, "just checked"
+        listing, of_depth = (folder / sensor / "data.csv" for sensor in (COLOUR, DEPTH))
+        if not listing.is_file():
+            raise InputError(listing, "is not there: no colour", remedy=f"{COLOUR} has to be there")
+        rgb = read_images_csv(listing)
+        colour_file, depth_file = (path.with_name("sensor.yaml") for path in (listing, of_depth))
+        colour_sensor = read_sensor_yaml(colour_file)
+        depth, optics, scale_per_m = None, Optics(distortion=colour_sensor.distortion), self.depth_scale_per_m
+        if (folder / DEPTH).is_dir():
+            depth, depth_sensor = read_images_csv(of_depth), read_sensor_yaml(depth_file)
+            optics, scale_per_m = _optics(depth_file, colour_sensor, depth_sensor)
         file = truth_file(folder / self.truth / "data.csv", poses)
         path = exact = None
         if file is not None:
@@ -201,17 +202,17 @@ class EurocLayout(Layout):
             path = replace(sensor_trajectory(body, Sensor(colour_sensor.body_from_sensor)), notes=body.notes)
             exact = exact_stamps(file, path)
         found = associate_frames(folder, rgb, depth, path, exact, policy=poses)
-        check_files(folder / COLOUR / "data.csv", found.rgb_files)
-        check_files(folder / DEPTH / "data.csv", found.depth_files)
+        check_files(listing, found.rgb_files)
+        check_files(of_depth, found.depth_files)
         return StoredSequence(
             folder,
             found.rgb_files,
             found.depth_files,
             file,
-            found.path,
+            found.trajectory,
             found.stamps,
-            depth_sensor.depth_scale_per_m,
-            folder / COLOUR / "data.csv",
+            scale_per_m,
+            listing,
             colour_sensor.camera,
             colour_file,
             found.notes,
@@ -219,10 +220,15 @@ class EurocLayout(Layout):
         )
 
 
-def _optics(path: Path, colour: AslSensor, depth: AslSensor) -> Optics:
-    """Return what the cameras have beyond one pinhole. Raises InputError for depth without a scale, or with a lens."""
+def _optics(path: Path, colour: AslSensor, depth: AslSensor) -> tuple[Optics, float]:
+    """Return what the cameras have beyond one pinhole, and depth's scale. Raises InputError for depth without one."""
     if depth.depth_scale_per_m is None:
         raise InputError(path, f"holds no {DEPTH_SCALE_KEY}", remedy="add it: the steps of the depth images a metre")
+    return _beyond_pinhole(path, colour, depth), depth.depth_scale_per_m
+
+
+def _beyond_pinhole(path: Path, colour: AslSensor, depth: AslSensor) -> Optics:
+    """Return what the cameras have beyond one pinhole. Raises InputError for depth with a lens of its own."""
     apart = np.abs(colour.body_from_sensor - depth.body_from_sensor).max() > _SAME_POSE
     if not apart and (depth.camera is None or (colour.camera and same_camera(colour.camera, depth.camera))):
         if depth.distortion not in (None, colour.distortion):

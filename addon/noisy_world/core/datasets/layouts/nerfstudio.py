@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""transforms.json with depth: nerfstudio, and Record3D's captures that it processes.
+"""transforms.json, with or without depth: nerfstudio, and Record3D's captures that it processes.
 
 https://docs.nerf.studio/quickstart/data_conventions.html; nerfstudio/data/dataparsers/nerfstudio_dataparser.py
 (file_path and depth_file_path relative to the file, depth_unit_scale_factor 1e-3: millimetres) and
@@ -37,8 +37,8 @@ class NerfstudioLayout(RecordedLayout):
 
     name = "nerfstudio"
     label = "nerfstudio"
-    meaning = "transforms.json with depth, as nerfstudio has it and makes it of Record3D's captures; depth in mm"
-    files = "transforms.json with depth_file_path"
+    meaning = "transforms.json as nerfstudio has it and makes it of Record3D's captures; depth, if any, in mm"
+    files = "transforms.json, with depth_file_path where there is depth"
 
     def recognises(self, folder: Path) -> bool:
         """Tell whether there is a transforms.json."""
@@ -53,11 +53,11 @@ class NerfstudioLayout(RecordedLayout):
         if not isinstance(frames, list) or not frames or not all(isinstance(frame, dict) for frame in frames):
             raise InputError(path, "is no list of frames", where="frames", remedy="as nerfstudio writes it")
         order = sorted(range(len(frames)), key=lambda row: _by_number(str(frames[row].get("file_path", ""))))
-        colour, depth = (
-            [_file(path, row, frames[row], key) for row in order] for key in ("file_path", "depth_file_path")
-        )
+        has_depth = any("depth_file_path" in frame for frame in frames)
+        colour = [_file(path, row, frames[row], "file_path") for row in order]
+        depth = [_file(path, row, frames[row], "depth_file_path") for row in order] if has_depth else None
         check_files(path, tuple(colour))
-        check_files(path, tuple(depth))
+        check_files(path, tuple(depth or ()))
         given, notes = None, ()
         if poses != "none":
             read = read_file_poses(path, format="transforms")
@@ -66,10 +66,12 @@ class NerfstudioLayout(RecordedLayout):
             notes = tuple(note for note in read.notes if "applied_" in note)
         used_hz = rate_hz or RECORDED_HZ
         found = numbered_frames(
-            folder, dict(enumerate(colour)), dict(enumerate(depth)), given, policy=poses, rate_hz=used_hz
+            *(folder, dict(enumerate(colour)), None if depth is None else dict(enumerate(depth)), given),
+            policy=poses,
+            rate_hz=used_hz,
         )
         camera = _camera(path, document, frames)
-        seen = _seen_by_depth(camera, size_of(found.depth_files[0]))
+        seen = _seen_by_depth(camera, size_of(found.depth_files[0])) if has_depth else None
         return StoredSequence(
             folder,
             found.rgb_files,
@@ -97,7 +99,7 @@ def _file(path: Path, row: int, frame: Mapping[str, Any], key: str) -> Path:
     name = frame.get(key)
     if not isinstance(name, str) or not name or "\0" in name:
         what = "colour" if key == "file_path" else "depth"
-        raise InputError(path, f"names no {what} image", where=f"frames.{row}.{key}", remedy="a recording needs both")
+        raise InputError(path, f"names no {what} image", where=f"frames.{row}.{key}")
     return path.parent / name
 
 

@@ -16,54 +16,39 @@ from ...geometry import Intrinsics
 from ...optics import DepthCamera, Optics
 from ...trajectories.pose_text import read_text as read_numbers
 from ...trajectories.pose_text import text_rows
-from ..known_poses import PosePolicy
-from ..stored import StoredSequence, same_camera, size_of
-from .numbered import folder_of_poses, numbered_frames, numbered_images
-from .recorded import MILLIMETRES, RECORDED_HZ, RecordedLayout, counted_note, intrinsics_of_matrix
-
-COLOUR = r"([0-9]+)\.(?:jpg|png)"
-DEPTH = r"([0-9]+)\.png"
+from ..association import MatchedFrames
+from ..stored import same_camera, size_of
+from .numbered import Cameras, ImageFiles, NumberedLayout
+from .recorded import intrinsics_of_matrix
 
 
-class ScanNetLayout(RecordedLayout):
-    """`color/0.jpg`, `depth/0.png`, `pose/0.txt` and `intrinsic/intrinsic_color.txt`."""
+class ScanNetLayout(NumberedLayout):
+    """`color/0.jpg`, `depth/0.png`, `pose/0.txt` and `intrinsic/intrinsic_color.txt`.
+
+    Poses of -inf, where tracking was lost, are none.
+    """
 
     name = "scannet"
     label = "ScanNet"
     meaning = "a scan of ScanNet as its SensReader exports it: colour and depth each have a camera; depth in mm"
     files = "color/0.jpg, depth/0.png, pose/0.txt, intrinsic/"
+    rgb = ImageFiles("color", r"([0-9]+)\.(?:jpg|png)")
+    depth = ImageFiles("depth", r"([0-9]+)\.png")
+    pose_folder = "pose"
 
     def recognises(self, folder: Path) -> bool:
-        """Tell whether there are folders of colour, depth and poses, or intrinsics of the exporter."""
-        images = (folder / "color").is_dir() and (folder / "depth").is_dir()
-        return images and ((folder / "pose").is_dir() or (folder / "intrinsic").is_dir())
+        """Tell whether there are a folder of colour and one of poses, or intrinsics of the exporter."""
+        return (folder / "color").is_dir() and ((folder / "pose").is_dir() or (folder / "intrinsic").is_dir())
 
-    def read(self, folder: Path, rate_hz: float | None = None, poses: PosePolicy = "drop") -> StoredSequence:
-        """Match images and poses by their numbers; poses of -inf, where tracking was lost, are none."""
-        truth = folder / "pose"
-        used_hz = rate_hz or RECORDED_HZ
-        unposed = poses == "none" or (poses == "keep" and not truth.is_dir())
-        colour, depth = numbered_images(folder / "color", COLOUR), numbered_images(folder / "depth", DEPTH)
-        given = None if unposed else folder_of_poses(truth, colour)
-        found = numbered_frames(folder, colour, depth, given, policy=poses, rate_hz=used_hz)
-        camera_file, depth_file = _matrix_file(folder, "color"), _matrix_file(folder, "depth")
-        camera = intrinsics_of_matrix(camera_file, _matrix(camera_file), size_of(found.rgb_files[0]))
-        seen = intrinsics_of_matrix(depth_file, _matrix(depth_file), size_of(found.depth_files[0]))
-        return StoredSequence(
-            folder,
-            found.rgb_files,
-            found.depth_files,
-            None if given is None else truth,
-            found.trajectory,
-            found.stamps,
-            MILLIMETRES,
-            None,
-            camera,
-            camera_file,
-            (*found.notes, *counted_note(rate_hz, used_hz)),
-            used_hz,
-            optics=_optics(folder, camera, seen),
-        )
+    def cameras(self, folder: Path, found: MatchedFrames) -> Cameras:
+        """Read both cameras."""
+        path = _matrix_file(folder, "color")
+        camera = intrinsics_of_matrix(path, _matrix(path), size_of(found.rgb_files[0]))
+        if not found.depth_files:
+            return Cameras(camera, path)
+        of_depth = _matrix_file(folder, "depth")
+        seen = intrinsics_of_matrix(of_depth, _matrix(of_depth), size_of(found.depth_files[0]))
+        return Cameras(camera, path, _optics(folder, camera, seen))
 
 
 def _optics(folder: Path, colour: Intrinsics, depth: Intrinsics) -> Optics:

@@ -15,14 +15,13 @@ from numpy.typing import NDArray
 from ...errors import InputError
 from ...geometry import Intrinsics
 from ...optics import DepthCamera, Optics
+from ..association import MatchedFrames
 from ..json_text import finite_number
 from ..known_poses import PosePolicy
-from ..stored import StoredSequence, recorded_text, same_camera
-from .numbered import folder_of_poses, numbered_frames, numbered_images
-from .recorded import MILLIMETRES, RECORDED_HZ, RecordedLayout, counted_note, intrinsics_of_matrix, stated_camera
+from ..stored import recorded_text, same_camera
+from .numbered import Cameras, ImageFiles, NumberedLayout
+from .recorded import intrinsics_of_matrix, stated_camera
 
-COLOUR = r"frame-([0-9]+)\.color\.(?:png|jpg)"
-DEPTH = r"frame-([0-9]+)\.depth\.png"
 CALIBRATIONS = ("info.txt", "_info.txt")
 NO_DEPTH = 65535  # "invalid depth is set to 65535"
 # "In the KinectFusion pipeline we used the following default intrinsics for the depth camera: principle point
@@ -35,24 +34,33 @@ UNCALIBRATED = (
 )
 
 
-class SevenScenesLayout(RecordedLayout):
+class SevenScenesLayout(NumberedLayout):
     """`frame-000000.color.png`, `frame-000000.depth.png` and `frame-000000.pose.txt`."""
 
     name = "seven_scenes"
     label = "7-Scenes"
     meaning = "a sequence of Microsoft's 7-Scenes: depth in mm, 65535 is void; poses camera-to-world"
     files = "frame-000000.color.png, frame-000000.depth.png, frame-000000.pose.txt"
+    rgb = ImageFiles("", r"frame-([0-9]+)\.color\.(?:png|jpg)")
+    depth = ImageFiles("", r"frame-([0-9]+)\.depth\.png")
+    void_steps = (NO_DEPTH,)
 
     def recognises(self, folder: Path) -> bool:
         """Tell whether there are colour images of frames, and no calibration."""
         return _has_frames(folder) and _calibration(folder) is None
 
-    def read(self, folder: Path, rate_hz: float | None = None, poses: PosePolicy = "drop") -> StoredSequence:
-        """Match images and poses by their numbers."""
-        return _read(folder, rate_hz, poses, MILLIMETRES, None)
+    def poses_path(self, folder: Path, policy: PosePolicy) -> Path | None:
+        """Return the folder itself, where poses lie beside the images."""
+        unposed = policy == "none" or (policy == "keep" and not any(folder.glob("frame-*.pose.txt")))
+        return None if unposed else folder
+
+    def cameras(self, folder: Path, found: MatchedFrames) -> Cameras:
+        """Return the camera that a file says, else the dataset's."""
+        stated = stated_camera(folder, found.rgb_files[0])
+        return Cameras(KINECT, assumed=UNCALIBRATED) if stated is None else Cameras(*stated)
 
 
-class BundleFusionLayout(RecordedLayout):
+class BundleFusionLayout(SevenScenesLayout):
     """The files of 7-Scenes, and `info.txt` with the intrinsics of both cameras."""
 
     name = "bundlefusion"
@@ -64,15 +72,16 @@ class BundleFusionLayout(RecordedLayout):
         """Tell whether there are colour images of frames, and a calibration."""
         return _has_frames(folder) and _calibration(folder) is not None
 
-    def read(self, folder: Path, rate_hz: float | None = None, poses: PosePolicy = "drop") -> StoredSequence:
-        """Match images and poses by their numbers, and read both cameras."""
+    def cameras(self, folder: Path, found: MatchedFrames) -> Cameras:
+        """Read both cameras, and the depth scale."""
+        del found
         path = _calibration(folder)
         assert path is not None, "recognised"
-        values = _info(path)
-        (scale_per_m,) = _numbers(path, values, "m_depthShift", 1)
+        (scale_per_m,) = _numbers(path, _info(path), "m_depthShift", 1)
         if scale_per_m <= 0:
             raise InputError(path, f"is {scale_per_m:g}, but has to be above 0", where="m_depthShift")
-        return _read(folder, rate_hz, poses, float(scale_per_m), path)
+        camera, optics = _cameras(path)
+        return Cameras(camera, path, optics, depth_scale_per_m=float(scale_per_m))
 
 
 def _has_frames(folder: Path) -> bool:
@@ -81,36 +90,6 @@ def _has_frames(folder: Path) -> bool:
 
 def _calibration(folder: Path) -> Path | None:
     return next((folder / name for name in CALIBRATIONS if (folder / name).is_file()), None)
-
-
-def _read(
-    folder: Path, rate_hz: float | None, policy: PosePolicy, scale_per_m: float, calibration: Path | None
-) -> StoredSequence:
-    unposed = policy == "none" or (policy == "keep" and not any(folder.glob("frame-*.pose.txt")))
-    used_hz = rate_hz or RECORDED_HZ
-    images = [numbered_images(folder, pattern) for pattern in (COLOUR, DEPTH)]
-    poses = None if unposed else folder_of_poses(folder, images[0])
-    found = numbered_frames(folder, images[0], images[1], poses, policy=policy, rate_hz=used_hz)
-    camera, optics = (KINECT, Optics()) if calibration is None else _cameras(calibration)
-    if calibration is None and (stated := stated_camera(folder, found.rgb_files[0])) is not None:
-        camera, calibration = stated
-    return StoredSequence(
-        folder,
-        found.rgb_files,
-        found.depth_files,
-        None if poses is None else folder,
-        found.trajectory,
-        found.stamps,
-        scale_per_m,
-        None,
-        camera,
-        calibration,
-        (*found.notes, *counted_note(rate_hz, used_hz)),
-        used_hz,
-        void_steps=(NO_DEPTH,),
-        optics=optics,
-        assumed="" if calibration else UNCALIBRATED,
-    )
 
 
 # --- info.txt ---

@@ -2,6 +2,7 @@
 """The layout of the TUM RGB-D benchmark, which ORB-SLAM2 and 3 read."""
 
 import re
+from collections.abc import Iterator
 from decimal import Decimal
 from pathlib import Path
 
@@ -16,7 +17,7 @@ from ...trajectories.stamped_poses import tum_text
 from ...trajectories.stamps import NS_PER_S, Stamps
 from ..association import StampedFiles, associate_frames
 from ..known_poses import PosePolicy, truth_file
-from ..stored import StoredSequence, check_files, recorded_text
+from ..stored import StoredSequence, check_files, checked_intrinsics, recorded_text, size_of
 from .cam_params import CAM_PARAMS, cam_params_text, read_cam_params
 from .layout import PATH_SUFFIXES, Image, Layout, SequenceFacts, lines, numbered, path_suffix, poses_at
 
@@ -30,6 +31,10 @@ KINECTS: dict[str, tuple[tuple[float, ...], tuple[float, ...]]] = {
     "2": ((520.9, 521.0, 325.1, 249.7), (0.2312, -0.7849, -0.0033, -0.0001, 0.9172)),
     "3": ((535.4, 539.2, 320.1, 247.6), (0.0, 0.0, 0.0, 0.0, 0.0)),
 }
+PAIRS = ("associations.txt", "associate.txt", "association.txt")
+CALIBRATION = "calibration.txt"
+OTHERS = ("*.gt.freiburg", "*.log", "*-traj.txt")
+"""Poses of other datasets that have a list of pairs too."""
 _ASSUMED = "the benchmark's calibration of this Kinect is used, by the folder's name; camera says another"
 _ONE_STAMP = "an image has a stamp of its own"
 # float() would also take "nan", "1_000" and digits of other scripts.
@@ -99,8 +104,8 @@ class TumLayout(Layout):
         return {CAM_PARAMS: cam_params_text(camera, depth_scale_per_m, optics)}
 
     def recognises(self, folder: Path) -> bool:
-        """Tell whether there is a list of colour images."""
-        return (folder / "rgb.txt").is_file()
+        """Tell whether there is a list of colour images, or of pairs."""
+        return (folder / "rgb.txt").is_file() or _pairs_file(folder) is not None
 
     def written_poses(self, folder: Path, time_s: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the poses of groundtruth.txt by their stamps."""
@@ -108,26 +113,37 @@ class TumLayout(Layout):
         return poses_at(read_trajectory(poses, format="tum", stamp_unit="s"), time_s, poses)
 
     def read(self, folder: Path, rate_hz: float | None = None, poses: PosePolicy = "drop") -> StoredSequence:
-        """Find images and poses with close stamps."""
+        """Find images and poses with close stamps; without lists, the pairs of associations.txt."""
         del rate_hz  # the lists have stamps
-        rgb, depth = _listed(folder / "rgb.txt"), _listed(folder / "depth.txt")
+        listing, of_depth = folder / "rgb.txt", folder / "depth.txt"
+        has_depth = of_depth.is_file() or (folder / "depth").is_dir()
+        pairs = None if listing.is_file() else _pairs_file(folder)
+        if pairs is None:
+            rgb, depth = _listed(listing), _listed(of_depth) if has_depth else None
+        else:
+            listing = of_depth = pairs
+            rgb, depth = _paired(pairs)
         file = truth_file(folder / "groundtruth.txt", poses)
-        found = associate_frames(folder, rgb, depth, None if file is None else read_trajectory(file), policy=poses)
-        check_files(folder / "rgb.txt", found.rgb_files)
-        check_files(folder / "depth.txt", found.depth_files)
+        path = None if file is None else read_trajectory(file)
+        found = associate_frames(folder, rgb, depth, path, paired=pairs is not None, policy=poses)
+        check_files(listing, found.rgb_files)
+        check_files(of_depth, found.depth_files)
         params = read_cam_params(folder)
-        kinect = None if params and params.camera else _kinect(folder)
+        known = params and params.camera
+        calibration = None if known else _calibration(folder, found.rgb_files[0])
+        kinect = None if known or calibration else _kinect(folder)
+        camera = calibration[0] if calibration else kinect[0] if kinect else None
         return StoredSequence(
             folder,
             found.rgb_files,
             found.depth_files,
             file,
-            found.path,
+            found.trajectory,
             found.stamps,
             params.depth_scale_per_m if params else self.depth_scale_per_m,
-            folder / "rgb.txt",
-            params.camera if params and params.camera else kinect[0] if kinect else None,
-            params.path if params else None,
+            listing,
+            known or camera,
+            calibration[1] if calibration else params.path if params else None,
             found.notes,
             optics=kinect[1] if kinect else params.optics if params else PINHOLE,
             assumed=_ASSUMED if kinect else "",
@@ -158,31 +174,90 @@ def _stamp_texts(stamps: Stamps) -> list[str]:
     return [f"{stamp_s:.6f}" for stamp_s in stamps.seconds]
 
 
+def _pairs_file(folder: Path) -> Path | None:
+    """Return the list of pairs of a folder without lists of its images; None without one, and in another dataset."""
+    names = [folder / name for name in PAIRS if (folder / name).is_file()]
+    others = any(path for pattern in OTHERS for path in folder.glob(pattern))
+    return names[0] if names and not others else None
+
+
 def _listed(path: Path) -> StampedFiles:
     """Read a list of stamps and files, in any order. Raises InputError where a stamp is given twice."""
     found: dict[Decimal, Path] = {}
-    for number, line in enumerate(recorded_text(path).split("\n"), 1):
-        if not line.strip() or line.lstrip().startswith("#"):
-            continue
-        where = f"line {number}"
-        words = re.split(r"[\s,]+", line.strip())  # associate.py takes commas too
-        if len(words) < 2 or not re.fullmatch(_NUMBER, words[0]):
+    for where, words in _lines(path):
+        if len(words) < 2:
             raise InputError(path, "is no time stamp and file name", where=where)
-        stamp = Decimal(words[0])
-        if abs(stamp) > LARGEST_S:
-            problem = f"{words[0]} s is {float(stamp) / SECONDS_PER_YEAR:.0f} years"
-            raise InputError(path, problem, where=where, remedy="write the stamps in seconds")
+        stamp = _stamp(path, where, words[0])
         if stamp in found:
             problem = f"the time stamp {words[0]} is that of an earlier line"
             raise InputError(path, problem, where=where, remedy=_ONE_STAMP)
         found[stamp] = path.parent / words[1]
-    if not found:
+    return _in_order(path, list(found.items()))
+
+
+def _paired(path: Path) -> tuple[StampedFiles, StampedFiles]:
+    """Read a list of pairs, a stamp and a file of colour and of depth in each line, in the order of colour's stamps.
+
+    Raises InputError where a stamp of colour is given twice. A line may begin with depth, as its file's folder says.
+    """
+    found: dict[Decimal, tuple[Path, Decimal, Path]] = {}
+    for where, words in _lines(path):
+        if len(words) != 4:
+            problem = f"has {len(words)} words, and no time stamp and file name of colour and of depth"
+            raise InputError(path, problem, where=where)
+        one, other = ((_stamp(path, where, words[at]), words[at + 1]) for at in (0, 2))
+        (stamp, name), (of_depth, depth_name) = (other, one) if one[1].startswith("depth") else (one, other)
+        if stamp in found:
+            problem = f"the time stamp of {name} is that of an earlier line"
+            raise InputError(path, problem, where=where, remedy=_ONE_STAMP)
+        found[stamp] = path.parent / name, of_depth, path.parent / depth_name
+    rgb = _in_order(path, [(stamp, name) for stamp, (name, _, _) in found.items()])
+    depth = [found[stamp][1:] for stamp in sorted(found)]
+    return rgb, StampedFiles(_stamps([stamp for stamp, _ in depth]), tuple(file for _, file in depth))
+
+
+def _lines(path: Path) -> Iterator[tuple[str, list[str]]]:
+    """Yield for each line with words where it is ("line 3"), and its words; associate.py takes commas too."""
+    for number, line in enumerate(recorded_text(path).split("\n"), 1):
+        if line.strip() and not line.lstrip().startswith("#"):
+            yield f"line {number}", re.split(r"[\s,]+", line.strip())
+
+
+def _stamp(path: Path, where: str, word: str) -> Decimal:
+    if not re.fullmatch(_NUMBER, word):
+        raise InputError(path, "is no time stamp and file name", where=where)
+    stamp = Decimal(word)
+    if abs(stamp) > LARGEST_S:
+        problem = f"{word} s is {float(stamp) / SECONDS_PER_YEAR:.0f} years"
+        raise InputError(path, problem, where=where, remedy="write the stamps in seconds")
+    return stamp
+
+
+def _in_order(path: Path, images: list[tuple[Decimal, Path]]) -> StampedFiles:
+    """Return images in the order of their stamps, which differ. Raises InputError where there is none."""
+    if not images:
         raise InputError(path, "lists no image")
-    ordered = sorted(found)
-    stamps_ns = [stamp * NS_PER_S for stamp in ordered]
-    whole = all(stamp_ns == int(stamp_ns) for stamp_ns in stamps_ns)
-    seconds = np.array([float(stamp) for stamp in ordered])
-    stamps = Stamps(seconds, tuple(map(int, stamps_ns)) if whole else None)
-    if np.any(np.diff(seconds) <= 0):
+    images.sort(key=lambda image: image[0])
+    stamps = _stamps([stamp for stamp, _ in images])
+    if np.any(np.diff(stamps.seconds) <= 0):
         raise InputError(path, "has two time stamps that are equal in float64", remedy=_ONE_STAMP)
-    return StampedFiles(stamps, tuple(found[stamp] for stamp in ordered))
+    return StampedFiles(stamps, tuple(file for _, file in images))
+
+
+def _stamps(given_s: list[Decimal]) -> Stamps:
+    """Return stamps in seconds, with exact nanoseconds where all are whole ones."""
+    stamps_ns = [stamp * NS_PER_S for stamp in given_s]
+    whole = all(stamp_ns == int(stamp_ns) for stamp_ns in stamps_ns)
+    return Stamps(np.array([float(stamp) for stamp in given_s]), tuple(map(int, stamps_ns)) if whole else None)
+
+
+def _calibration(folder: Path, image: Path) -> tuple[Intrinsics, Path] | None:
+    """Return the camera of ETH3D's calibration.txt, `fx fy cx cy`, and that file; None where there is none."""
+    path = folder / CALIBRATION
+    if not path.is_file():
+        return None
+    words = recorded_text(path).split()
+    if len(words) != 4 or not all(re.fullmatch(_NUMBER, word) for word in words):
+        raise InputError(path, "is not the four numbers fx fy cx cy", remedy="mend it, or take it away")
+    values = (*size_of(image), *map(float, words))
+    return checked_intrinsics(path, ("width", "height", "fx", "fy", "cx", "cy"), values), path

@@ -48,6 +48,8 @@ POSE_COLUMNS = ("ts (ns)", "tx (m)", "ty (m)", "tz (m)", "qx", "qy", "qz", "qw")
 # Two texts of the identity differ by less than this. Chosen.
 _IDENTITY = 1e-9
 
+DEPTH_SCALE_PER_M = 5000.0  # TUM's, so that depth images can be linked from one layout to the other
+
 
 class VslamLabLayout(Layout):
     """`rgb_0/*.png`, `depth_0/*.png`, `rgb.csv`, `calibration.yaml` and `groundtruth.csv`.
@@ -61,7 +63,7 @@ class VslamLabLayout(Layout):
     meaning = "of VSLAM-LAB, which runs many systems"
     images = ("png", "jpg")
     colours = ("rgb", "grey")
-    depth_scale_per_m = 5000.0  # TUM's, so that depth images can be linked from one layout to the other
+    depth_scale_per_m = DEPTH_SCALE_PER_M
     conventions: ClassVar[dict[str, str]] = {"time": "nanoseconds"}
     patterns = (
         *numbered(f"{CAMERA}/{{}}.png"),
@@ -121,7 +123,7 @@ class VslamLabLayout(Layout):
         """Pair colour and depth as rgb.csv does, whatever their stamps; poses are those with close stamps."""
         del rate_hz  # the list has stamps
         rgb, depth = _read_listed(folder / LISTED)
-        camera, depth_scale_per_m, lens = _read_calibration(folder / CALIBRATION)
+        camera, depth_scale_per_m, lens = _read_calibration(folder / CALIBRATION, has_depth=depth is not None)
         file = truth_file(folder / TRUTH, poses)
         path = None if file is None else read_trajectory(file)
         exact = None if file is None or path is None else exact_stamps(file, path)
@@ -133,7 +135,7 @@ class VslamLabLayout(Layout):
             found.rgb_files,
             found.depth_files,
             file,
-            found.path,
+            found.trajectory,
             found.stamps,
             depth_scale_per_m,
             folder / LISTED,
@@ -215,37 +217,39 @@ def _type_of(lens: Distortion) -> str | None:
 # --- read ---
 
 
-def _read_listed(path: Path) -> tuple[StampedFiles, StampedFiles]:
-    """Read the pairs of a list, in any order. Raises InputError where a stamp of colour is given twice."""
+def _read_listed(path: Path) -> tuple[StampedFiles, StampedFiles | None]:
+    """Read the colour of a list, in any order, and the depth paired with it; None where it has no columns of depth.
+
+    Raises InputError where a stamp of colour is given twice.
+    """
     rows = _rows(path)
     header = next(rows, ("", []))[1]
-    lacking = next((name for name in (*RGB_COLUMNS, *DEPTH_COLUMNS) if name not in header), None)
-    if lacking is not None:
-        remedy = f"a sequence needs colour and depth: {', '.join((*RGB_COLUMNS, *DEPTH_COLUMNS))}"
-        raise InputError(path, f"has no column {lacking}", remedy=remedy)
-    at = {name: header.index(name) for name in (*RGB_COLUMNS, *DEPTH_COLUMNS)}
-    found: dict[int, tuple[Path, int, Path]] = {}
+    sensors = [RGB_COLUMNS, *([DEPTH_COLUMNS] if set(DEPTH_COLUMNS) & set(header) else [])]
+    columns = [name for sensor in sensors for name in sensor]
+    if lacking := [name for name in columns if name not in header]:
+        raise InputError(path, f"has no column {lacking[0]}", remedy=f"it has to have {', '.join(columns)}")
+    found: dict[int, list[tuple[int, Path]]] = {}
     for where, cells in rows:
         if len(cells) != len(header):
             raise InputError(path, f"has {len(cells)} values for {len(header)} columns", where=where)
-        rgb_ns, depth_ns = (_stamp_ns(path, where, cells[at[name]]) for name in (RGB_COLUMNS[0], DEPTH_COLUMNS[0]))
-        names = [cells[at[name]] for name in (RGB_COLUMNS[1], DEPTH_COLUMNS[1])]
-        if not all(names):
+        images = [
+            (_stamp_ns(path, where, cells[header.index(stamp)]), cells[header.index(name)]) for stamp, name in sensors
+        ]
+        if not all(name for _, name in images):
             raise InputError(path, "names no colour or no depth image", where=where)
-        if rgb_ns in found:
+        if (rgb_ns := images[0][0]) in found:
             raise InputError(path, f"the time stamp {rgb_ns} is that of an earlier line", where=where)
-        rgb_file, depth_file = (path.parent / name for name in names)
-        found[rgb_ns] = (rgb_file, depth_ns, depth_file)
+        found[rgb_ns] = [(stamp_ns, path.parent / name) for stamp_ns, name in images]
     if not found:
         raise InputError(path, "lists no image")
-    ordered = sorted(found)
-    rgb, depth = Stamps.of_ns(ordered), Stamps.of_ns([found[stamp_ns][1] for stamp_ns in ordered])
-    if np.any(np.diff(rgb.seconds) <= 0):
-        raise InputError(path, "has two time stamps of colour that are equal in float64")
-    return (
-        StampedFiles(rgb, tuple(found[stamp_ns][0] for stamp_ns in ordered)),
-        StampedFiles(depth, tuple(found[stamp_ns][2] for stamp_ns in ordered)),
+    ordered = [found[stamp_ns] for stamp_ns in sorted(found)]
+    rgb, *depth = (
+        StampedFiles(Stamps.of_ns([stamp_ns for stamp_ns, _ in column]), tuple(file for _, file in column))
+        for column in zip(*ordered, strict=True)
     )
+    if np.any(np.diff(rgb.stamps.seconds) <= 0):
+        raise InputError(path, "has two time stamps of colour that are equal in float64")
+    return rgb, depth[0] if depth else None
 
 
 def _rows(path: Path) -> Iterator[tuple[str, list[str]]]:
@@ -266,7 +270,7 @@ def _stamp_ns(path: Path, where: str, cell: str) -> int:
     return int(cell)
 
 
-def _read_calibration(path: Path) -> tuple[Intrinsics, float, Distortion | None]:
+def _read_calibration(path: Path, *, has_depth: bool) -> tuple[Intrinsics, float, Distortion | None]:
     """Return the intrinsics of the camera rgb_0, its depth scale per metre, and its lens. Raises InputError."""
     # Another version's directive, which PyYAML might not take.
     text = "\n".join("" if line.startswith("%YAML") else line for line in recorded_text(path).splitlines())
@@ -283,7 +287,9 @@ def _read_calibration(path: Path) -> tuple[Intrinsics, float, Distortion | None]
     if apart and camera.get(TRUTH_OF) != CAMERA:
         remedy = f"{TRUTH} has to hold the poses of {CAMERA}; add {TRUTH_OF}: {CAMERA} where it does"
         raise InputError(path, "is not the identity", where=_at("T_BS"), remedy=remedy)
-    scale_per_m = checked_depth_scale(path, _at("depth_factor"), camera.get("depth_factor"))
+    said = camera.get("depth_factor")
+    without = said is None and not has_depth
+    scale_per_m = DEPTH_SCALE_PER_M if without else checked_depth_scale(path, _at("depth_factor"), said)
     keys = {"image_dimension": 2, "focal_length": 2, "principal_point": 2}
     values = [value for name, count in keys.items() for value in _numbers(path, camera, name, count).tolist()]
     places = tuple(_at(name) for name, count in keys.items() for _ in range(count))
