@@ -58,9 +58,9 @@ def test_each_band_of_a_source_has_its_power(source):
     highest_hz = max(band[1] for axis in axes for band in axis.bands)
     narrowest_hz = min(high - low for axis in axes for low, high, _ in axis.bands)
     rate_hz = 3 * highest_hz
-    times_s = np.arange(0, 100 / narrowest_hz, 1 / rate_hz)  # 100 times as long as the band takes to forget
+    times_s = np.arange(0, 50 / narrowest_hz, 1 / rate_hz)  # 50 times as long as the band takes to forget
     found = {}
-    for seed in range(10):
+    for seed in range(4):
         shift_m, turn = vibration.signals(vibration.Vibration(source=source), context(seed))
         drawn = {"translation_m": shift_m.at(times_s)[0], "rotation_deg": np.degrees(turn.at(times_s)[0])}
         for part, axis in ((part, axis) for part in drawn for axis in range(3)):
@@ -69,7 +69,7 @@ def test_each_band_of_a_source_has_its_power(source):
     for (part, axis), powers in found.items():
         wanted = getattr(spectrum, part)[axis]
         shares = [share * wanted.rms**2 for *_, share in wanted.bands]
-        np.testing.assert_allclose(np.mean(powers, axis=0), shares, rtol=0.1)
+        np.testing.assert_allclose(np.mean(powers, axis=0), shares, rtol=0.2)
 
 
 def test_an_open_band_is_flat_inside_its_limits():
@@ -101,7 +101,7 @@ def test_limits_cut_bands_and_keep_the_root_mean_square():
 @cases("values", [{"translation_m": 0.03}, {"rotation_deg": 2.0}, {"translation_m": 0.0}, {"strength": 3.0}])
 def test_root_mean_squares_are_those_asked_for(values):
     parameters = vibration.Vibration(source="walk", **values)
-    path = still(20_001)
+    path = still(5_001)
     found = deviations(path, vibration.apply(path, parameters, context()))
     own = SPECTRA["walk"]
     wanted_m = values.get("translation_m", sum(axis.rms**2 for axis in own.translation_m) ** 0.5 * parameters.strength)
@@ -113,9 +113,9 @@ def test_root_mean_squares_are_those_asked_for(values):
 
 @pytest.mark.one_python
 def test_drift_is_slow_and_as_large_as_asked_for():
-    path = still(20_001)
+    path = still(10_001)
     shifts = [
-        deviations(path, drift.apply(path, drift.Drift(period_s=5.0), context(seed)))[:, :3, 3] for seed in range(10)
+        deviations(path, drift.apply(path, drift.Drift(period_s=5.0), context(seed)))[:, :3, 3] for seed in range(5)
     ]
     assert np.sqrt((np.array(shifts) ** 2).sum(axis=-1).mean()) == pytest.approx(0.02, rel=0.1)
     fastest = np.abs(np.diff(shifts, axis=1)).max() * 20
