@@ -248,8 +248,9 @@ def test_what_is_no_depth_image(tmp_path):
     ):
         path.write_bytes(data)
         refused(read_steps, path, SIZE, names=("depth: ", named, "has to be a PNG of 16-bit grey"))
-    path.write_bytes(cv2.imencode(".png", steps)[1].tobytes())
-    assert np.array_equal(read_steps(path, SIZE), steps)
+    for data in (*(png(0, 16, interlaced=each) for each in (False, True)), cv2.imencode(".png", steps)[1].tobytes()):
+        path.write_bytes(data)
+        assert np.array_equal(read_steps(path, SIZE), cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED))
     refused(read_steps, path, (21, 20), names=("depth: ", "21 x 19", "21 x 20"))
 
 

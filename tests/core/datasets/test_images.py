@@ -11,8 +11,17 @@ import cv2
 import numpy as np
 import pytest
 from cases import cases
+from refusals import refused
 
-from noisy_world.core.datasets.images import encode_colour, encode_png, grey_bytes, quantise_depth, rgb_bytes
+from noisy_world.core.datasets.images import (
+    decode_png,
+    decode_steps,
+    encode_colour,
+    encode_png,
+    grey_bytes,
+    quantise_depth,
+    rgb_bytes,
+)
 from noisy_world.core.datasets.layouts import LAYOUTS
 
 
@@ -44,6 +53,9 @@ def test_png_is_lossless_whoever_reads_it(dtype, shape):
         decoded = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
         assert np.array_equal(decoded[..., ::-1] if len(shape) == 3 else decoded, pixels)
         assert decoded.dtype == dtype
+        ours = decode_png(data)
+        assert ours.dtype == dtype
+        assert np.array_equal(ours, pixels)
         (length,) = struct.unpack(">I", data[33:37])  # of the pixels, behind signature and header
         rows = np.frombuffer(zlib.decompress(data[41 : 41 + length]), np.uint8).reshape(shape[0], -1)
         assert (rows[:, 0] == 2).all()
@@ -55,6 +67,22 @@ def test_png_is_lossless_whoever_reads_it(dtype, shape):
             assert np.array_equal(np.asarray(Image.open(io.BytesIO(data))), pixels)
     options = [cv2.IMWRITE_PNG_COMPRESSION, 1, cv2.IMWRITE_PNG_FILTER, cv2.IMWRITE_PNG_FILTER_UP]
     assert len(encode_png(smooth)) <= 1.1 * cv2.imencode(".png", smooth, options)[1].nbytes + 100
+
+
+def test_what_another_wrote_or_damaged_is_left_to_opencv():
+    pixels = np.arange(48, dtype=np.uint16).reshape(6, 8) * 1000
+    for filters in (cv2.IMWRITE_PNG_FILTER_SUB, cv2.IMWRITE_PNG_FILTER_PAETH, cv2.IMWRITE_PNG_ALL_FILTERS):
+        data = cv2.imencode(".png", pixels, [cv2.IMWRITE_PNG_FILTER, filters])[1].tobytes()
+        assert decode_png(data) is None
+        assert np.array_equal(decode_steps(data), pixels)
+    unfiltered = cv2.imencode(".png", pixels, [cv2.IMWRITE_PNG_FILTER, cv2.IMWRITE_PNG_FILTER_NONE])[1].tobytes()
+    assert np.array_equal(decode_png(unfiltered), pixels)
+    data = encode_png(pixels)
+    for cut in range(len(data) - 4):
+        assert decode_png(data[:cut]) is None
+    for at in range(41, len(data) - 16):  # of the pixels, whose sum is checked
+        assert decode_png(data[:at] + bytes([data[at] ^ 1]) + data[at + 1 :]) is None
+    refused(decode_steps, data[:-30], names="is no PNG of 16 bits", error=ValueError)
 
 
 def test_rgb_keeps_its_order_and_rounds_to_nearest():

@@ -12,7 +12,7 @@ from ..regular_files import read_bytes
 from .float_files import decode_light
 from .image_files import LARGEST_FILE_BYTES, read_whole
 from .image_header import DamagedImageError, ImageHeader, UnfitImageError
-from .images import UINT16_MAX
+from .images import UINT16_MAX, decode_png
 from .jpeg_files import decode_strictly
 
 _ONE_SIZE = "a sequence has one size"
@@ -54,7 +54,8 @@ def read_steps(path: Path, size_px: tuple[int, int], sha256: str | None = None) 
     check_depth(path, header)
     check_size_px(path, header, size_px)
     try:
-        return np.asarray(_decoded(data, _unchanged(), header, np.uint16), np.uint16)
+        pixels = decode_png(data)
+        return np.asarray(_decoded(data, _unchanged(), header, np.uint16) if pixels is None else pixels, np.uint16)
     except UnfitImageError as error:
         raise InputError(path, error.problem, remedy=error.remedy) from None
 
@@ -118,6 +119,8 @@ def decoded_colour(header: ImageHeader, data: bytes) -> NDArray[np.uint8] | NDAr
 
     if header.kind == "jpg" and (pixels := decode_strictly(header, data)) is not None:
         return pixels
+    if header.kind == "png" and (header.bits, header.channels) == (8, 3) and (made := decode_png(data)) is not None:
+        return np.asarray(made, np.uint8)
     if header.bits <= 8 and not header.alpha:
         plain = cv2.IMREAD_COLOR_RGB | cv2.IMREAD_IGNORE_ORIENTATION
         return np.asarray(_decoded(data, plain, header, np.uint8), np.uint8)

@@ -23,8 +23,10 @@ ROWS = 32  # of a band; chosen: a band of 1200 pixels is half a megabyte
 # the former is 12 to 23 % smaller with Huffman tables of its own, one of others 2 to 7 %, in 3 times the time.
 NOISY = 22
 NOISY_ROWS = 16  # one row of so many tells
-_UP = 2  # a filter of PNG (ISO/IEC 15948, 9.2)
+_NONE, _UP = 0, 2  # filters of PNG (ISO/IEC 15948, 9.2)
 _GREY, _COLOUR = 0, 2  # its colour types (11.2.2)
+_HEADER_END = 33
+LARGEST_BYTES = 2**30  # of pixels that are decoded here; the largest images that are taken have half of it
 GREY_WEIGHTS_PER_MILLE = (299, 587, 114)  # of R, G and B: ITU-R BT.601
 
 
@@ -180,11 +182,53 @@ def _part(name: bytes, content: bytes | bytearray = b"") -> bytes:
     return struct.pack(">I", len(content)) + name + content + struct.pack(">I", checksum)
 
 
+def decode_png(data: bytes) -> NDArray[np.uint8] | NDArray[np.uint16] | None:
+    """Return the pixels of a whole PNG as `encode_png` takes them, in less than half of OpenCV's time.
+
+    None for what it does not write, which OpenCV decodes: interlaced, with a palette, alpha or fewer bits, or with rows
+    that are filtered otherwise than by the row above. data: without parts that do not decide its pixels.
+    """
+    import deflate
+
+    if len(data) < _HEADER_END:
+        return None
+    width, height, bits, kind, *_, interlaced = struct.unpack_from(">2I5B", data, len(SIGNATURE) + 8)
+    channels = 3 if kind == _COLOUR else 1
+    line = 1 + width * channels * bits // 8
+    if bits not in (8, 16) or kind not in (_GREY, _COLOUR) or interlaced or height * line > LARGEST_BYTES:
+        return None
+    parts = []
+    at = len(SIGNATURE)
+    while (name := data[at + 4 : at + 8]) != b"IEND":
+        end = at + 8 + int.from_bytes(data[at : at + 4], "big")
+        if name == b"IDAT":
+            parts.append(data[at + 8 : end])
+        elif name != b"IHDR":  # another part, or none, as the data are cut short
+            return None
+        at = end + 4
+    try:
+        inflated = deflate.zlib_decompress(b"".join(parts), height * line)
+        filtered = np.frombuffer(inflated, np.uint8).reshape(height, line)
+    except (deflate.DeflateError, ValueError):
+        return None  # OpenCV says what is wrong
+    filters = filtered[:, 0]
+    if not np.isin(filters, (_NONE, _UP)).all():
+        return None
+    rows = filtered[:, 1:].copy()
+    for row in np.flatnonzero(filters[1:] == _UP) + 1:  # one by one, which takes a sixth of `np.add.accumulate`'s time
+        rows[row] += rows[row - 1]
+    pixels = rows if bits == 8 else rows.view(">u2").astype(np.uint16)
+    return pixels.reshape((height, width, channels) if channels > 1 else (height, width))
+
+
 def decode_steps(data: bytes) -> NDArray[np.uint16]:
     """Return the 16-bit values that `encode_png` encoded. Raises ValueError where it is something else."""
     import cv2
 
-    steps = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED) if data else None
+    steps = decode_png(data) if data.startswith(SIGNATURE) else None
+    if steps is None and data:
+        steps = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+        steps = steps[..., ::-1] if steps is not None and steps.ndim == 3 else steps
     if steps is None or steps.dtype != np.uint16:
         raise ValueError("is no PNG of 16 bits")
-    return np.asarray(steps[..., ::-1] if steps.ndim == 3 else steps, np.uint16)
+    return np.asarray(steps, np.uint16)
