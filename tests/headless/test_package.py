@@ -33,6 +33,7 @@ NAMES = {
     "opencv-contrib-python-headless": "opencv_contrib_python_headless-5.0-cp37-abi3-linux_x86_64.whl",
     "openexr": "openexr-3.5-cp313-cp313-linux_x86_64.whl",
     "pyyaml": "pyyaml-6.0-cp313-cp313-manylinux2014_x86_64.manylinux_2_17_x86_64.whl",
+    "simplejpeg": "simplejpeg-1.9-cp313-cp313-manylinux2014_x86_64.manylinux_2_28_x86_64.whl",
     "tqdm": "tqdm-4.70-py3-none-any.whl",
 }
 
@@ -89,7 +90,7 @@ def test_another_files_hash_is_refused(wheels):
 
 def test_what_a_python_lacks_is_named(wheels):
     folder, pins = wheels
-    names = ["deflate, openexr, pyyaml", "3.14"]
+    names = ["deflate, openexr, pyyaml, simplejpeg", "3.14"]
     refused(package.choose, folder, "3.14", pins, names=names, error=package.PackageError)
 
 
@@ -283,9 +284,10 @@ def profile(zips, tmp_path_factory):
 
 PROBE = """
 import json, sys
-import bpy, cv2, deflate, OpenEXR, yaml, tqdm, numpy
+import bpy, cv2, deflate, OpenEXR, simplejpeg, yaml, tqdm, numpy
 enabled = [item.module for item in bpy.context.preferences.addons]
-print("@" + json.dumps([enabled, [module.__file__ for module in (cv2, deflate, OpenEXR, yaml, tqdm)], numpy.__file__]))
+files = [module.__file__ for module in (cv2, deflate, OpenEXR, simplejpeg, yaml, tqdm)]
+print("@" + json.dumps([enabled, files, numpy.__file__]))
 """
 
 
