@@ -23,7 +23,7 @@ __all__ = ["__version__", "extend", "open", "perturb"]
 
 def __getattr__(name: str) -> Any:
     if name == "__version__":
-        from .core.datasets.provenance import package_version  # noqa: PLC0415
+        from .core.shipped import package_version  # noqa: PLC0415
 
         return package_version()
     if name in ("extend", "perturb"):

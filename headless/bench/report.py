@@ -29,11 +29,11 @@ from bench.results import Contestant, ContestantError, Results, Row, Spread, mar
 from numpy.typing import NDArray
 
 from noisy_world.core.datasets.images import rgb_bytes
-from noisy_world.core.datasets.provenance import package_version
 from noisy_world.core.geometry import Intrinsics
 from noisy_world.core.machine import available_threads, processor_features
 from noisy_world.core.scenes.mesh import Mesh
 from noisy_world.core.scenes.ply_writer import write_ply
+from noisy_world.core.shipped import package_version
 from noisy_world.core.trajectories.handheld import handheld_path
 from noisy_world.rooms import build_room
 

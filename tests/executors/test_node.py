@@ -16,7 +16,7 @@ import pytest
 
 from noisy_world.executors import node
 from noisy_world.executors.node import NodeTask, carried, carry_out
-from noisy_world.core.datasets.provenance import package_version
+from noisy_world.core.shipped import package_version
 
 ADDON = str(Path(__file__).resolve().parents[2] / "addon")
 

@@ -185,11 +185,11 @@ def test_the_scripts_load_the_package_that_nobody_loaded(tmp_path):
         sys.path.insert(0, {str(extension / "headless")!r})
         import installation
         installation.prepare_imports()
-        import noisy_world.core.datasets.provenance as provenance
-        print(provenance.__file__, provenance.package_version())
+        import noisy_world.core.shipped as shipped
+        print(shipped.__file__, shipped.package_version())
     """
     said = python(code, tmp_path).split()
-    assert said[0] == str(extension / "core/datasets/provenance.py")
+    assert said[0] == str(extension / "core/shipped.py")
     assert said[1] == tomllib.loads((ROOT / "blender_manifest.toml").read_text())["version"]
 
 

@@ -206,7 +206,7 @@ def groups_text() -> str:
 
 
 def _version() -> str:
-    from ..core.datasets.provenance import package_version
+    from ..core.shipped import package_version
 
     return f"{COMMAND} {package_version()}"
 

@@ -17,12 +17,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ..core.datasets.provenance import package_version
 from ..core.datasets.storage import sha256_of_file
 from ..core.errors import MissingDependencyError, NoisyWorldError
 from ..core.exit_statuses import DONE, INTERRUPTED, REFUSED, USERS_ERROR
 from ..core.extras import install_command
 from ..core.machine import thread_variables
+from ..core.shipped import package_version
 from .jobs import Job, TaskMessage, TaskOutcome
 from .node import NodeTask, carried, in_ray
 

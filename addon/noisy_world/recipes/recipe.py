@@ -10,8 +10,8 @@ from typing import Any, TypeAlias
 from ..core.datasets.dataset_state import identity_problem, is_inside
 from ..core.datasets.json_text import read_json
 from ..core.datasets.provenance import FORMAT as IDENTITY_FORMAT
-from ..core.datasets.provenance import package_version
 from ..core.errors import InputError
+from ..core.shipped import package_version
 from .digests import BLOCK_FRAMES, DIGEST_BYTES, blocks_of, split_digests
 from .frame_numbers import FrameNumbers
 

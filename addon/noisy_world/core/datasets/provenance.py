@@ -8,11 +8,9 @@ grows by scenes, settings and frames, and each keeps what it was made from.
 import hashlib
 import json
 import platform
-import re
 import sys
 from collections.abc import Mapping
 from dataclasses import asdict, fields
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -26,8 +24,8 @@ from ..optics import OPTICS_KEYS
 from ..planning.plan import Plan
 from ..planning.scene import Scene, SceneEntry
 from ..presets.preset import canonical
-from ..regular_files import read_text
 from ..schema import deciding_values
+from ..shipped import package_version
 from ..trajectories.rig import Rig, Sensor
 from ..trajectories.trajectory import Trajectory
 from ..utf8_names import NOT_UTF8, RENAME, is_utf8
@@ -50,18 +48,6 @@ CHANNELS = "channels"  # of a scene: the files that say what the values of its c
 BETWEEN = "between_sha256"  # of a path, where a setting looks between its poses
 HUFFMAN = "huffman"  # of the output: which JPEG images have Huffman tables of their own; none in datasets of before
 GREY = {"rgb": "grey, 8 bits: 0.299 R + 0.587 G + 0.114 B of sRGB-encoded values (ITU-R BT.601); void is black"}
-
-
-def package_version() -> str:
-    """Return this package's version from blender_manifest.toml, its only source: in the package or a folder above."""
-    package = Path(__file__).resolve().parents[2]
-    for folder in (package, *package.parents[:2]):
-        manifest = folder / "blender_manifest.toml"
-        if manifest.is_file():
-            found = re.search(r'^version\s*=\s*"([^"]+)"', read_text(manifest), re.MULTILINE)
-            if found:
-                return found[1]
-    raise RuntimeError(f"no blender_manifest.toml with a version at {package} or above")
 
 
 # --- the identity ---
