@@ -52,7 +52,7 @@ gallery: venv ## draw the pictures of docs/gallery anew: every perturbation, at 
 	$(PY) headless/pictures/gallery.py docs/gallery
 
 thumbnails: venv ## draw the panel's small pictures of presets and perturbations anew, from the gallery's
-	$(PY) headless/pictures/thumbnails.py docs/gallery addon/noisy_world/ui/thumbnails
+	$(PY) headless/pictures/thumbnails.py docs/gallery addon/noisy_world/panel/thumbnails
 
 screenshots: blender-env example ## photograph Blender's window into docs: BLENDER=/path/to/blender, a display, ImageMagick
 	$(BLENDER) --factory-startup -P headless/pictures/screenshots.py -- docs

@@ -55,8 +55,8 @@ def script_arguments() -> list[str]:
 
 def entry(script: Path) -> "Entry":
     """Return how a script was started; call `prepare_imports` first."""
-    from noisy_world.cli.entry import Entry  # noqa: PLC0415 - importable only now
-    from noisy_world.core.requirements import install_remedy  # noqa: PLC0415
+    from noisy_world.cli.entry import Entry  # importable only now
+    from noisy_world.core.dependencies import install_remedy
 
     binary = sys.modules["bpy"].app.binary_path if inside_blender() else ""
     words = (binary, "-b", "-P", str(script), "--") if binary else (sys.executable, str(script))
@@ -76,8 +76,8 @@ def run_subcommand(name: str, script: Path) -> NoReturn:
     """
     try:
         prepare_imports()
-        from noisy_world.cli import command  # noqa: PLC0415 - importable only now
-        from noisy_world.cli.ending import exit_status  # noqa: PLC0415
+        from noisy_world.cli import command  # importable only now
+        from noisy_world.cli.entry import exit_status
 
         status = exit_status(lambda: command.run(name, script_arguments(), entry(script)))
     except Exception:  # noqa: BLE001 - a bug keeps its traceback

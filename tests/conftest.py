@@ -61,7 +61,7 @@ def kept_rooms(pytestconfig):
 
     kept = KeptRooms(pytestconfig.cache.mkdir(KEPT))
     with pytest.MonkeyPatch.context() as patched:
-        patched.setattr("noisy_world.sources.mesh_source._room", lru_cache(maxsize=1)(kept.room))
+        patched.setattr("noisy_world.sources.rendered_mesh._room", lru_cache(maxsize=1)(kept.room))
         yield kept
 
 

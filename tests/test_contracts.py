@@ -10,14 +10,14 @@ from pose_texts import NS, blocks, expected, rows
 from recorded_layouts import WRITERS
 
 from noisy_world import testing
-from noisy_world.core.channels import CHANNELS, COLOUR_AND_DEPTH
-from noisy_world.core.datasets.layouts import LAYOUTS, RECORDED
-from noisy_world.core.datasets.layouts.replica import ReplicaLayout
-from noisy_world.core.datasets.layouts.tum import TumLayout
-from noisy_world.core.trajectories.files import TRAJECTORY_FORMATS
-from noisy_world.evaluation.maps.names import MAP_METRICS, MapMetric
-from noisy_world.evaluation.metrics import METRICS
-from noisy_world.evaluation.systems.registry import SHIPPED
+from noisy_world.channels import CHANNELS, COLOUR_AND_DEPTH
+from noisy_world.layouts import LAYOUTS, RECORDED
+from noisy_world.layouts.replica import ReplicaLayout
+from noisy_world.layouts.tum import TumLayout
+from noisy_world.trajectories.formats import TRAJECTORY_FORMATS
+from noisy_world.evaluate.map_metrics import MAP_METRICS, MapMetric
+from noisy_world.evaluate.metrics import METRICS
+from noisy_world.evaluate.systems import SHIPPED
 from noisy_world.extend import (
     ColourPerturbation,
     DepthPerturbation,

@@ -17,15 +17,15 @@ import yaml
 from worlds import ROOT, generate, write_world
 
 from noisy_world.cli.command import COMMANDS
-from noisy_world.core.channels import CHANNELS
-from noisy_world.core.datasets.layouts import LAYOUTS
-from noisy_world.core.planning.plan import read_settings
-from noisy_world.core.presets.preset import PresetSpec, read_preset
-from noisy_world.evaluation.maps.names import MAP_METRICS
-from noisy_world.evaluation.metrics import METRICS
-from noisy_world.evaluation.systems.registry import find_system, shipped_names
+from noisy_world.channels import CHANNELS
+from noisy_world.layouts import LAYOUTS
+from noisy_world.dataset.plan import read_settings
+from noisy_world.preset.keys import PresetSpec, read_preset
+from noisy_world.evaluate.map_metrics import MAP_METRICS
+from noisy_world.evaluate.metrics import METRICS
+from noisy_world.evaluate.systems import find_system, shipped_names
 from noisy_world.perturbations import registry
-from noisy_world.planning import make_plan
+from noisy_world.dataset.plan import make_plan
 from noisy_world.sources import SOURCES
 
 PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")])

@@ -15,8 +15,8 @@ import numpy as np
 import pytest
 from worlds import ROOT, generate, path_poses, write_world
 
-from noisy_world.core.datasets.dataset_state import identity_problem
-from noisy_world.core.datasets.layouts import EVERY
+from noisy_world.dataset.folder_state import identity_problem
+from noisy_world.layouts import EVERY
 from noisy_world.core.errors import NoisyWorldError
 
 for package in ("embreex", "tabulate", "pandas", "jinja2", "matplotlib"):

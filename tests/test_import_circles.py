@@ -63,7 +63,7 @@ def circles(modules):
 
 def test_no_import_circles():
     modules = modules_of(SEARCHED)
-    assert {"noisy_world.pipeline.run", "bench.report", "tools.package", "generate", "pictures.street"} <= set(modules)
+    assert {"noisy_world.dataset.run", "bench.report", "tools.package", "generate", "pictures.street"} <= set(modules)
     assert circles(modules) == []
 
 

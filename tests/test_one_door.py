@@ -18,14 +18,14 @@ BY_NAME = {
 SHORT = {"np": "numpy", "pd": "pandas"}
 OPENED = ("file", "stream", "StringIO")  # what is open already has such a name, and has come through the door
 ELSEWHERE = {
-    "core/regular_files.py": "the door",
-    "core/extras.py": "asks for the metadata of the installed package",
-    "core/scratch.py": "folders that are locked",
-    "cli/ending.py": "opens standard streams that are closed on nothing",
-    "blender/render.py": "a scratch file that Blender has just written",
-    "core/datasets/video_files.py": "asks the door before OpenCV opens it by its name",
-    "executors/node.py": "carried to nodes without this package; it asks whether a file is a regular one",
-    "evaluation/systems/guard.py": "/proc, and run without this package",
+    "core/file_access.py": "the door",
+    "core/dependencies.py": "asks for the metadata of the installed package",
+    "core/file_access.py": "folders that are locked",
+    "cli/entry.py": "opens standard streams that are closed on nothing",
+    "render/engines.py": "a scratch file that Blender has just written",
+    "images/video_files.py": "asks the door before OpenCV opens it by its name",
+    "executors/worker_process.py": "carried to nodes without this package; it asks whether a file is a regular one",
+    "evaluate/guard.py": "/proc, and run without this package",
     "evaluate/programs": "run in other Pythons, without this package",
 }
 

@@ -12,7 +12,7 @@ import recorded_layouts
 from worlds import write_world
 
 from noisy_world import testing
-from noisy_world.core.datasets.storage import sha256_of_file
+from noisy_world.core.atomic_files import sha256_of_file
 from noisy_world.core.errors import InputError
 from noisy_world.extend import (
     ComputedSource,

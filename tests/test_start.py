@@ -9,13 +9,13 @@ import pytest
 from worlds import GENERATE, ROOT, write_world
 
 OTHERS = (  # other sources than a PLY and a path, other places than a folder
-    "bpy", "tarfile", "urllib.request", "noisy_world.rooms", "noisy_world.core.scenes.gltf_file",
-    "noisy_world.core.trajectories.handheld", "noisy_world.sources.blend_source", "noisy_world.sources.video_source",
-    "noisy_world.sources.lit_mesh", "noisy_world.sources.imported_meshes", "noisy_world.pipeline.address_destination",
+    "bpy", "tarfile", "urllib.request", "noisy_world.rooms", "noisy_world.scenes.gltf",
+    "noisy_world.trajectories.handheld", "noisy_world.sources.lit_scene", "noisy_world.sources.footage",
+    "noisy_world.sources.lit_scene", "noisy_world.sources.blender_process", "noisy_world.dataset.address_run",
 )  # fmt: skip
-FILES = ("cv2", "yaml", "OpenEXR", "importlib.metadata", "noisy_world.core.datasets.layouts",
-         "noisy_world.core.datasets.stored", "noisy_world.core.scenes.ply", "noisy_world.core.presets.preset",
-         "noisy_world.pipeline", "noisy_world.sources", "noisy_world.perturbations.fog")  # fmt: skip
+FILES = ("cv2", "yaml", "OpenEXR", "importlib.metadata", "noisy_world.layouts",
+         "noisy_world.layouts.stored_recording", "noisy_world.scenes.ply", "noisy_world.preset.keys",
+         "noisy_world.pipeline", "noisy_world.sources", "noisy_world.perturbations.shipped.fog")  # fmt: skip
 
 PERTURBED = """
 import platform

@@ -12,13 +12,13 @@ from recorded_layouts import tum
 from worlds import ROOT, write_world
 
 from noisy_world.cli.command import MODULES, main
-from noisy_world.core.datasets.provenance import identity
-from noisy_world.core.datasets.video_files import read_video, write_video
+from noisy_world.dataset.identity import identity
+from noisy_world.images.video_files import read_video, write_video
 from noisy_world.core.errors import InputError
-from noisy_world.core.presets.preset import check_document, read_preset
-from noisy_world.core.scratch import ScratchFolder
-from noisy_world.core.utf8_names import is_utf8, utf8_name
-from noisy_world.planning import make_plan
+from noisy_world.preset.keys import check_document, read_preset
+from noisy_world.core.file_access import ScratchFolder
+from noisy_world.core.file_access import is_utf8, utf8_name
+from noisy_world.dataset.plan import make_plan
 
 PACKAGE = ROOT / "addon" / "noisy_world"
 ODD = os.fsdecode(b"a\xff")

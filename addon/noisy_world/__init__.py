@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from . import extend, perturb
-    from .recipes.opened import Opened
+    from .dataset.loader import Opened
 
     __version__: str
 
@@ -23,7 +23,7 @@ __all__ = ["__version__", "extend", "open", "perturb"]
 
 def __getattr__(name: str) -> Any:
     if name == "__version__":
-        from .core.shipped import package_version  # noqa: PLC0415
+        from .core.dependencies import package_version
 
         return package_version()
     if name in ("extend", "perturb"):
@@ -50,7 +50,7 @@ def open(  # noqa: A001 - as in noisy_world.open(...)
 
     Raises InputError where there is neither, or where the clean frames are another recipe's.
     """
-    from .recipes.opening import open_path  # noqa: PLC0415 - Blender enables the add-on by this file
+    from .dataset.opening import open_path  # Blender enables the add-on by this file
 
     return open_path(path, clean, data)
 
@@ -61,25 +61,25 @@ def register() -> None:
     Raises ImportError where packages are missing, or an installed one brings perturbations that cannot be loaded.
     Blender shows a message that begins with "Add-on not loaded: " without a traceback.
     """
-    from .core.errors import NoisyWorldError  # noqa: PLC0415
-    from .core.requirements import install_remedy, missing_packages, missing_sentence  # noqa: PLC0415
+    from .core.dependencies import install_remedy, missing_packages, missing_sentence
+    from .core.errors import NoisyWorldError
 
     if missing := missing_packages():
         remedy = install_remedy(Path(__file__).parent)
         raise ImportError("Add-on not loaded: " + missing_sentence(missing, "this Blender's ", remedy))
 
     try:
-        from . import ui
+        from . import panel
     except NoisyWorldError as error:
         raise ImportError(f"Add-on not loaded: {error}") from error
 
-    ui.register()
+    panel.register()
 
 
 def unregister() -> None:
     """Take the tab away."""
-    from . import ui
-    from .other_name import take_other_names  # noqa: PLC0415
+    from . import panel
+    from .other_name import take_other_names
 
-    ui.unregister()
+    panel.unregister()
     take_other_names()

@@ -10,24 +10,26 @@ Each is one file with a `PERTURBATION`, a `SOURCE`, a `LAYOUT`, a `FORMAT` of tr
 `noisy_world.testing` tells whether one keeps its contract. Importing this needs no Blender.
 """
 
+from .channels.channel import PairChannel, Surface, SurfaceChannel, View
 from .cli.command import Command
 from .cli.entry import Entry
-from .core.channels.pair import PairChannel, View
-from .core.channels.surface import Surface, SurfaceChannel
-from .core.datasets.frame_times import read_frame_times
-from .core.datasets.known_poses import PosePolicy, truth_file
-from .core.datasets.layouts.cam_params import CAM_PARAMS, cam_params_text, read_cam_params
-from .core.datasets.layouts.layout import Layout, SequenceFacts, lines, numbered
-from .core.datasets.layouts.numbered import NumberedPoses, folder_of_poses, numbered_frames, numbered_images
-from .core.datasets.layouts.recorded import RecordedLayout
-from .core.datasets.stored import StoredSequence
 from .core.errors import InputError
+from .core.frame_request import FrameRequest, Shutter
 from .core.geometry import Intrinsics
-from .core.node_graphs.graph import Graph, Socket
-from .core.node_graphs.groups import Canvas
-from .core.optics import PINHOLE, Optics
-from .core.perturbing.about import About
-from .core.perturbing.kinds import (
+from .core.lens import PINHOLE, Optics
+from .core.node_graph import Graph, Socket
+from .core.schema import key
+from .core.trajectory import FrameStamps, Trajectory
+from .evaluate.map_metrics import ComparedMap, MapMetric
+from .evaluate.metrics import Compared, TrajectoryMetric
+from .layouts.association import PosePolicy, truth_file
+from .layouts.cam_params import CAM_PARAMS, cam_params_text, read_cam_params
+from .layouts.layout import Layout, RecordedLayout, SequenceFacts, lines, numbered
+from .layouts.numbered import NumberedPoses, folder_of_poses, numbered_frames, numbered_images
+from .layouts.stored_recording import StoredSequence, read_frame_times
+from .perturbations.about import About
+from .perturbations.groups import Canvas
+from .perturbations.kinds import (
     ColourPerturbation,
     DepthPerturbation,
     ExposurePerturbation,
@@ -36,19 +38,12 @@ from .core.perturbing.kinds import (
     PairingPerturbation,
     SequenceContext,
 )
-from .core.planning.scene import SceneEntry, SingleSceneKind
-from .core.planning.simple_source import ComputedSource, SimpleSource
-from .core.planning.source import RenderedFrame, SourceCapabilities
-from .core.presets.scene_keys import SceneKeys
-from .core.schema import key
-from .core.trajectories.files import read_trajectory
-from .core.trajectories.frame_request import FrameRequest, Shutter
-from .core.trajectories.pose_text import FilePoses, PoseFile, ReadOptions, TrajectoryFormat
-from .core.trajectories.stamped_poses import tum_text
-from .core.trajectories.stamps import FrameStamps
-from .core.trajectories.trajectory import Trajectory
-from .evaluation.maps.names import ComparedMap, MapMetric
-from .evaluation.metrics import Compared, TrajectoryMetric
+from .preset.scene_keys import SceneKeys
+from .render.source import ComputedSource, RenderedFrame, SimpleSource, SourceCapabilities
+from .sources.scene_kinds import SceneEntry, SingleSceneKind
+from .trajectories.formats import read_trajectory
+from .trajectories.pose_files import FilePoses, PoseFile, ReadOptions, TrajectoryFormat
+from .trajectories.stamped_poses import tum_text
 
 __all__ = [
     "CAM_PARAMS",

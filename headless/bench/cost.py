@@ -29,12 +29,11 @@ sys.path[:0] = [str(ROOT / "addon"), str(ROOT / "headless")]
 from bench.results import table
 
 from noisy_world.core.machine import peak_memory_bytes
-from noisy_world.core.planning.plan import Plan
-from noisy_world.core.presets.preset import read_preset
 from noisy_world.core.progress import PlainProgress
-from noisy_world.pipeline.run import Run
-from noisy_world.pipeline.stage_timer import LOADING, RENDERING
-from noisy_world.planning import make_plan
+from noisy_world.dataset.plan import Plan, make_plan
+from noisy_world.dataset.run import Run
+from noisy_world.dataset.run_report import LOADING, RENDERING
+from noisy_world.preset.keys import read_preset
 
 PRESET = ROOT / "presets" / "noisy_rooms.yaml"
 WHOLE_FRAMES = 2000  # of a sequence of the benchmark

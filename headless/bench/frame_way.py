@@ -49,7 +49,7 @@ class Calls:
 
 def generated(frames: int, folder: Path) -> Counter[CodeType]:
     """Make a dataset of some frames; return how often each function was called."""
-    from noisy_world.cli import command  # noqa: PLC0415 - importable only now
+    from noisy_world.cli import command  # importable only now
 
     preset = folder / f"{frames}.yaml"
     preset.write_text(PRESET.replace("FRAMES", str(frames)))

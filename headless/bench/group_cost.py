@@ -26,13 +26,13 @@ from numpy.typing import NDArray
 from pictures.lit_chain import LitScene
 from pictures.street import LitFrame, read_frame
 
-from noisy_world.blender.compositor import Compositor
-from noisy_world.blender.nodes import ensure_group
-from noisy_world.blender.typed import new_node, set_value
 from noisy_world.core.machine import keep_freed_memory
-from noisy_world.core.node_graphs.groups import build_group
-from noisy_world.core.perturbing.kinds import ColourPerturbation
+from noisy_world.nodes.compositor import Compositor
+from noisy_world.nodes.datablocks import new_node, set_value
+from noisy_world.nodes.node_trees import ensure_group
 from noisy_world.perturbations import registry
+from noisy_world.perturbations.groups import build_group
+from noisy_world.perturbations.kinds import ColourPerturbation
 
 
 def main(arguments: list[str]) -> int:

@@ -21,8 +21,9 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT / "addon"), str(ROOT / "tests/support")]
 
 from analytic import CAMERAS, box_depth, box_mesh, look_at, plane_depth, quads_mesh, rays
-from noisy_world.blender.session import Session
-from noisy_world.core.datasets.images import quantise_depth, rgb_bytes
+from noisy_world.core import trajectory
+from noisy_world.core.curve import RotationSpline
+from noisy_world.core.frame_request import SensorPaths
 from noisy_world.core.geometry import (
     Intrinsics,
     nearest_rotation,
@@ -30,12 +31,11 @@ from noisy_world.core.geometry import (
     rotation_from_euler_deg,
     rotation_from_quat_wxyz,
 )
-from noisy_world.core.planning.source import RenderOptions
-from noisy_world.core.scenes import recentring
-from noisy_world.core.scenes.mesh import Mesh
-from noisy_world.core.trajectories.rotation_spline import RotationSpline
-from noisy_world.core.trajectories.sensor_paths import SensorPaths
-from noisy_world.core.trajectories.trajectory import evenly_stamped
+from noisy_world.core.trajectory import evenly_stamped
+from noisy_world.images.pixels import quantise_depth, rgb_bytes
+from noisy_world.render.mesh_session import Session
+from noisy_world.render.source import RenderOptions
+from noisy_world.scenes.polygon_mesh import Mesh
 
 CAMERA = CAMERAS["fx above fy"]
 OPTIONS = RenderOptions(near_m=0.01, far_m=1000.0, samples=1, seed=0)
@@ -99,12 +99,12 @@ def worst(depth_m: np.ndarray, true_m: np.ndarray, where: np.ndarray) -> float:
 @contextlib.contextmanager
 def no_recentring() -> Iterator[None]:
     """Render at the world's own coordinates, as most tools do."""
-    kept = recentring.RECENTRE_BEYOND_M
-    recentring.RECENTRE_BEYOND_M = float("inf")
+    kept = trajectory.RECENTRE_BEYOND_M
+    trajectory.RECENTRE_BEYOND_M = float("inf")
     try:
         yield
     finally:
-        recentring.RECENTRE_BEYOND_M = kept
+        trajectory.RECENTRE_BEYOND_M = kept
 
 
 def far_from_the_origin() -> Table:

@@ -26,17 +26,17 @@ import numpy as np
 from bench.results import Contestant, table
 from numpy.typing import NDArray
 
-from noisy_world.blender.compositor import Compositor
-from noisy_world.blender.nodes import ensure_group
-from noisy_world.core.datasets.images import as_float, rgb_bytes
-from noisy_world.core.node_graphs.groups import build_group
-from noisy_world.core.perturbing.execution import perturb_colour
-from noisy_world.core.perturbing.kinds import SEVERITIES, ColourPerturbation, DepthPerturbation, FrameContext
-from noisy_world.core.perturbing.reading import parse_steps
-from noisy_world.core.perturbing.steps import Step
 from noisy_world.core.schema import ConfigPath
+from noisy_world.images.pixels import as_float, rgb_bytes
+from noisy_world.nodes.compositor import Compositor
+from noisy_world.nodes.node_trees import ensure_group
 from noisy_world.perturb import apply
 from noisy_world.perturbations import registry
+from noisy_world.perturbations.execution import perturb_colour
+from noisy_world.perturbations.groups import build_group
+from noisy_world.perturbations.kinds import SEVERITIES, ColourPerturbation, DepthPerturbation, FrameContext
+from noisy_world.perturbations.parsing import parse_steps
+from noisy_world.perturbations.steps import Step
 
 PEER_PYTHON = ROOT / ".venv-corruptions" / "bin" / "python"
 

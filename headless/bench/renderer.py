@@ -23,25 +23,26 @@ LIBRARIES = ("numpy", "yaml", "cv2", "OpenEXR", "tqdm", "bpy")
 
 def main(preset_path: str, out: str, *flags: str) -> None:
     """Load the preset's first scene and answer."""
-    from noisy_world.core.datasets.dataset import Dataset  # noqa: PLC0415 - the start is measured
-    from noisy_world.core.planning.source_paths import source_paths  # noqa: PLC0415
-    from noisy_world.core.presets.preset import read_preset  # noqa: PLC0415
-    from noisy_world.planning import make_plan  # noqa: PLC0415
+    from noisy_world.dataset.dataset_folder import Dataset  # the start is measured
+    from noisy_world.dataset.plan import make_plan
+    from noisy_world.dataset.rendering import source_paths
+    from noisy_world.preset.keys import read_preset
 
     plan = make_plan(read_preset(Path(preset_path)))
     render = plan.renders[0]
     imported_s = time.perf_counter()
     load_renderer(in_blender=plan.preset.spec.render.in_blender)
-    from noisy_world.core.planning.exposed import render_options  # noqa: PLC0415
-    from noisy_world.pipeline.completed_images import CompletedImages, FinishedImages  # noqa: PLC0415
-    from noisy_world.pipeline.frame_writer import FrameWriter  # noqa: PLC0415
-    from noisy_world.pipeline.stage_timer import StageTimer  # noqa: PLC0415
-    from noisy_world.sources.mesh_source import forget_meshes, load_mesh  # noqa: PLC0415
-    from noisy_world.sources.rendering import open_session  # noqa: PLC0415
+    from noisy_world.dataset.completed_images import CompletedImages, FinishedImages
+    from noisy_world.dataset.making import FrameWriter
+    from noisy_world.dataset.rendering import render_options
+    from noisy_world.dataset.run_report import StageTimer
+    from noisy_world.sources.rendered_mesh import load_mesh
+    from noisy_world.sources.rendered_mesh import mesh_source_forget_meshes as forget_meshes
+    from noisy_world.sources.renderers import open_session
 
     blender_s = time.perf_counter() - imported_s
-    from noisy_world.pipeline.clean_frame import CleanFrame, cameras_of  # noqa: PLC0415
-    from noisy_world.pipeline.made_frame import Frame  # noqa: PLC0415
+    from noisy_world.dataset.clean_frame import CleanFrame, cameras_of
+    from noisy_world.dataset.frame import Frame
 
     paths = source_paths(plan, render)
     options = render_options(plan, render, threads=1 if "--one-thread" in flags else 0)
@@ -91,9 +92,9 @@ def main(preset_path: str, out: str, *flags: str) -> None:
 def load_renderer(*, in_blender: bool) -> None:
     """Import what renders, which is measured apart."""
     if in_blender:
-        import noisy_world.blender.session  # noqa: PLC0415
+        import noisy_world.render.mesh_session
     else:
-        import noisy_world.rays.session  # noqa: F401, PLC0415
+        import noisy_world.render.ray_session  # noqa: F401
 
 
 def bare_rays(source: Any, origin_m: Any, camera: Any, paths: Any, frames: list[int]) -> dict[str, float]:
@@ -101,7 +102,7 @@ def bare_rays(source: Any, origin_m: Any, camera: Any, paths: Any, frames: list[
 
     Rays are made before the time is taken.
     """
-    import numpy as np  # noqa: PLC0415
+    import numpy as np
 
     triangles = triangles_of(source.location, tuple(origin_m))
     spent_s = {"core_s": 0.0, "output_core_s": 0.0}
@@ -119,9 +120,9 @@ def bare_rays(source: Any, origin_m: Any, camera: Any, paths: Any, frames: list[
 @cache
 def triangles_of(mesh_path: str, origin_m: tuple[float, ...]) -> Any:
     """Return a mesh in embreex."""
-    from noisy_world.rays.embree import TracedTriangles  # noqa: PLC0415
-    from noisy_world.rays.triangles import triangle_corners  # noqa: PLC0415
-    from noisy_world.sources.mesh_source import load_mesh  # noqa: PLC0415
+    from noisy_world.render.embree import TracedTriangles
+    from noisy_world.render.triangles import triangle_corners
+    from noisy_world.sources.rendered_mesh import load_mesh
 
     read = load_mesh(Path(mesh_path))
     vertices_m = (read.vertices_m - origin_m).astype("float32")
@@ -135,7 +136,7 @@ def answer(**content: Any) -> None:
 
 def memory() -> dict[str, float]:
     """Return resident memory now and at its peak, bytes."""
-    from noisy_world.core.machine import peak_memory_bytes  # noqa: PLC0415
+    from noisy_world.core.machine import peak_memory_bytes
 
     pages = int(Path("/proc/self/statm").read_text().split()[1]) if Path("/proc/self/statm").exists() else 0
     return {"peak_bytes": peak_memory_bytes() or 0, "resident_bytes": pages * 4096}
@@ -143,9 +144,9 @@ def memory() -> dict[str, float]:
 
 def inventory() -> dict[str, Any]:
     """Return what the scene needs of Blender and what this process has imported."""
-    import bpy  # noqa: PLC0415
+    import bpy
 
-    from noisy_world.blender.typed import cycles  # noqa: PLC0415
+    from noisy_world.nodes.datablocks import cycles
 
     scene = bpy.context.scene
     layer = scene.view_layers[0]
@@ -163,9 +164,9 @@ def inventory() -> dict[str, Any]:
 
 def switch_everything_on() -> None:
     """Give the scene what a general-purpose set-up has: every geometry pass, a lamp, emission as light, bounces."""
-    import bpy  # noqa: PLC0415
+    import bpy
 
-    from noisy_world.blender.typed import cycles  # noqa: PLC0415
+    from noisy_world.nodes.datablocks import cycles
 
     scene = bpy.context.scene
     layer = scene.view_layers[0]
@@ -192,7 +193,7 @@ def switch_everything_on() -> None:
 
 def save_frames(session: Any, paths: Any, frames: list[int], folder: Path) -> dict[str, Any]:
     """Save frames as float arrays, for the errors; return their files, and rays a pixel where the renderer chose."""
-    import numpy as np  # noqa: PLC0415
+    import numpy as np
 
     files, rays_per_px = [], []
     for frame in frames:
@@ -207,12 +208,12 @@ def save_frames(session: Any, paths: Any, frames: list[int], folder: Path) -> di
 
 def analytic_errors(options: Any) -> dict[str, dict[str, float]]:
     """Render surfaces of known depth; return their relative errors, off edges (largest, 99 %) and at them."""
-    import numpy as np  # noqa: PLC0415
+    import numpy as np
 
-    from analytic import CAMERAS, box_depth, box_mesh, look_at, plane_depth, plane_mesh, sphere_depth, sphere_mesh  # noqa: PLC0415
-    from noisy_world.core.trajectories.sensor_paths import SensorPaths  # noqa: PLC0415
-    from noisy_world.core.trajectories.trajectory import evenly_stamped  # noqa: PLC0415
-    from noisy_world.sources.rendering import open_session  # noqa: PLC0415
+    from analytic import CAMERAS, box_depth, box_mesh, look_at, plane_depth, plane_mesh, sphere_depth, sphere_mesh
+    from noisy_world.core.frame_request import SensorPaths
+    from noisy_world.core.trajectory import evenly_stamped
+    from noisy_world.sources.renderers import open_session
 
     camera = CAMERAS["fx above fy"]
     eye = look_at([0.2, -0.1, 0.3], [1.0, 0.4, 0.2])

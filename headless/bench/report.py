@@ -28,14 +28,14 @@ import numpy as np
 from bench.results import Contestant, ContestantError, Results, Row, Spread, markdown, spread, spread_of_ratios
 from numpy.typing import NDArray
 
-from noisy_world.core.datasets.images import rgb_bytes
+from noisy_world.core.dependencies import package_version
 from noisy_world.core.geometry import Intrinsics
 from noisy_world.core.machine import available_threads, processor_features
-from noisy_world.core.scenes.mesh import Mesh
-from noisy_world.core.scenes.ply_writer import write_ply
-from noisy_world.core.shipped import package_version
-from noisy_world.core.trajectories.handheld import handheld_path
+from noisy_world.images.pixels import rgb_bytes
 from noisy_world.rooms import build_room
+from noisy_world.scenes.ply_writer import write_ply
+from noisy_world.scenes.polygon_mesh import Mesh
+from noisy_world.trajectories.handheld import handheld_path
 
 BENCH = ROOT / "headless" / "bench"
 PEER_PYTHON = ROOT / ".venv-peer" / "bin" / "python"
@@ -107,7 +107,7 @@ def tell(what: str) -> None:
 
 def machine() -> dict[str, Any]:
     """Describe machine and versions."""
-    import bpy  # noqa: PLC0415
+    import bpy
 
     names = [line.split(":", 1)[1].strip() for line in _cpuinfo() if line.startswith("model name")]
     return {
@@ -454,11 +454,11 @@ def pareto_front(points: Sequence[tuple[float, float]]) -> list[int]:
 
 def draw(results: Results, path: Path) -> None:
     """Draw and save."""
-    import matplotlib as mpl  # noqa: PLC0415 - slow, and needed only at the end
+    import matplotlib as mpl  # slow, and needed only at the end
 
     mpl.use("Agg")
-    from matplotlib import pyplot  # noqa: PLC0415
-    from matplotlib.lines import Line2D  # noqa: PLC0415
+    from matplotlib import pyplot
+    from matplotlib.lines import Line2D
 
     figure, (colour, depth) = pyplot.subplots(1, 2, figsize=(11, 4.6), constrained_layout=True)
     colour_error = [255 * 10 ** (-row.rgb["psnr_db"] / 20) for row in results.rows]

@@ -13,12 +13,10 @@ sys.path[:0] = [str(ROOT / "addon"), str(ROOT / "headless")]
 
 import cv2
 
-from noisy_world.core.planning.exposed import render_options
-from noisy_world.core.planning.plan import Plan, Render
-from noisy_world.core.planning.source_paths import source_paths
-from noisy_world.core.presets.preset import read_preset
-from noisy_world.pipeline.clean_frame import CleanFrame
-from noisy_world.planning import make_plan
+from noisy_world.dataset.clean_frame import CleanFrame
+from noisy_world.dataset.plan import Plan, Render, make_plan
+from noisy_world.dataset.rendering import render_options, source_paths
+from noisy_world.preset.keys import read_preset
 
 ENOUGH = 500
 ASKED = 1000  # keypoints that ORB keeps at most: its counts depend on that

@@ -23,12 +23,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from noisy_world.core.geometry import Intrinsics
-from noisy_world.core.linear_light import decoded, encoded
-from noisy_world.core.planning.exposed import open_render, render_options
-from noisy_world.core.planning.source_paths import source_paths
-from noisy_world.core.presets.preset import read_preset
+from noisy_world.core.srgb import decoded, encoded
+from noisy_world.dataset.plan import make_plan
+from noisy_world.dataset.rendering import open_render, render_options, source_paths
 from noisy_world.perturb import apply
-from noisy_world.planning import make_plan
+from noisy_world.preset.keys import read_preset
 
 Float32 = NDArray[np.float32]
 

@@ -46,7 +46,7 @@ def main(arguments: list[str]) -> int:
 def preset_text(frames: int) -> str:
     """Return the study as a preset: a room, and every perturbation that is there at severity 3; patterns drift."""
     sys.path.insert(0, str(HEADLESS.parent / "addon"))
-    from noisy_world.perturbations import registry  # noqa: PLC0415 - importable only now
+    from noisy_world.perturbations import registry  # importable only now
 
     settings: dict[str, Mapping[str, Any]] = {"clean": {}}
     for names in KINDS.values():

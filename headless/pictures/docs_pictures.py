@@ -2,7 +2,7 @@
 """Draw pictures of the docs and the panel: the rooms, what real cameras see, weather on the street, three lenses.
 
 python headless/pictures/docs_pictures.py rooms docs/rooms.jpg
-python headless/pictures/docs_pictures.py cameras addon/noisy_world/ui/cameras docs/cameras.jpg
+python headless/pictures/docs_pictures.py cameras addon/noisy_world/panel/cameras docs/cameras.jpg
 python headless/pictures/docs_pictures.py weather FOLDER --frame FRAME.exr
 python headless/pictures/docs_pictures.py lens docs/lens.jpg
 """
@@ -22,20 +22,18 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from noisy_world.core.camera_devices import CAMERA_DEVICES
-from noisy_world.core.datasets.images import rgb_bytes
-from noisy_world.core.perturbing.kinds import ColourPerturbation
-from noisy_world.core.perturbing.reading import parse_steps
-from noisy_world.core.planning.exposed import render_options
-from noisy_world.core.planning.source_paths import source_paths
-from noisy_world.core.presets.preset import read_preset
-from noisy_world.core.scenes.embedded import ROOMS, room_mesh
-from noisy_world.core.scenes.mesh import Mesh
 from noisy_world.core.schema import ConfigPath
+from noisy_world.dataset.clean_frame import CleanFrame
+from noisy_world.dataset.plan import make_plan
+from noisy_world.dataset.rendering import render_options, source_paths
+from noisy_world.images.pixels import rgb_bytes
 from noisy_world.perturbations import registry
-from noisy_world.pipeline.clean_frame import CleanFrame
-from noisy_world.planning import make_plan
+from noisy_world.perturbations.kinds import ColourPerturbation
+from noisy_world.perturbations.parsing import parse_steps
+from noisy_world.preset.camera_devices import CAMERA_DEVICES
+from noisy_world.preset.keys import read_preset
 from noisy_world.rooms import build_room
+from noisy_world.scenes.polygon_mesh import ROOMS, Mesh, room_mesh
 from pictures import gallery
 from pictures.lit_chain import ColourStep, perturbed, shown
 from pictures.street import LitFrame, intrinsics_of, read_frame

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "addon"))
 
 from noisy_world.core.streams import stream
-from noisy_world.perturbations._crystals import HEIGHT_PX, TIME_SHRUNK, WIDTH_PX, map_file
+from noisy_world.perturbations.shipped.lens_frost import HEIGHT_PX, TIME_SHRUNK, WIDTH_PX, map_file
 
 Field: TypeAlias = NDArray[Any]  # (H, W) of floats; pyright takes three times as long where their type is named
 

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "addon"))
 
 from noisy_world.core.streams import stream
-from noisy_world.perturbations._ice import HEIGHT_PX, WIDTH_PX, picture_file
+from noisy_world.perturbations.shipped.frost import HEIGHT_PX, WIDTH_PX, picture_file
 
 JPEG_QUALITY = 95  # chosen: the loss is far below what frost shows, and the four files stay small
 

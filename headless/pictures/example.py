@@ -15,8 +15,7 @@ sys.path[:0] = [str(ROOT / "addon"), str(ROOT / "headless")]
 
 import bpy
 
-from noisy_world.blender.scratch_images import muted_output
-from noisy_world.blender.typed import override
+from noisy_world.nodes.datablocks import muted_output, override
 from pictures.lit_chain import CHAIN, show_behind_render
 from pictures.street import FRAMES, build_street, intrinsics_of
 

@@ -22,7 +22,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from noisy_world.blender.scratch_images import muted_output
+from noisy_world.nodes.datablocks import muted_output
 from pictures.lit_chain import EVENING_FOG, OVERRIDE, Link, LitScene, add_groups, key_camera, shown
 from pictures.street import FPS, LitFrame, intrinsics_of, read_frame
 

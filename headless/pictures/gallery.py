@@ -23,31 +23,31 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from noisy_world.blender.compositor import Compositor
-from noisy_world.core.datasets.images import rgb_bytes
-from noisy_world.core.datasets.overview import colour_depth
 from noisy_world.core.geometry import Intrinsics
-from noisy_world.core.perturbing.earlier_frames import EarlierFrame, small_light
-from noisy_world.core.perturbing.execution import perturb_colour
-from noisy_world.core.perturbing.kinds import (
+from noisy_world.core.schema import ConfigPath
+from noisy_world.core.trajectory import evenly_stamped
+from noisy_world.dataset.clean_frame import CleanFrame
+from noisy_world.dataset.overview import colour_depth
+from noisy_world.dataset.plan import make_plan
+from noisy_world.dataset.rendering import open_render, render_options, source_paths
+from noisy_world.images.pixels import rgb_bytes
+from noisy_world.nodes.compositor import Compositor
+from noisy_world.perturb import apply
+from noisy_world.perturbations import registry
+from noisy_world.perturbations.execution import perturb_colour
+from noisy_world.perturbations.kinds import (
     ColourPerturbation,
     DepthPerturbation,
+    EarlierFrame,
     ExposurePerturbation,
     FrameContext,
     MotionPerturbation,
     SequenceContext,
+    small_light,
 )
-from noisy_world.core.perturbing.reading import parse_steps
-from noisy_world.core.perturbing.steps import Step
-from noisy_world.core.planning.exposed import open_render, render_options
-from noisy_world.core.planning.source_paths import source_paths
-from noisy_world.core.presets.preset import read_preset
-from noisy_world.core.schema import ConfigPath
-from noisy_world.core.trajectories.trajectory import evenly_stamped
-from noisy_world.perturb import apply
-from noisy_world.perturbations import registry
-from noisy_world.pipeline.clean_frame import CleanFrame
-from noisy_world.planning import make_plan
+from noisy_world.perturbations.parsing import parse_steps
+from noisy_world.perturbations.steps import Step
+from noisy_world.preset.keys import read_preset
 
 Tiles: TypeAlias = list[NDArray[np.uint8]]
 

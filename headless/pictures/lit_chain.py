@@ -10,13 +10,16 @@ import numpy as np
 import OpenEXR
 from numpy.typing import NDArray
 
-from noisy_world.blender.nodes import ensure_group
-from noisy_world.blender.scratch_images import muted_output, write_plain_floats
-from noisy_world.blender.typed import (
+from noisy_world.core.camera_motion import camera_state_of, motion_between
+from noisy_world.core.file_access import ScratchFolder
+from noisy_world.core.geometry import Intrinsics
+from noisy_world.nodes.chain import capacity_of, shown_values
+from noisy_world.nodes.datablocks import (
     action_of,
     group_of,
     inputs,
     interpolation,
+    muted_output,
     new_action,
     new_node,
     new_socket,
@@ -26,19 +29,14 @@ from noisy_world.blender.typed import (
     set_pixels,
     set_value,
     use_as_data,
+    write_plain_floats,
 )
-from noisy_world.core.geometry import Intrinsics
-from noisy_world.core.node_graphs.camera import OVERRIDE_CAMERA, camera_values
-from noisy_world.core.node_graphs.chain import capacity_of, shown_values
-from noisy_world.core.node_graphs.group_inputs import socket_name, socket_value
-from noisy_world.core.node_graphs.groups import build_group
-from noisy_world.core.perturbing.earlier_frames import EarlierFrame, small_of
-from noisy_world.core.perturbing.kinds import ColourPerturbation, FrameContext
-from noisy_world.core.perturbing.steps import Step
-from noisy_world.core.scratch import ScratchFolder
-from noisy_world.core.trajectories.camera_state import camera_state_of
-from noisy_world.core.trajectories.motion import motion_between
+from noisy_world.nodes.node_trees import ensure_group
 from noisy_world.perturbations import registry
+from noisy_world.perturbations.group_camera import OVERRIDE_CAMERA, camera_values
+from noisy_world.perturbations.groups import build_group, socket_name, socket_value
+from noisy_world.perturbations.kinds import ColourPerturbation, EarlierFrame, FrameContext, small_of
+from noisy_world.perturbations.steps import Step
 from pictures.street import LitFrame
 
 SEED = 1

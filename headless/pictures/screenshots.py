@@ -30,19 +30,18 @@ import bpy
 from mathutils import Euler
 
 import noisy_world
-from noisy_world.blender.camera import add_camera, key_trajectory, set_intrinsics
-from noisy_world.blender.nodes import ensure_group
-from noisy_world.blender.scene import add_mesh
-from noisy_world.blender.typed import group_of, new_node, new_socket, new_tree, override, set_value
-from noisy_world.core.node_graphs.groups import build_group
-from noisy_world.core.perturbing.kinds import ColourPerturbation
-from noisy_world.core.presets.preset import read_preset
+from noisy_world.dataset.plan import make_plan
+from noisy_world.nodes.datablocks import group_of, new_node, new_socket, new_tree, override, set_value
+from noisy_world.nodes.node_trees import ensure_group
+from noisy_world.panel import gallery, shots
+from noisy_world.panel.properties import panel_of
+from noisy_world.panel.views import use_standard_view
 from noisy_world.perturbations import registry
-from noisy_world.planning import make_plan
+from noisy_world.perturbations.groups import build_group
+from noisy_world.perturbations.kinds import ColourPerturbation
+from noisy_world.preset.keys import read_preset
+from noisy_world.render.mesh_session import add_camera, add_mesh, key_trajectory, set_intrinsics
 from noisy_world.rooms import build_room
-from noisy_world.ui import pictures, shots
-from noisy_world.ui.properties import panel_of
-from noisy_world.ui.standard_view import use_standard_view
 
 DEMO = ROOT / "presets" / "demo.yaml"
 FRAME = 8
@@ -236,7 +235,7 @@ def photograph_shots(folder: Path) -> Iterator[float]:
     yield from until_drawn()
     photograph(folder / "add_on_shots.jpg", part_of(view))
     with override(window=window(), area=view, region=sidebar(view)):
-        bpy.ops.wm.call_panel(name=pictures.POPOVERS["physical"], keep_open=True)
+        bpy.ops.wm.call_panel(name=gallery.POPOVERS["physical"], keep_open=True)
     yield from until_drawn()
     photograph(folder / "add_on_pictures.jpg", "1000x590+0+310")  # where it opens, with the mouse in the corner
     noisy_world.unregister()

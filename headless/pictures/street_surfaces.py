@@ -6,8 +6,8 @@ from typing import Any, TypeAlias
 
 import bpy
 
-from noisy_world.blender.typed import cycles as cycles_of
-from noisy_world.blender.typed import inputs, node_tree, outputs, set_value
+from noisy_world.nodes.datablocks import cycles as cycles_of
+from noisy_world.nodes.datablocks import inputs, node_tree, outputs, set_value
 from pictures.street_models import GLOW
 
 Colour: TypeAlias = tuple[float, float, float]

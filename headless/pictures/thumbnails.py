@@ -3,7 +3,7 @@
 
 A perturbation is shown at its greatest strength in the gallery; a preset by up to four of its perturbations.
 
-python headless/pictures/thumbnails.py docs/gallery addon/noisy_world/ui/thumbnails
+python headless/pictures/thumbnails.py docs/gallery addon/noisy_world/panel/thumbnails
 """
 
 import argparse
@@ -17,9 +17,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from noisy_world.core.perturbing.reading import parse_settings
-from noisy_world.core.presets.preset import read_preset
 from noisy_world.perturbations import registry
+from noisy_world.perturbations.parsing import parse_settings
+from noisy_world.preset.keys import read_preset
 
 SIDE_PX = 120  # chosen: half as large again as the panel shows them at a scale of 1, and less than 300 kB in all
 QUALITY, LEAST_QUALITY = 70, 30  # of JPEG

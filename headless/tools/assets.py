@@ -22,15 +22,14 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from noisy_world.blender.kept_groups import index_of
-from noisy_world.blender.nodes import ensure_group
-from noisy_world.blender.scratch_images import muted_output
 from noisy_world.core.geometry import Intrinsics
-from noisy_world.core.node_graphs.groups import build_group
-from noisy_world.core.perturbing.kinds import COLOUR_STAGES, ColourPerturbation
-from noisy_world.core.perturbing.reading import parse_steps
 from noisy_world.core.schema import ConfigPath
+from noisy_world.nodes.datablocks import muted_output
+from noisy_world.nodes.node_trees import ensure_group, index_of
 from noisy_world.perturbations import registry
+from noisy_world.perturbations.groups import build_group
+from noisy_world.perturbations.kinds import COLOUR_STAGES, ColourPerturbation
+from noisy_world.perturbations.parsing import parse_steps
 from pictures.gallery import shown_perturbations
 from pictures.lit_chain import ColourStep, perturbed, shown
 from pictures.street import FOCAL_WIDTHS, LitFrame, read_frame, write_frame

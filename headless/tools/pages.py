@@ -18,9 +18,9 @@ from textwrap import fill
 ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT / "addon")]
 
-from noisy_world.core.channels import CHANNELS, Channel
-from noisy_world.core.perturbing.kinds import STAGES, Perturbation
+from noisy_world.channels import CHANNELS, Channel
 from noisy_world.perturbations import registry
+from noisy_world.perturbations.kinds import STAGES, Perturbation
 
 WIDTH = 120  # of a line of prose
 MOST_NAMED = 10  # parameters in a row of the table; of longer lists the first ones

@@ -15,15 +15,15 @@ from cases import cases
 from own_scenes import new_scene, save
 from shard_workers import workers_here
 
-from noisy_world.blender.read_lines import bands_of
+from noisy_world.render.engines import bands_of
 from noisy_world.core.errors import InputError
-from noisy_world.core.planning.exposed import open_render, render_options
-from noisy_world.core.planning.source_paths import source_paths
-from noisy_world.core.presets.preset import read_preset
+from noisy_world.dataset.rendering import open_render, render_options
+from noisy_world.dataset.rendering import source_paths
+from noisy_world.preset.keys import read_preset
 from noisy_world.core.progress import PlainProgress
-from noisy_world.core.trajectories.frame_request import Shutter
-from noisy_world.pipeline.run import Run
-from noisy_world.planning import make_plan
+from noisy_world.core.frame_request import Shutter
+from noisy_world.dataset.run import Run
+from noisy_world.dataset.plan import make_plan
 
 BLUR = {"camera_motion_blur": {"shutter_ms": 40}}
 

@@ -16,16 +16,16 @@ from cases import cases
 from own_scenes import cast, evaluated_triangles, new_scene, relative_errors, save
 from shard_workers import workers_here
 
-from noisy_world.core.bending import overscanned
+from noisy_world.core.lens import overscanned
 from noisy_world.core.errors import InputError
 from noisy_world.core.lens import lens_rays
-from noisy_world.core.optics import Distortion
-from noisy_world.core.presets.preset import read_preset
+from noisy_world.core.lens import Distortion
+from noisy_world.preset.keys import read_preset
 from noisy_world.core.progress import PlainProgress
-from noisy_world.core.planning.exposed import render_options
-from noisy_world.pipeline.run import Run
-from noisy_world.planning import make_plan
-from noisy_world.core.planning.source_paths import source_paths
+from noisy_world.dataset.rendering import render_options
+from noisy_world.dataset.run import Run
+from noisy_world.dataset.plan import make_plan
+from noisy_world.dataset.rendering import source_paths
 
 CAMERA = {"width": 48, "height": 36, "fx": 50.0, "fy": 50.0, "cx": 22.5, "cy": 18.0}
 LENS = {"k1": -0.3, "k2": 0.05, "p1": 0.002, "p2": -0.001}

@@ -15,12 +15,12 @@ pytest.importorskip("bpy", reason="bpy is not installed")
 import bpy
 from own_scenes import new_scene
 
-from noisy_world.blender.scene_inspection import inspect_scene, open_file
-from noisy_world.blender.scene_problems import MOST_NESTED
+from noisy_world.render.scene_inspection import inspect_scene, open_file
+from noisy_world.render.scene_inspection import MOST_NESTED
 from noisy_world.core.errors import InputError
 from noisy_world.core.schema import ConfigPath
-from noisy_world.sources import blend_inspection, blender_process
-from noisy_world.sources.blend_inspection import inspect_blend
+from noisy_world.sources import blender_process
+from noisy_world.sources.blender_process import inspect_blend
 from noisy_world.sources.blender_process import run_blender
 
 
@@ -181,7 +181,7 @@ def test_a_compositor_that_gives_no_image_cannot_be_kept():
 def test_a_look_that_a_signal_ends_names_the_file(ending, told, tmp_path, monkeypatch):
     path = tmp_path / "hall.blend"
     path.write_bytes(b"BLENDER")
-    monkeypatch.setattr(blend_inspection, "inspection_command", lambda: ["/bin/sh", "-c", ending])
+    monkeypatch.setattr(blender_process, "inspection_command", lambda: ["/bin/sh", "-c", ending])
     with pytest.raises(InputError) as raised:
         inspect_blend(
             path,
@@ -207,7 +207,7 @@ from noisy_world.sources.blender_process import last_words
 with last_words(Path("hall.blend"), "rendered it"):
     {ending}
 """
-    command = [sys.executable, "-c", code, str(blend_inspection.PACKAGE.parent)]
+    command = [sys.executable, "-c", code, str(blender_process.PACKAGE.parent)]
     said = subprocess.run(command, capture_output=True, text=True, check=False).stderr
     assert said.count("\n") == lines
     assert ("hall.blend: " in said) == bool(lines)
@@ -237,6 +237,6 @@ except MemoryError:
     while True:
         pass
 """
-    command = [sys.executable, "-c", code, str(blend_inspection.PACKAGE.parent)]
+    command = [sys.executable, "-c", code, str(blender_process.PACKAGE.parent)]
     with pytest.raises(InputError, match="more than 1 s of a processor"):
         run_blender(command, tmp_path / "hall.blend", who="Blender", limit_s=1)

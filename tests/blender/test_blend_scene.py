@@ -12,15 +12,15 @@ from mathutils import Matrix, Vector
 from cases import cases
 from own_scenes import LAST, cast, evaluated_triangles, key, new_scene, opened, relative_errors, save
 
-from noisy_world.blender.scratch_images import muted_output
-from noisy_world.blender.scene_camera import sampled_camera, camera_parameters
-from noisy_world.blender.scene_inspection import inspect_scene, open_file
-from noisy_world.core.channels import CHANNELS
-from noisy_world.core.channels.pair import View
+from noisy_world.nodes.datablocks import muted_output
+from noisy_world.render.own_view import sampled_camera, camera_parameters
+from noisy_world.render.scene_inspection import inspect_scene, open_file
+from noisy_world.channels import CHANNELS
+from noisy_world.channels.channel import View
 from noisy_world.core.errors import InputError
 from noisy_world.core.geometry import rotation_from_euler_deg
 from noisy_world.core.schema import ConfigPath
-from noisy_world.sources.blend_source import rigid_c2w
+from noisy_world.sources.lit_scene import rigid_c2w
 
 CLOSE = 1e-5
 PLACE = ConfigPath("preset.yaml", "scenes.0")

@@ -13,12 +13,12 @@ bpy = pytest.importorskip("bpy", reason="bpy is not installed")
 from own_scenes import new_scene, save
 from shard_workers import workers_here
 
-from noisy_world.blender.render import RenderFile
+from noisy_world.render.engines import RenderFile
 from noisy_world.core.errors import InputError
-from noisy_world.core.presets.preset import read_preset
+from noisy_world.preset.keys import read_preset
 from noisy_world.core.progress import PlainProgress
-from noisy_world.pipeline.run import Run
-from noisy_world.planning import make_plan
+from noisy_world.dataset.run import Run
+from noisy_world.dataset.plan import make_plan
 
 
 @pytest.fixture(scope="module")

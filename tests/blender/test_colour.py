@@ -10,13 +10,13 @@ bpy = pytest.importorskip("bpy", reason="bpy is not installed")
 
 from analytic import look_at, quads_mesh, rays
 
-from noisy_world.blender.session import Session
+from noisy_world.render.mesh_session import Session
 from noisy_world.core.geometry import Intrinsics
-from noisy_world.core.datasets.images import rgb_bytes
-from noisy_world.core.scenes.mesh import Mesh
-from noisy_world.core.planning.source import RenderOptions
-from noisy_world.core.trajectories.sensor_paths import SensorPaths
-from noisy_world.core.trajectories.trajectory import evenly_stamped
+from noisy_world.images.pixels import rgb_bytes
+from noisy_world.scenes.polygon_mesh import Mesh
+from noisy_world.render.source import RenderOptions
+from noisy_world.core.frame_request import SensorPaths
+from noisy_world.core.trajectory import evenly_stamped
 
 CAMERA = Intrinsics(160, 160, 100.0, 100.0, 79.5, 79.5)
 OPTIONS = RenderOptions(near_m=0.01, far_m=100.0, samples=1, seed=0)

@@ -14,13 +14,13 @@ from shown import evaluate_scene, image_of
 from worlds import ROOT
 
 import srgb
-from noisy_world.blender.chain_scene import hide_chain, make_chain, show_chain
-from noisy_world.blender.compositor import Compositor
-from noisy_world.blender.scratch_images import read_rows
-from noisy_world.core.datasets.images import rgb_bytes
+from noisy_world.nodes.chain_scene import hide_chain, make_chain, show_chain
+from noisy_world.nodes.compositor import Compositor
+from noisy_world.nodes.datablocks import read_rows
+from noisy_world.images.pixels import rgb_bytes
 from noisy_world.core.errors import StorageError
-from noisy_world.core.perturbing.reading import parse_steps
-from noisy_world.core.perturbing.kinds import ColourPerturbation
+from noisy_world.perturbations.parsing import parse_steps
+from noisy_world.perturbations.kinds import ColourPerturbation
 from noisy_world.core.schema import ConfigPath
 from noisy_world.perturbations import registry
 

@@ -21,11 +21,11 @@ from analytic import (
 )
 from cases import cases
 
-from noisy_world.blender.session import Session
+from noisy_world.render.mesh_session import Session
 from noisy_world.core.geometry import Intrinsics
-from noisy_world.core.planning.source import RenderOptions
-from noisy_world.core.trajectories.sensor_paths import SensorPaths
-from noisy_world.core.trajectories.trajectory import evenly_stamped
+from noisy_world.render.source import RenderOptions
+from noisy_world.core.frame_request import SensorPaths
+from noisy_world.core.trajectory import evenly_stamped
 
 OPTIONS = RenderOptions(near_m=0.01, far_m=1000.0, samples=1, seed=0)
 POINTS = {

@@ -11,10 +11,10 @@ from engines import need_gl
 from shutters import CAMERA, HIGH, LOW, coloured_room, paths
 
 from noisy_world.core.geometry import Intrinsics, pose, rotation_from_euler_deg
-from noisy_world.core.optics import Distortion
-from noisy_world.core.planning.source import RenderOptions
-from noisy_world.core.trajectories.rig import Sensor, sensor_trajectory
-from noisy_world.sources.rendering import open_session
+from noisy_world.core.lens import Distortion
+from noisy_world.render.source import RenderOptions
+from noisy_world.trajectories.rig import Sensor, sensor_trajectory
+from noisy_world.sources.renderers import open_session
 
 DEPTH = Intrinsics(50, 31, 40.0, 37.0, 22.0, 16.5)
 LENS = Distortion("radial-tangential", (-0.25, 0.06, 0.002, -0.001))

@@ -11,14 +11,14 @@ bpy = pytest.importorskip("bpy", reason="bpy is not installed")
 from analytic import box_mesh, look_at, plane_depth, plane_mesh, quads_mesh
 from engines import gl_engines, need_gl
 
-from noisy_world.blender.probe import gl_version
-from noisy_world.blender.session import Session, renderer_versions
+from noisy_world.render.engines import gl_version
+from noisy_world.render.mesh_session import Session, renderer_versions
 from noisy_world.core.errors import MissingDependencyError, NoisyWorldError, StorageError
 from noisy_world.core.geometry import Intrinsics
-from noisy_world.core.datasets.images import rgb_bytes
-from noisy_world.core.planning.source import RenderOptions
-from noisy_world.core.trajectories.sensor_paths import SensorPaths
-from noisy_world.core.trajectories.trajectory import evenly_stamped
+from noisy_world.images.pixels import rgb_bytes
+from noisy_world.render.source import RenderOptions
+from noisy_world.core.frame_request import SensorPaths
+from noisy_world.core.trajectory import evenly_stamped
 
 CAMERA = Intrinsics(160, 120, 110.0, 90.0, 70.0, 66.5)
 OPTIONS = RenderOptions(near_m=0.01, far_m=1000.0, samples=1, seed=0)

@@ -8,9 +8,9 @@ import pytest
 from cases import cases
 from group_tools import IDENTIFIERS, picture, step_of
 
-from noisy_world.blender.compositor import Compositor
+from noisy_world.nodes.compositor import Compositor
 from noisy_world.perturbations import registry
-from noisy_world.perturbations._full_size import full_size, with_full_sizes
+from noisy_world.perturbations.shipped._sizes import full_size, with_full_sizes
 
 
 def made(build, image, reference_width):

@@ -10,13 +10,13 @@ from cases import cases
 from group_tools import by_groups, keep_group, picture, step_of
 
 from srgb import encoded, linear
-from noisy_world.blender.nodes import STAMP, ensure_group, ensure_picture, remove_group
+from noisy_world.nodes.node_trees import STAMP, ensure_group, ensure_picture, remove_group
 from noisy_world.core.labels import american
-from noisy_world.core.node_graphs.chain import build_chain
-from noisy_world.core.node_graphs.graph import Graph, GroupInput, BroughtImage
-from noisy_world.core.node_graphs.group_inputs import socket_name, socket_value
-from noisy_world.core.node_graphs.groups import build_group
-from noisy_world.core.perturbing.kinds import ColourPerturbation
+from noisy_world.nodes.chain import build_chain
+from noisy_world.core.node_graph import Graph, GroupInput, BroughtImage
+from noisy_world.perturbations.groups import socket_name, socket_value
+from noisy_world.perturbations.groups import build_group
+from noisy_world.perturbations.kinds import ColourPerturbation
 from noisy_world.perturbations import registry
 
 COLOUR = {item.name: item for item in registry().values() if isinstance(item, ColourPerturbation) and item.build}

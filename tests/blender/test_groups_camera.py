@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from group_tools import by_groups, picture
 
-from noisy_world.core.node_graphs.camera import OVERRIDE_CAMERA, looks_at_scene
-from noisy_world.core.node_graphs.groups import build_group
-from noisy_world.core.perturbing.kinds import ColourPerturbation
+from noisy_world.perturbations.group_camera import OVERRIDE_CAMERA, looks_at_scene
+from noisy_world.perturbations.groups import build_group
+from noisy_world.perturbations.kinds import ColourPerturbation
 from noisy_world.perturbations import registry
 
 COLOUR = {item.name: item for item in registry().values() if isinstance(item, ColourPerturbation) and item.build}

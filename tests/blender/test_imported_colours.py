@@ -16,7 +16,7 @@ from rooms_in_formats import glb, gltf, png
 
 from srgb import encoded, linear
 from noisy_world.core.geometry import Intrinsics
-from noisy_world.sources.mesh_reading import read_mesh
+from noisy_world.sources.rendered_mesh import read_mesh
 
 SIDE = 40
 CAMERA = Intrinsics(SIDE, SIDE, SIDE, SIDE, (SIDE - 1) / 2, (SIDE - 1) / 2)

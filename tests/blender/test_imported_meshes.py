@@ -13,9 +13,9 @@ from cases import cases
 from importing import import_here
 from ray_tools import cast
 
-from noisy_world.core.datasets.images import rgb_bytes
+from noisy_world.images.pixels import rgb_bytes
 from noisy_world.core.geometry import Intrinsics
-from noisy_world.sources.mesh_reading import files_of_mesh, read_mesh
+from noisy_world.sources.rendered_mesh import files_of_mesh, read_mesh
 
 CAMERA = Intrinsics(80, 60, 40.0, 40.0, 39.5, 29.5)
 EYES = [look_at([0.3, 0.2, 1.1], [2.0, 1.0, 0.7]), look_at([0.1, -0.4, 1.5], [-2.0, -0.2, 0.2])]

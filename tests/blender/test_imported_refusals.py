@@ -19,13 +19,13 @@ from fuzz.limits import Meter
 from importing import import_here
 
 from noisy_world.core.errors import MissingDependencyError
-from noisy_world.blender import picture_headers
-from noisy_world.blender.importing import parts, program, usd_layers
-from noisy_world.sources import blender_process, imported_meshes
-from noisy_world.sources.mesh_reading import files_of_mesh, forget_meshes, read_mesh
+from noisy_world.render import scene_dependencies
+from noisy_world.render import import_program
+from noisy_world.sources import blender_process
+from noisy_world.sources.rendered_mesh import files_of_mesh, forget_meshes, read_mesh
 
 BUSY = "while :; do :; done"
-REAL = imported_meshes._asked
+REAL = blender_process._asked
 
 
 @pytest.fixture(autouse=True)
@@ -142,7 +142,7 @@ def test_usd_that_is_not_finite(tmp_path, word):
     room = rooms.write_usda(tmp_path)
     room.write_text(room.read_text().replace("points = [(-2.0,", f"points = [({word},"))
     assert refusal(room) == f"line 8: {DAMAGED}"
-    picture_headers.add_library_folders()
+    scene_dependencies.add_library_folders()
     from pxr import Sdf
 
     assert Sdf.Layer.FindOrOpen(str(room)).Export(str(tmp_path / "binary.usdc"))
@@ -216,7 +216,7 @@ def test_copies_beyond_measure(tmp_path, monkeypatch, limit, most):
     forget_meshes()
     assert len(read_mesh(room).corner_vertices) == 108
     with monkeypatch.context() as patched:
-        patched.setattr(parts, limit, most)
+        patched.setattr(import_program, limit, most)
         forget_meshes()
         assert refusal(room).startswith("holds more than ")
 
@@ -300,14 +300,14 @@ def test_files_without_a_mesh(tmp_path, suffix):
 
 
 def test_an_import_in_a_process_of_its_own_that_is_killed(tmp_path, monkeypatch):
-    monkeypatch.setattr(imported_meshes, "_asked", REAL)
+    monkeypatch.setattr(blender_process, "_asked", REAL)
     room = rooms.write_glb(tmp_path)
     assert len(read_mesh(room).face_starts) == 12
     forget_meshes()
-    monkeypatch.setattr(imported_meshes, "_command", lambda *_: ["/bin/sh", "-c", "kill -SEGV $$"])
+    monkeypatch.setattr(blender_process, "_command", lambda *_: ["/bin/sh", "-c", "kill -SEGV $$"])
     assert refusal(room).startswith("Blender's importer of glTF was ended by SIGSEGV; ")
     monkeypatch.setattr(
-        imported_meshes, "_command", lambda _, limit_s: ["/bin/sh", "-c", f"ulimit -S -t {limit_s}; {BUSY}"]
+        blender_process, "_command", lambda _, limit_s: ["/bin/sh", "-c", f"ulimit -S -t {limit_s}; {BUSY}"]
     )
     monkeypatch.setattr(blender_process, "LIMIT_S", 1)
     forget_meshes()
@@ -315,7 +315,7 @@ def test_an_import_in_a_process_of_its_own_that_is_killed(tmp_path, monkeypatch)
 
 
 def test_a_python_without_blender(tmp_path, monkeypatch):
-    monkeypatch.setattr(imported_meshes, "_asked", REAL)
+    monkeypatch.setattr(blender_process, "_asked", REAL)
     monkeypatch.setitem(os.sys.modules, "bpy", None)
     with pytest.raises(MissingDependencyError, match=r"^a mesh that Blender's importers read: bpy: missing"):
         read_mesh(rooms.write_glb(tmp_path))
@@ -324,11 +324,11 @@ def test_a_python_without_blender(tmp_path, monkeypatch):
 def test_a_blender_without_an_importer_or_without_pixars_library(tmp_path, monkeypatch):
     room = rooms.write_usda(tmp_path)
     with monkeypatch.context() as patched:
-        patched.setattr(usd_layers.importlib.util, "find_spec", lambda _name: None)
+        patched.setattr(import_program.importlib.util, "find_spec", lambda _name: None)
         (note,) = read_mesh(room).notes
         assert note.startswith("this Blender lacks the module pxr: ")
         assert [file.name for file in files_of_mesh(room)] == ["walls.png"]
-    monkeypatch.setitem(program._OPERATORS, "USD", ("wm", "no_such_import"))
+    monkeypatch.setitem(import_program._OPERATORS, "USD", ("wm", "no_such_import"))
     forget_meshes()
     said = "this Blender is built without an importer of USD; export the mesh as PLY or glTF"
     assert refusal(room) == said

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from group_tools import by_groups, picture
 
-from noisy_world.blender import kept_groups, nodes
-from noisy_world.blender.nodes import ensure_group, remove_group
-from noisy_world.core.node_graphs.graph import BroughtImage, Graph, GroupInput, Panel
-from noisy_world.core.node_graphs.group_inputs import REFERENCE_INPUT
+from noisy_world.nodes import node_trees
+from noisy_world.nodes.node_trees import ensure_group, remove_group
+from noisy_world.core.node_graph import BroughtImage, Graph, GroupInput, Panel
+from noisy_world.perturbations.groups import REFERENCE_INPUT
 
 IMAGE = GroupInput("Image", "color", (0.5, 0.5, 0.5, 1.0), "What comes in")
 TINT = np.linspace(0, 255, 24 * 40 * 3).reshape(24, 40, 3).astype(np.uint8)
@@ -49,7 +49,7 @@ def large(folder, times=2.0):
         less, more, _ = graph.chosen(menu)
         value = graph.choose(use, value + where * more + less, value)
     with graph.section("Chain"):
-        for number in range(kept_groups.LEAST_NODES):
+        for number in range(node_trees.LEAST_NODES):
             value = value * (1.0 + 0.01 * number) + 0.001
         value = value * factor * 0.25
     with graph.section("Groups"):
@@ -67,17 +67,17 @@ def cache(tmp_path, monkeypatch):
     """An empty cache, an empty file, and no shipped library."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    monkeypatch.setattr(kept_groups, "SHELF", tmp_path / "none.blend")
-    kept_groups._shelf.cache_clear()
+    monkeypatch.setattr(node_trees, "SHELF", tmp_path / "none.blend")
+    node_trees._shelf.cache_clear()
     yield tmp_path / "cache" / "noisy-world" / "groups"
-    kept_groups._shelf.cache_clear()
+    node_trees._shelf.cache_clear()
 
 
 @pytest.fixture
 def built(monkeypatch):
     """The names of the groups that are built."""
-    names, build = [], nodes._build
-    monkeypatch.setattr(nodes, "_build", lambda graph: names.append(graph.name) or build(graph))
+    names, build = [], node_trees._build
+    monkeypatch.setattr(node_trees, "_build", lambda graph: names.append(graph.name) or build(graph))
     return names
 
 
@@ -154,7 +154,7 @@ def test_what_the_file_has_of_it_stays_and_what_is_older_is_replaced(cache, buil
 
 
 def test_drivers_come_with_a_group(cache, monkeypatch, tmp_path):
-    build = nodes._build
+    build = node_trees._build
 
     def driven(graph):
         tree = build(graph)
@@ -167,7 +167,7 @@ def test_drivers_come_with_a_group(cache, monkeypatch, tmp_path):
         driver.expression = f"{variable.name} * 2"
         return tree
 
-    monkeypatch.setattr(nodes, "_build", driven)
+    monkeypatch.setattr(node_trees, "_build", driven)
     for _ in range(2):
         emptied()
         tree = ensure_group(large(tmp_path))
@@ -230,7 +230,7 @@ def test_what_was_not_used_for_long_makes_room(cache, tmp_path, monkeypatch):
     left = cache / ".left.blend"
     left.touch()
     os.utime(left, (1000, 1000))
-    monkeypatch.setattr(kept_groups, "MOST_BYTES", 2.5 * size)
+    monkeypatch.setattr(node_trees, "MOST_BYTES", 2.5 * size)
     ensure_group(large(tmp_path, 4.0))
     there = set(cache.iterdir())
     assert len(there) == 2
@@ -241,9 +241,9 @@ def test_a_small_group_is_no_file_and_neither_is_one_whose_images_come_from_nowh
     ensure_group(child())
     graph = large(tmp_path)
     graph.output("Other", graph.picture(BroughtImage("made by a class", "1", np.float32)))
-    assert list(kept_groups.kept_groups(graph)) == []
+    assert list(node_trees.kept_groups(graph)) == []
     assert not cache.exists()
-    assert kept_groups._key(large(tmp_path)) is not None
+    assert node_trees._key(large(tmp_path)) is not None
 
 
 def test_a_file_is_for_what_makes_the_images_too(cache, tmp_path):
@@ -258,4 +258,4 @@ def test_a_file_is_for_what_makes_the_images_too(cache, tmp_path):
 
     one, other = graph("def make(): return 1"), graph("def make(): return 12")
     assert one.stamp == other.stamp
-    assert kept_groups._key(one) != kept_groups._key(other)
+    assert node_trees._key(one) != node_trees._key(other)

@@ -8,12 +8,12 @@ bpy = pytest.importorskip("bpy", reason="bpy is not installed")
 
 from calls import calls_made
 from keyed_poses import keyed_poses
-from noisy_world.blender.camera import add_camera, key_trajectory
-from noisy_world.blender.scene import empty_scene, set_origin
-from noisy_world.core.trajectories.trajectory import evenly_stamped
-from noisy_world.core.trajectories.files import read_trajectory
-from noisy_world.core.trajectories.matrix_poses import replica_text
-from noisy_world.core.trajectories.stamped_poses import tum_text
+from noisy_world.render.mesh_session import add_camera, key_trajectory
+from noisy_world.render.mesh_session import empty_scene, set_origin
+from noisy_world.core.trajectory import evenly_stamped
+from noisy_world.trajectories.formats import read_trajectory
+from noisy_world.trajectories.matrix_poses import replica_text
+from noisy_world.trajectories.stamped_poses import tum_text
 
 
 def random_poses(count, *, place_m=(0.0, 0.0, 0.0)):

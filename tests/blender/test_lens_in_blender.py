@@ -6,9 +6,9 @@ import pytest
 from shutters import CAMERA, HIGH, LOW, coloured_room, moved, paths
 
 from noisy_world.core.lens import lens_rays
-from noisy_world.core.optics import Distortion
-from noisy_world.core.planning.source import RenderOptions
-from noisy_world.sources.rendering import open_session
+from noisy_world.core.lens import Distortion
+from noisy_world.render.source import RenderOptions
+from noisy_world.sources.renderers import open_session
 
 LENS = Distortion("radial-tangential", (-0.25, 0.06, 0.002, -0.001))
 

@@ -17,18 +17,18 @@ from packed import pack_to
 from shard_workers import workers_here
 
 import noisy_world
-from noisy_world.blender.scratch_images import muted_output
-from noisy_world.blender.scene_inspection import open_file
-from noisy_world.core.datasets.provenance import render_seed
+from noisy_world.nodes.datablocks import muted_output
+from noisy_world.render.scene_inspection import open_file
+from noisy_world.dataset.identity import render_seed
 from noisy_world.core.errors import InputError, StorageError
-from noisy_world.core.planning.source import DRAWN, PERTURBED
-from noisy_world.core.presets.preset import read_preset
+from noisy_world.render.source import DRAWN, PERTURBED
+from noisy_world.preset.keys import read_preset
 from noisy_world.core.progress import PlainProgress
-from noisy_world.evaluation.systems.index import given_sequence
-from noisy_world.planning import make_plan
-from noisy_world.recipes.of_dataset import recipe_of
-from noisy_world.recipes.recipe import read_recipe
-from noisy_world.recipes.verifying import verify
+from noisy_world.evaluate.system_input import given_sequence
+from noisy_world.dataset.plan import make_plan
+from noisy_world.dataset.recipe import recipe_of
+from noisy_world.dataset.recipe import read_recipe
+from noisy_world.dataset.verifying import verify
 
 CHAIN = "{fog_depth: {severity: 2}}, {haze: {severity: 3}}"
 STORM = f"{{name: storm, perturb: [{CHAIN}]}}"

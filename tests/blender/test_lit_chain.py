@@ -13,15 +13,15 @@ from group_tools import IDENTIFIERS, by_groups, step_of
 from lit_scenes import LAMPS, lit_hall, make, write_preset
 from own_scenes import new_scene, opened, save
 
-from noisy_world.blender.chain_scene import refresh_chain
-from noisy_world.blender.compositor import Compositor
-from noisy_world.blender.scratch_images import muted_output
-from noisy_world.blender.scene_inspection import open_file
-from noisy_world.core.datasets.provenance import render_seed
+from noisy_world.nodes.chain_scene import refresh_chain
+from noisy_world.nodes.compositor import Compositor
+from noisy_world.nodes.datablocks import muted_output
+from noisy_world.render.scene_inspection import open_file
+from noisy_world.dataset.identity import render_seed
 from noisy_world.core.geometry import Intrinsics
-from noisy_world.core.perturbing.execution import ColourWork
-from noisy_world.core.perturbing.kinds import FrameContext
-from noisy_world.core.perturbing.lit import on_light
+from noisy_world.perturbations.execution import ColourWork
+from noisy_world.perturbations.kinds import FrameContext
+from noisy_world.dataset.clean_frame import on_light
 
 CHAIN = ("fog_depth", "snow_depth", "frost", "lens_drops", "lens_dirt")
 

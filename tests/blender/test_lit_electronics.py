@@ -13,10 +13,10 @@ bpy = pytest.importorskip("bpy", reason="bpy is not installed")
 
 from own_scenes import new_scene, save
 
-from noisy_world.core.presets.preset import read_preset
+from noisy_world.preset.keys import read_preset
 from noisy_world.core.progress import PlainProgress
-from noisy_world.pipeline.run import Run
-from noisy_world.planning import make_plan
+from noisy_world.dataset.run import Run
+from noisy_world.dataset.plan import make_plan
 
 STOPS = -5
 EXPOSED = {"light_stops": STOPS, "min_ms": 10.0, "max_ms": 10.0, "max_gain_db": 0.0}  # nothing makes up for it

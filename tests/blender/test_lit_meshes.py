@@ -11,20 +11,20 @@ from analytic import look_at
 from importing import import_here
 
 import srgb
-from noisy_world.blender.own_scene import OwnSceneFile, OwnSceneSession
+from noisy_world.render.own_scene import OwnSceneFile, OwnSceneSession
 from noisy_world.core.errors import InputError
 from noisy_world.core.geometry import Intrinsics
 from noisy_world.core.lens import lens_rays
-from noisy_world.core.optics import Distortion
-from noisy_world.core.planning.exposed import open_render, render_options
-from noisy_world.core.planning.source import RenderOptions
-from noisy_world.core.planning.source_paths import source_paths
-from noisy_world.core.presets.preset import check_document
-from noisy_world.core.trajectories.sensor_paths import SensorPaths
-from noisy_world.core.trajectories.trajectory import evenly_stamped
-from noisy_world.planning import make_plan
-from noisy_world.sources.imported_meshes import write_lit_file
-from noisy_world.sources.lit_mesh import file_of
+from noisy_world.core.lens import Distortion
+from noisy_world.dataset.rendering import open_render, render_options
+from noisy_world.render.source import RenderOptions
+from noisy_world.dataset.rendering import source_paths
+from noisy_world.preset.keys import check_document
+from noisy_world.core.frame_request import SensorPaths
+from noisy_world.core.trajectory import evenly_stamped
+from noisy_world.dataset.plan import make_plan
+from noisy_world.sources.blender_process import write_lit_file
+from noisy_world.sources.lit_scene import file_of
 
 SIDE = 24
 CAMERA = Intrinsics(SIDE, SIDE, SIDE, SIDE, (SIDE - 1) / 2, (SIDE - 1) / 2)

@@ -11,15 +11,15 @@ bpy = pytest.importorskip("bpy", reason="bpy is not installed")
 
 from own_scenes import LAST, key, new_scene, save
 
-from noisy_world.blender.own_scene import OwnSceneFile, OwnSceneSession
-from noisy_world.blender.scene_camera import sampled_camera
-from noisy_world.blender.scene_inspection import inspect_scene, open_file
+from noisy_world.render.own_scene import OwnSceneFile, OwnSceneSession
+from noisy_world.render.own_view import sampled_camera
+from noisy_world.render.scene_inspection import inspect_scene, open_file
 from noisy_world.core.geometry import rotation_from_euler_deg
-from noisy_world.core.planning.source import RenderOptions
+from noisy_world.render.source import RenderOptions
 from noisy_world.core.schema import ConfigPath
-from noisy_world.core.trajectories.sensor_paths import SensorPaths
-from noisy_world.core.trajectories.trajectory import Trajectory
-from noisy_world.sources.blend_source import rigid_c2w
+from noisy_world.core.frame_request import SensorPaths
+from noisy_world.core.trajectory import Trajectory
+from noisy_world.sources.lit_scene import rigid_c2w
 
 FRAMES = range(1, LAST + 1)
 ALONG = (np.array(FRAMES) - 1) / (LAST - 1)

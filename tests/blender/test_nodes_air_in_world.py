@@ -12,10 +12,10 @@ from group_tools import step_of
 from scipy.spatial.transform import Rotation
 
 from srgb import linear
-from noisy_world.blender.compositor import Compositor
-from noisy_world.core.perturbing.kinds import FrameContext
-from noisy_world.core.trajectories.motion import motion_between
-from noisy_world.perturbations.snow_depth import LAWS
+from noisy_world.nodes.compositor import Compositor
+from noisy_world.perturbations.kinds import FrameContext
+from noisy_world.core.camera_motion import motion_between
+from noisy_world.perturbations.shipped.snow_depth import LAWS
 
 SIZE = (150, 220)
 IDENTIFIERS = (7, "room", "setting")

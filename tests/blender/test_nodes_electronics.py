@@ -11,13 +11,13 @@ from group_tools import IDENTIFIERS, by_groups, keep_written, levels_apart, pict
 from many_settings import image, records, run
 from worlds import write_world
 
-from noisy_world.blender.compositor import Compositor
-from noisy_world.core.node_graphs.chain import decided_by
-from noisy_world.core.perturbing.earlier_frames import EarlierFrame, small_light
-from noisy_world.core.perturbing.execution import ColourWork, perturb_colour
-from noisy_world.core.perturbing.kinds import FrameContext
-from noisy_world.core.perturbing.lit import on_light
-from noisy_world.core.trajectories.frame_request import Shutter
+from noisy_world.nodes.compositor import Compositor
+from noisy_world.nodes.chain import decided_by
+from noisy_world.perturbations.kinds import EarlierFrame, small_light
+from noisy_world.perturbations.execution import ColourWork, perturb_colour
+from noisy_world.perturbations.kinds import FrameContext
+from noisy_world.dataset.clean_frame import on_light
+from noisy_world.core.frame_request import Shutter
 
 STAMP_S = 0.35
 BOTH = [

@@ -6,10 +6,10 @@ import pytest
 from cases import cases
 from group_tools import by_groups, by_nodes, by_reference, picture, radial_power, step_of
 
-from noisy_world.blender.compositor import Compositor
+from noisy_world.nodes.compositor import Compositor
 from noisy_world.core.geometry import Intrinsics
-from noisy_world.core.perturbing.kinds import FrameContext
-from noisy_world.core.trajectories.motion import CameraMotion
+from noisy_world.perturbations.kinds import FrameContext
+from noisy_world.core.camera_motion import CameraMotion
 
 NAMES = ("snow_depth", "rain_depth")
 SIZE = (240, 360)

@@ -11,12 +11,12 @@ from cases import cases
 from group_tools import by_nodes, by_reference, levels_apart, picture, step_of
 from shown import evaluate_scene, image_of
 
-from noisy_world.blender.chain_scene import make_chain, show_chain
-from noisy_world.blender.compositor import Compositor
+from noisy_world.nodes.chain_scene import make_chain, show_chain
+from noisy_world.nodes.compositor import Compositor
 from noisy_world.core.geometry import Intrinsics, rotation_from_euler_deg
-from noisy_world.core.node_graphs.chain import step_node
-from noisy_world.core.perturbing.kinds import FrameContext
-from noisy_world.core.trajectories.motion import motion_between
+from noisy_world.nodes.chain import step_node
+from noisy_world.perturbations.kinds import FrameContext
+from noisy_world.core.camera_motion import motion_between
 
 SIZE = (41, 63)
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from group_tools import by_nodes, by_reference, ks_bar, ks_distance, levels_apart, many_by_nodes, picture, step_of
 
-from noisy_world.perturbations import _ice
+from noisy_world.perturbations.shipped import frost
 
 FULL_HEIGHT_PX, FULL_WIDTH_PX = 1024, 1536
 TABLE = {1: (1.0, 0.4), 2: (0.8, 0.6), 3: (0.7, 0.7), 4: (0.65, 0.7), 5: (0.6, 0.75)}  # the paper's
@@ -24,7 +24,7 @@ def place(ice):
     """Where a crop comes from: (picture, row, column), and how far it is from that, in 255ths."""
     found = []
     for number in range(4):
-        shown = _ice.ice_picture(number)
+        shown = frost.ice_picture(number)
         apart = cv2.matchTemplate(shown[..., 1].astype(np.float32), ice[..., 1] * 255, cv2.TM_SQDIFF)
         row, column = np.unravel_index(np.argmin(apart), apart.shape)
         part = shown[row : row + ice.shape[0], column : column + ice.shape[1]] / np.float32(255)

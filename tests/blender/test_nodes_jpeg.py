@@ -4,10 +4,10 @@ import cv2
 import numpy as np
 from cases import cases
 from group_tools import IDENTIFIERS, keep_group, by_reference, levels_apart, picture, step_of
-from noisy_world.blender.compositor import Compositor
-from noisy_world.core.node_graphs.groups import build_group
+from noisy_world.nodes.compositor import Compositor
+from noisy_world.perturbations.groups import build_group
 from noisy_world.perturbations import registry
-from noisy_world.perturbations._jpeg_nodes import CHROMA, LUMA
+from noisy_world.perturbations.shipped.jpeg_compression import CHROMA, LUMA
 
 NAME = "jpeg_compression"
 # Where a frame of each kind ends: with a block, within one, within a pair of blocks, of pixels; in the first block.

@@ -7,10 +7,10 @@ import pytest
 from cases import cases
 from group_tools import by_nodes, by_reference, levels_apart, many_by_nodes, picture, step_of
 
-from noisy_world.core.perturbing.kinds import FrameContext
-from noisy_world.perturbations import defocus_depth
-from noisy_world.perturbations._kernels import disk_kernel
-from noisy_world.perturbations.glass_blur import offset_shares
+from noisy_world.perturbations.kinds import FrameContext
+from noisy_world.perturbations.shipped import defocus_depth
+from noisy_world.perturbations.shipped._kernels import disk_kernel
+from noisy_world.perturbations.shipped.glass_blur import offset_shares
 
 SEVERITIES = (1, 2, 3, 4, 5)
 SIZES = [(1, 1), (1, 7), (7, 1), (2, 3), (31, 45)]

@@ -9,7 +9,7 @@ import pytest
 from cases import cases
 from group_tools import IDENTIFIERS, by_groups, by_nodes, levels_apart, picture, step_of
 
-from noisy_world.blender.compositor import Compositor
+from noisy_world.nodes.compositor import Compositor
 from noisy_world.perturbations import registry
 
 PERTURBATION = registry()["lens_frost"]

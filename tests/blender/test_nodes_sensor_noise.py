@@ -8,10 +8,10 @@ import pytest
 from cases import cases
 from group_tools import IDENTIFIERS, by_groups, picture, step_of
 
-from noisy_world.blender.compositor import Compositor
-from noisy_world.core.node_graphs.group_inputs import socket_name
-from noisy_world.core.node_graphs.groups import build_group
-from noisy_world.core.node_graphs.on_arrays import carried_out, image_of
+from noisy_world.nodes.compositor import Compositor
+from noisy_world.perturbations.groups import socket_name
+from noisy_world.perturbations.groups import build_group
+from noisy_world.core.graph_arrays import carried_out, image_of
 from noisy_world.perturbations import registry
 
 SENSOR = registry()["sensor_noise"]

@@ -9,13 +9,13 @@ from dataclasses import replace
 import pytest
 from worlds import write_world
 
-from noisy_world.blender import session as blender_session
-from noisy_world.core.planning.source_paths import source_paths
-from noisy_world.core.presets.preset import read_preset
+from noisy_world.render import mesh_session as blender_session
+from noisy_world.dataset.rendering import source_paths
+from noisy_world.preset.keys import read_preset
 from noisy_world.core.progress import PlainProgress
-from noisy_world.core.planning.exposed import render_options
-from noisy_world.pipeline.run import Run
-from noisy_world.planning import make_plan
+from noisy_world.dataset.rendering import render_options
+from noisy_world.dataset.run import Run
+from noisy_world.dataset.plan import make_plan
 
 CLEAN = {"name": "clean", "perturb": [{"fog": {"severity": 3}}]}
 MOVED = [

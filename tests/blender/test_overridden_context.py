@@ -9,12 +9,12 @@ bpy = pytest.importorskip("bpy", reason="bpy is not installed")
 from group_tools import IDENTIFIERS, step_of
 from own_scenes import new_scene, save
 
-from noisy_world.blender.compositor import Compositor
-from noisy_world.blender.own_still import OwnStill, render_own_still
-from noisy_world.blender.scene_camera import camera_parameters
-from noisy_world.blender.scene_inspection import open_file
-from noisy_world.blender.still import render_stills
-from noisy_world.blender.typed import override
+from noisy_world.nodes.compositor import Compositor
+from noisy_world.render.own_stills import OwnStill, render_own_still
+from noisy_world.render.own_view import camera_parameters
+from noisy_world.render.scene_inspection import open_file
+from noisy_world.render.own_stills import render_stills
+from noisy_world.nodes.datablocks import override
 from noisy_world.core.errors import InputError
 
 

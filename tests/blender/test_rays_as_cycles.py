@@ -13,13 +13,13 @@ pytest.importorskip("embreex", reason="embreex is not installed: pip install '.[
 from analytic import look_at
 from ray_tools import OPTIONS, polygons
 
-from noisy_world.blender.scene import add_mesh, empty_scene
+from noisy_world.render.mesh_session import add_mesh, empty_scene
 from noisy_world.core.geometry import Intrinsics
-from noisy_world.core.scenes.mesh import Texture
-from noisy_world.core.trajectories.sensor_paths import SensorPaths
-from noisy_world.core.trajectories.trajectory import evenly_stamped
-from noisy_world.rays.triangles import triangle_corners
-from noisy_world.sources.rendering import open_session
+from noisy_world.scenes.polygon_mesh import Texture
+from noisy_world.core.frame_request import SensorPaths
+from noisy_world.core.trajectory import evenly_stamped
+from noisy_world.render.triangles import triangle_corners
+from noisy_world.sources.renderers import open_session
 
 CAMERA = Intrinsics(320, 240, 200.0, 180.0, 150.0, 130.0)
 EYES = np.stack([look_at([0.2, -0.1, 0.3], [1.0, 0.4, 0.2]), look_at([0.1, 0.3, 0.2], [-1.0, 0.9, 0.5], roll_deg=30)])

@@ -12,14 +12,14 @@ from analytic import interpolated, look_at, quads_mesh
 from engines import each_engine, need_gl, other_engines_at_length
 from ply_files import INDICES, XYZ, ply, vertex
 
-from noisy_world.blender.session import Session
-from noisy_world.core.datasets.images import rgb_bytes
+from noisy_world.render.mesh_session import Session
+from noisy_world.images.pixels import rgb_bytes
 from noisy_world.core.geometry import Intrinsics
-from noisy_world.core.planning.source import RenderOptions
-from noisy_world.core.scenes.mesh import Mesh, Texture
-from noisy_world.core.scenes.ply import read_ply
-from noisy_world.core.trajectories.sensor_paths import SensorPaths
-from noisy_world.core.trajectories.trajectory import evenly_stamped
+from noisy_world.render.source import RenderOptions
+from noisy_world.scenes.polygon_mesh import Mesh, Texture
+from noisy_world.scenes.ply import read_ply
+from noisy_world.core.frame_request import SensorPaths
+from noisy_world.core.trajectory import evenly_stamped
 
 W, H = 64, 48
 CAMERA = Intrinsics(W, H, 50.0, 50.0, (W - 1) / 2, (H - 1) / 2)

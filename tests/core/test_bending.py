@@ -7,8 +7,8 @@ from cases import cases
 
 from noisy_world.core.geometry import Intrinsics
 from noisy_world.core.lens import lens_rays
-from noisy_world.core.optics import Distortion
-from noisy_world.core.bending import Bending, overscanned
+from noisy_world.core.lens import Distortion
+from noisy_world.core.lens import Bending, overscanned
 
 CAMERA = Intrinsics(160, 120, 100.0, 96.0, 77.5, 62.0)
 LENS = Distortion("radial-tangential", (-0.25, 0.06, 0.002, -0.001))

@@ -9,10 +9,10 @@ import pytest
 from refusals import refused
 from cases import cases
 
-from noisy_world.core.camera_devices import CAMERA_DEVICES
+from noisy_world.preset.camera_devices import CAMERA_DEVICES
 from noisy_world.core.lens import lens_problem, straightened
-from noisy_world.core.perturbing.reading import parse_steps
-from noisy_world.core.presets.preset import check_document
+from noisy_world.perturbations.parsing import parse_steps
+from noisy_world.preset.keys import check_document
 from noisy_world.core.schema import ConfigPath
 from noisy_world.perturbations import registry
 

@@ -5,8 +5,8 @@ import numpy as np
 from analytic import box_depth, look_at, plane_depth, rays, sphere_depth
 from cases import cases
 
-from noisy_world.core.channels.flow import CHANNEL, OCCLUDED, OUTSIDE, SEEN, VOID
-from noisy_world.core.channels.pair import View
+from noisy_world.channels.flow import CHANNEL, OCCLUDED, OUTSIDE, SEEN, VOID
+from noisy_world.channels.channel import View
 from noisy_world.core.geometry import Intrinsics
 
 CAMERA = Intrinsics(121, 83, 90.0, 70.0, 55.5, 44.25)  # an odd size, and a middle of its own

@@ -8,7 +8,7 @@ from cases import cases
 
 from noisy_world.core.geometry import Intrinsics
 from noisy_world.core.lens import lens_problem, lens_rays, projected, straightened
-from noisy_world.core.optics import Distortion
+from noisy_world.core.lens import Distortion
 
 CAMERA = Intrinsics(752, 480, 458.654, 457.296, 367.215, 248.375)
 WIDE = Intrinsics(1200, 680, 600.0, 600.0, 599.5, 339.5)

@@ -5,7 +5,7 @@ import io
 import pickle
 
 from noisy_world.core.errors import InputError, NoisyWorldError, StorageError
-from noisy_world.core.messages import Action, CommandLineOnly, Message, PresetKey, either, offers, parts_of
+from noisy_world.core.errors import Action, CommandLineOnly, Message, PresetKey, either, offers, parts_of
 from noisy_world.core.progress import JsonProgress, read_message
 
 KEY = PresetKey("output.image", "jpg")

@@ -8,9 +8,9 @@ from types import SimpleNamespace
 import pytest
 
 from noisy_world.cli.entry import Entry
-from noisy_world.cli.missing import missing_package
+from noisy_world.cli.entry import missing_package
 from noisy_world.core.errors import MissingDependencyError
-from noisy_world.core.opencv import old_opencv
+from noisy_world.core.dependencies import old_opencv
 from noisy_world.perturbations import registry
 
 

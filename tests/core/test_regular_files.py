@@ -9,29 +9,29 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from noisy_world.core import regular_files
-from noisy_world.core.datasets.image_files import read_header
-from noisy_world.core.datasets.layouts.asl import read_sensor_yaml
-from noisy_world.core.datasets.stored import recorded_text
-from noisy_world.core.datasets.video_files import read_video
+from noisy_world.core import file_access
+from noisy_world.images.image_files import read_header
+from noisy_world.layouts.asl import read_sensor_yaml
+from noisy_world.layouts.stored_recording import recorded_text
+from noisy_world.images.video_files import read_video
 from noisy_world.core.errors import InputError
-from noisy_world.core.presets.preset import read_preset
-from noisy_world.core.regular_files import NotRegularError, TooLargeError
-from noisy_world.core.scenes.mesh_files import imported_format
-from noisy_world.core.scenes.textures import read_picture
-from noisy_world.core.trajectories.files import read_trajectory
-from noisy_world.evaluation.odometry.frames import read_index
-from noisy_world.evaluation.systems.definition import read_system
-from noisy_world.evaluation.systems.estimate_file import read_estimate_file
-from noisy_world.evaluation.estimates.arrays import load_arrays
+from noisy_world.preset.keys import read_preset
+from noisy_world.core.file_access import NotRegularError, TooLargeError
+from noisy_world.scenes.mesh_files import imported_format
+from noisy_world.scenes.textures import read_picture
+from noisy_world.trajectories.formats import read_trajectory
+from noisy_world.evaluate.odometry_views import read_index
+from noisy_world.evaluate.systems import read_system
+from noisy_world.evaluate.run_files import read_estimate_file
+from noisy_world.evaluate.estimate_formats.pose_arrays import load_arrays
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="no pipes with names")
 FORMATS = (
-    regular_files.read_bytes,
-    regular_files.read_text,
-    regular_files.open_regular,
-    regular_files.open_text,
-    regular_files.check_regular,
+    file_access.read_bytes,
+    file_access.read_text,
+    file_access.open_regular,
+    file_access.open_text,
+    file_access.check_regular,
 )
 
 
@@ -67,9 +67,9 @@ def test_a_refused_file_is_closed(others, tmp_path):
     os.close(before)
     for path in others:
         with pytest.raises(OSError, match="not a file"):
-            regular_files.open_regular(path)
+            file_access.open_regular(path)
     with pytest.raises(TooLargeError):
-        regular_files.open_regular(tmp_path / "large", largest_bytes=4)
+        file_access.open_regular(tmp_path / "large", largest_bytes=4)
     after = os.dup(0)  # the system gives the lowest number that is free
     os.close(after)
     assert before == after
@@ -80,34 +80,34 @@ def test_a_file_is_read_as_it_is(tmp_path):
     path, link = tmp_path / "file", tmp_path / "link"
     path.write_bytes(data)
     link.symlink_to("file")
-    assert regular_files.read_bytes(path) == regular_files.read_bytes(link) == data
-    with regular_files.open_regular(str(path)) as file:
+    assert file_access.read_bytes(path) == file_access.read_bytes(link) == data
+    with file_access.open_regular(str(path)) as file:
         assert file.read() == data
     path.write_bytes("\ufeffä 1\r\nb\rc\n".encode())
-    assert regular_files.read_text(path, encoding="utf-8-sig") == "ä 1\nb\nc\n"
-    with regular_files.open_text(path) as lines:
+    assert file_access.read_text(path, encoding="utf-8-sig") == "ä 1\nb\nc\n"
+    with file_access.open_text(path) as lines:
         assert list(lines) == ["\ufeffä 1\n", "b\n", "c\n"]
     path.write_bytes(b"a\xff")
-    assert regular_files.read_text(path, errors="replace") == "a\ufffd"
+    assert file_access.read_text(path, errors="replace") == "a\ufffd"
     with pytest.raises(UnicodeDecodeError):
-        regular_files.read_text(path)
+        file_access.read_text(path)
 
 
 def test_no_more_is_read_than_the_reader_takes(tmp_path):
     path = tmp_path / "file"
     path.write_bytes(b"12345")
-    assert regular_files.read_bytes(path, largest_bytes=5) == b"12345"
+    assert file_access.read_bytes(path, largest_bytes=5) == b"12345"
     with pytest.raises(TooLargeError) as refused:
-        regular_files.read_bytes(path, largest_bytes=4)
+        file_access.read_bytes(path, largest_bytes=4)
     assert refused.value.strerror == "it has 5 bytes or more; at most 4 are read"
     with path.open("r+b") as sparse:
         sparse.truncate(2**40)  # a terabyte, nothing of which lies on the disk
-    for read in (regular_files.read_bytes, regular_files.read_text):
+    for read in (file_access.read_bytes, file_access.read_text):
         with pytest.raises(TooLargeError):
             read(path)
     if sys.platform == "linux":  # a size of 0, and more in it
         with pytest.raises(TooLargeError):
-            regular_files.read_bytes("/proc/self/status", largest_bytes=10)
+            file_access.read_bytes("/proc/self/status", largest_bytes=10)
 
 
 def test_a_missing_file_is_what_the_system_says(tmp_path):

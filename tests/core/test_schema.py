@@ -8,7 +8,7 @@ from refusals import refused
 from cases import cases
 
 from noisy_world.core.schema import Choice, ConfigPath, key, parse
-from noisy_world.core.yaml_reading import read_yaml
+from noisy_world.core.schema import read_yaml
 from noisy_world.sources.blend import BlendKeys
 
 

@@ -11,9 +11,9 @@ from pathlib import Path
 import pytest
 from refusals import refused
 
-from noisy_world.core import scratch
+from noisy_world.core import file_access
 from noisy_world.core.errors import StorageError
-from noisy_world.core.scratch import SCRATCH_PREFIX, ScratchFolder, sweep
+from noisy_world.core.file_access import SCRATCH_PREFIX, ScratchFolder, sweep
 
 HOLD = """
 import sys
@@ -35,7 +35,7 @@ def memory(tmp_path, monkeypatch):
     memory, disk = tmp_path / "memory", tmp_path / "disk"
     memory.mkdir()
     disk.mkdir()
-    monkeypatch.setattr(scratch, "SHARED_MEMORY", memory)
+    monkeypatch.setattr(file_access, "SHARED_MEMORY", memory)
     monkeypatch.setenv("TMPDIR", str(disk))
     monkeypatch.setattr("tempfile.tempdir", None)
     return memory

@@ -10,11 +10,11 @@ from pathlib import Path, PurePosixPath
 import pytest
 
 import noisy_world
-from noisy_world.core.batches import batched
-from noisy_world.core.datasets.place import _matches
+from noisy_world.core.machine import batched
+from noisy_world.dataset.folder_state import _matches
 
 ADDON = Path(__file__).resolve().parents[2] / "addon"
-IN_BLENDER = ("noisy_world.blender", "noisy_world.ui")
+IN_BLENDER = ("noisy_world.nodes", "noisy_world.panel")
 EXTRAS = ("bpy", "mathutils", "embreex", "scipy", "gtsam", "pandas", "ray", "fsspec", "rerun", "mujoco")
 
 

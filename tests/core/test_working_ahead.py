@@ -5,7 +5,7 @@ import threading
 
 import pytest
 
-from noisy_world.core.working_ahead import done_ahead
+from noisy_world.core.machine import done_ahead
 
 
 def test_order_and_bound():

@@ -11,7 +11,7 @@ from refusals import refused
 import yaml
 
 from noisy_world.core.errors import InputError
-from noisy_world.core.yaml_reading import LARGEST_BYTES, LARGEST_VALUES, read_yaml
+from noisy_world.core.schema import LARGEST_BYTES, LARGEST_VALUES, read_yaml
 
 LAUGHS = "a0: &a0 [x, x, x, x, x, x, x, x, x]\n" + "".join(
     f"a{k}: &a{k} [{', '.join([f'*a{k - 1}'] * 9)}]\n" for k in range(1, 12)

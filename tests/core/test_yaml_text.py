@@ -3,7 +3,7 @@
 
 import yaml
 
-from noisy_world.core.yaml_reading import read_yaml, yaml_text
+from noisy_world.core.schema import read_yaml, yaml_text
 
 TEXTS = [
     "1e3",

@@ -14,12 +14,12 @@ from worlds import path_poses
 
 from noisy_world.cli import command
 from noisy_world.core.errors import NoisyWorldError
-from noisy_world.core.trajectories.trajectory import Trajectory
-from noisy_world.evaluation.estimate import Estimate
-from noisy_world.evaluation.metrics import METRICS
-from noisy_world.evaluation.metrics.score import score_trajectory
-from noisy_world.evaluation.study.identity import merged, why_not
-from noisy_world.evaluation.systems.registry import find_system, system_names
+from noisy_world.core.trajectory import Trajectory
+from noisy_world.evaluate.estimates import Estimate
+from noisy_world.evaluate.metrics import METRICS
+from noisy_world.evaluate.trajectory_scores import score_trajectory
+from noisy_world.evaluate.study_results import merged, why_not
+from noisy_world.evaluate.systems import find_system, system_names
 
 UPWARD = """
 import numpy as np

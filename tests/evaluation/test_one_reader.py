@@ -5,15 +5,15 @@ import numpy as np
 import pytest
 from trajectory_pairs import moved, path, rotation
 
-from noisy_world.core.trajectories.stamped_poses import tum_text
-from noisy_world.core.trajectories.trajectory import Trajectory
-from noisy_world.evaluation.metrics.score import score_trajectory
-from noisy_world.evaluation.metrics.reading import read_poses_to_compare
-from noisy_world.evaluation.outcome import Outcome, RunRecord
-from noisy_world.evaluation.study.scoring import STRICT, score_run
-from noisy_world.evaluation.systems.definition import Writes
-from noisy_world.evaluation.systems.estimate_file import ESTIMATE, estimate_text
-from noisy_world.evaluation.systems.normalising import normalised
+from noisy_world.trajectories.stamped_poses import tum_text
+from noisy_world.core.trajectory import Trajectory
+from noisy_world.evaluate.trajectory_scores import score_trajectory
+from noisy_world.evaluate.scored_poses import read_poses_to_compare
+from noisy_world.evaluate.run_files import Outcome, RunRecord
+from noisy_world.evaluate.study_results import STRICT, score_run
+from noisy_world.evaluate.systems import Writes
+from noisy_world.evaluate.run_files import ESTIMATE, estimate_text
+from noisy_world.evaluate.system_runs import normalised
 
 COUNT = 30
 TRUTH = path(np.random.default_rng(4), COUNT, start_s=1_400_000_000.0)

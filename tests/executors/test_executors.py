@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from noisy_world.core.errors import InterruptedRunError, NoisyWorldError
-from noisy_world.core.exit_statuses import INTERRUPTED, REFUSED
+from noisy_world.core.errors import INTERRUPTED, REFUSED
 from noisy_world.executors.jobs import InProcess, Job, TaskOutcome, Task, TaskQueue, carry_out
 from noisy_world.executors.processes import WorkerProcesses
 

@@ -14,9 +14,9 @@ from pathlib import Path
 
 import pytest
 
-from noisy_world.executors import node
-from noisy_world.executors.node import NodeTask, carried, carry_out
-from noisy_world.core.shipped import package_version
+from noisy_world.executors import worker_process
+from noisy_world.executors.worker_process import NodeTask, carried, carry_out
+from noisy_world.core.dependencies import package_version
 
 ADDON = str(Path(__file__).resolve().parents[2] / "addon")
 
@@ -68,7 +68,7 @@ def test_what_the_driver_is_told(monkeypatch):
         print("@noisy-world " + '{"made": "shard", "report": {"frames_rendered": 7}}', flush=True)
         assert sys.stdin.readline() == ""
         """
-    monkeypatch.setattr(node, "TELL_EVERY_S", 0.1)
+    monkeypatch.setattr(worker_process, "TELL_EVERY_S", 0.1)
     told = []
     result = carry_out(NodeTask("shard", ("-c", textwrap.dedent(program)), "order"), told.append)
     assert (result["status"], result["line"], result["report"]) == (0, "", {"frames_rendered": 7})
@@ -78,7 +78,7 @@ def test_what_the_driver_is_told(monkeypatch):
 
 
 def test_a_shard_that_another_process_makes_is_waited_for(tmp_path, monkeypatch):
-    monkeypatch.setattr(node, "TELL_EVERY_S", 0.01)
+    monkeypatch.setattr(worker_process, "TELL_EVERY_S", 0.01)
     program = f"""
         import os, sys
         with open({str(tmp_path / "tries")!r}, "a") as file:
@@ -87,7 +87,7 @@ def test_a_shard_that_another_process_makes_is_waited_for(tmp_path, monkeypatch)
         sys.exit(0 if tries == 3 else 75)
         """
     assert done(program)[0] == 0
-    monkeypatch.setattr(node, "BUSY_FOR_S", 0.0)
+    monkeypatch.setattr(worker_process, "BUSY_FOR_S", 0.0)
     assert done("import os; os._exit(75)")[0] == 75
 
 

@@ -91,7 +91,7 @@ def when(condition, do, timeout_s=100):
 @pytest.fixture
 def preset(tmp_path, monkeypatch):
     """A recording of 12 frames as a scene: no Blender is needed."""
-    monkeypatch.setitem(sys.modules, "noisy_world.blender.session", fake_session)
+    monkeypatch.setitem(sys.modules, "noisy_world.render.mesh_session", fake_session)
     run(world(tmp_path / "w", "replica", frames=12, output={"image": "png"}), tmp_path / "source")
     path = tmp_path / "preset.json"
     scene = {"name": "box", "sequence": str(tmp_path / "source/clean/box")}

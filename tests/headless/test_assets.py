@@ -17,10 +17,10 @@ from worlds import ROOT
 sys.path.append(str(ROOT / "headless"))
 from tools import assets, package
 
-from noisy_world.blender import kept_groups, nodes
-from noisy_world.core.node_graphs.chain import shown_values
-from noisy_world.core.node_graphs.groups import build_group
-from noisy_world.core.perturbing.kinds import ColourPerturbation
+from noisy_world.nodes import node_trees
+from noisy_world.nodes.chain import shown_values
+from noisy_world.perturbations.groups import build_group
+from noisy_world.perturbations.kinds import ColourPerturbation
 from noisy_world.perturbations import registry
 
 PERTURBATIONS = [item for item in registry().values() if isinstance(item, ColourPerturbation) and item.build]
@@ -68,29 +68,34 @@ def test_everything_that_the_asset_browser_shows(library):
 
 def test_the_add_on_takes_its_groups_from_the_shelf(library, tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    monkeypatch.setattr(kept_groups, "SHELF", library / assets.FILE)
-    build = nodes._build
-    monkeypatch.setattr(nodes, "_build", lambda graph: pytest.fail(f"{graph.name} is built"))
-    kept_groups._shelf.cache_clear()
-    assert set(kept_groups._shelf().values()) == {build_group(item).name for item in PERTURBATIONS}
+    monkeypatch.setattr(node_trees, "SHELF", library / assets.FILE)
+    build = node_trees._build
+    monkeypatch.setattr(node_trees, "_build", lambda graph: pytest.fail(f"{graph.name} is built"))
+    node_trees._shelf.cache_clear()
+    assert set(node_trees._shelf().values()) == {build_group(item).name for item in PERTURBATIONS}
     bpy.ops.wm.read_factory_settings(use_empty=True)
     for name in ("frost", "snow_depth", "brightness"):
         graph = build_group(registry()[name])
-        tree = nodes.ensure_group(graph)
-        assert (tree.name, tree[nodes.STAMP], tree.asset_data, tree.library) == (graph.name, graph.stamp, None, None)
+        tree = node_trees.ensure_group(graph)
+        assert (tree.name, tree[node_trees.STAMP], tree.asset_data, tree.library) == (
+            graph.name,
+            graph.stamp,
+            None,
+            None,
+        )
         assert tuple(tree.preview.image_size) == (0, 0)
     assert not bpy.data.libraries
     # Where a user has linked a group of the shelf, it stays linked.
     bpy.ops.wm.read_factory_settings(use_empty=True)
     with bpy.data.libraries.load(str(library / assets.FILE), link=True) as (_, wanted):
         wanted.node_groups = ["Contrast"]
-    monkeypatch.setattr(nodes, "_build", build)
-    own = nodes.ensure_group(build_group(registry()["contrast"]))
+    monkeypatch.setattr(node_trees, "_build", build)
+    own = node_trees.ensure_group(build_group(registry()["contrast"]))
     assert (own.library, wanted.node_groups[0].library.filepath) == (None, str(library / assets.FILE))
     (library / assets.FILE).with_suffix(".json").write_text("{}")
-    kept_groups._shelf.cache_clear()
-    assert kept_groups._shelf() == {}
-    kept_groups._shelf.cache_clear()
+    node_trees._shelf.cache_clear()
+    assert node_trees._shelf() == {}
+    node_trees._shelf.cache_clear()
 
 
 @pytest.mark.parametrize(

@@ -7,10 +7,10 @@ from itertools import product
 import pytest
 from worlds import ROOT, generate_here, path_poses, write_box_ply, write_replica
 
-from noisy_world.core.perturbing.kinds import ColourPerturbation, DepthPerturbation
-from noisy_world.core.planning.plan import read_settings
-from noisy_world.core.presets.preset import read_preset
-from noisy_world.core.scenes.replica import REPLICA_SCENES
+from noisy_world.perturbations.kinds import ColourPerturbation, DepthPerturbation
+from noisy_world.dataset.plan import read_settings
+from noisy_world.preset.keys import read_preset
+from noisy_world.sources.replica_scenes import REPLICA_SCENES
 from noisy_world.perturbations import registry
 
 REPLICA, ROOMS, MIXED = (ROOT / f"presets/noisy_{name}.yaml" for name in ("replica", "rooms", "replica_mixed"))

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from forked import in_new_process
 
-from noisy_world.cli.ending import exit_status
+from noisy_world.cli.entry import exit_status
 
 
 def with_streams_closed(numbers, folder):

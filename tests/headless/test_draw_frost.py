@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from worlds import ROOT
 
-from noisy_world.perturbations import _crystals
+from noisy_world.perturbations.shipped import lens_frost
 
 sys.path.insert(0, str(ROOT / "headless"))
 
@@ -73,8 +73,8 @@ def test_every_call_grows_the_same():
 
 def test_a_strip_s_ends_join_and_its_ice_ends_before_its_depth(tips, thick):
     times = draw_frost.times(tips, WIDTH_PX)
-    assert thick.shape == (_crystals.HEIGHT_PX, WIDTH_PX)
-    assert times.shape == (_crystals.HEIGHT_PX // 4, WIDTH_PX // 4)
+    assert thick.shape == (lens_frost.HEIGHT_PX, WIDTH_PX)
+    assert times.shape == (lens_frost.HEIGHT_PX // 4, WIDTH_PX // 4)
     apart = np.abs(np.diff(thick.astype(int), axis=1, append=thick[:, :1])).mean(axis=0)
     assert apart[-1] < apart.mean() * 1.5
     assert not thick[310:].any()
@@ -84,10 +84,12 @@ def test_a_strip_s_ends_join_and_its_ice_ends_before_its_depth(tips, thick):
 
 def test_the_maps_that_are_carried_are_such_maps(thick):
     """Growing them takes half a minute, so they are compared with a part as a whole."""
-    carried, times = (cv2.imread(str(_crystals.map_file(name)), cv2.IMREAD_UNCHANGED) for name in ("thickness", "time"))
-    assert carried.shape == (_crystals.HEIGHT_PX, _crystals.WIDTH_PX)
-    assert times.shape == (_crystals.HEIGHT_PX // 4, _crystals.WIDTH_PX // 4)
-    assert sum(_crystals.map_file(name).stat().st_size for name in ("thickness", "time")) < 6e5
+    carried, times = (
+        cv2.imread(str(lens_frost.map_file(name)), cv2.IMREAD_UNCHANGED) for name in ("thickness", "time")
+    )
+    assert carried.shape == (lens_frost.HEIGHT_PX, lens_frost.WIDTH_PX)
+    assert times.shape == (lens_frost.HEIGHT_PX // 4, lens_frost.WIDTH_PX // 4)
+    assert sum(lens_frost.map_file(name).stat().st_size for name in ("thickness", "time")) < 6e5
     assert set(np.unique(carried)) <= set(range(0, 256, 6))
     for rows in (slice(0, 60), slice(60, 180)):
         assert carried[rows].mean() == pytest.approx(thick[rows].mean(), rel=0.3)

@@ -13,10 +13,10 @@ from own_scenes import new_scene, save
 import recorded_layouts
 from worlds import path_poses, write_replica, write_world
 
-from noisy_world.core.datasets.provenance import plain_identity
+from noisy_world.dataset.identity import plain_identity
 from noisy_world.core.errors import InputError
-from noisy_world.core.presets.preset import read_preset
-from noisy_world.planning import make_plan
+from noisy_world.preset.keys import read_preset
+from noisy_world.dataset.plan import make_plan
 from noisy_world.sources import preset_keys, preset_leaves
 
 NOISY = {"name": "noisy", "perturb": [{"gaussian_noise": {"severity": 2}}]}

@@ -12,7 +12,7 @@ from worlds import ROOT, write_box_ply
 
 from noisy_world.cli import command
 from noisy_world.cli.entry import Entry
-from noisy_world.core.scenes.ply import read_ply
+from noisy_world.scenes.ply import read_ply
 
 
 def export(*arguments):

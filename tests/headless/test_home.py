@@ -11,8 +11,8 @@ from worlds import generate_here, write_box_ply, write_world
 
 from noisy_world.cli import command
 from noisy_world.cli.entry import Entry
-from noisy_world.core.home import split_home, with_home
-from noisy_world.core.presets.preset import read_preset
+from noisy_world.core.file_access import split_home, with_home
+from noisy_world.preset.keys import read_preset
 from noisy_world.sources import find_scenes
 
 GONE = "~nobody-of-this-name/x"

@@ -8,7 +8,7 @@ import sys
 import pytest
 from worlds import content, generate, generate_here, write_world
 
-from noisy_world.cli import missing, shard_tasks
+from noisy_world.cli import entry, shard_workers
 
 
 @pytest.mark.parametrize(
@@ -25,8 +25,8 @@ from noisy_world.cli import missing, shard_tasks
 )
 def test_what_is_of_use(monkeypatch, asked, there, jobs, words):
     threads, frames = there
-    monkeypatch.setattr(shard_tasks, "available_threads", lambda: threads)
-    taken, said = shard_tasks.useful_jobs(asked, frames)
+    monkeypatch.setattr(shard_workers, "available_threads", lambda: threads)
+    taken, said = shard_workers.useful_jobs(asked, frames)
     assert taken == jobs
     assert words in said
     assert bool(words) == bool(said)
@@ -51,14 +51,14 @@ def test_what_is_no_number_of_processes_is_refused(tmp_path, number):
 
 
 def fail_to_import():
-    with missing._relevant_output():
+    with entry._relevant_output():
         os.write(1, b"why\n")
         raise ImportError
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="Blender prints it on Linux alone")
 def test_a_warning_that_concerns_nobody_is_left_out_and_all_others_are_printed(capfd):
-    with missing._relevant_output():
+    with entry._relevant_output():
         os.write(1, b"00:00.253  system.path      | WARNING Could not get a list of mounted file-systems\n")
         os.write(1, b'00:00.253  translation      | WARNING Falling back to standard locale ("C")\n')
         os.write(1, b"00:00.254  system.path      | WARNING the disk burns\n")

@@ -10,7 +10,7 @@ import pytest
 from foreign_loaders import slam_replica
 from worlds import ROOT, generate_here
 
-from noisy_world.core.scenes.embedded import ROOMS
+from noisy_world.scenes.polygon_mesh import ROOMS
 
 # The rays alone cost less than half of what Blender does.
 ENGINE = "embree" if importlib.util.find_spec("embreex") else "cycles"

@@ -128,8 +128,8 @@ def test_what_is_staged(wheels, tmp_path):
     folder, _ = wheels
     package.stage(tmp_path / "staged", "linux-x64", sorted(folder.iterdir()))
     there = {path.relative_to(tmp_path / "staged").as_posix() for path in (tmp_path / "staged").rglob("*.*")}
-    assert {"__init__.py", "pipeline/run.py", "core/scenes/ply.py", "perturbations/ice/rime.jpg"} <= there
-    assert {"headless/run_odometry.py", "evaluation/odometry/running.py", "evaluation/metrics/score.py"} <= there
+    assert {"__init__.py", "dataset/run.py", "scenes/ply.py", "perturbations/ice/rime.jpg"} <= there
+    assert {"headless/run_odometry.py", "evaluate/odometry.py", "evaluate/trajectory_scores.py"} <= there
     assert {"blender_manifest.toml", "presets/demo.yaml", "presets/perturbations/fog.yaml"} <= there
     assert {f"wheels/{name}" for name in NAMES.values()} <= there
     assert not [name for name in there if "__pycache__" in name or name.endswith((".pyc", ".toml.txt"))]
@@ -189,7 +189,7 @@ def test_the_scripts_load_the_package_that_nobody_loaded(tmp_path):
         print(shipped.__file__, shipped.package_version())
     """
     said = python(code, tmp_path).split()
-    assert said[0] == str(extension / "core/shipped.py")
+    assert said[0] == str(extension / "core/dependencies.py")
     assert said[1] == tomllib.loads((ROOT / "blender_manifest.toml").read_text())["version"]
 
 

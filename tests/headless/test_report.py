@@ -13,7 +13,7 @@ sys.path.insert(0, str(ROOT / "headless"))
 
 from bench import report, results
 
-from noisy_world.core.scenes.mesh import Mesh
+from noisy_world.scenes.polygon_mesh import Mesh
 
 
 def test_the_pareto_front_is_what_nothing_beats():
@@ -87,7 +87,7 @@ def test_a_contestant_answers_beside_the_noise_that_others_print():
 
 
 def test_the_million_quads_are_a_million(tmp_path):
-    from noisy_world.core.scenes.ply import read_ply
+    from noisy_world.scenes.ply import read_ply
 
     report.write_million(tmp_path)
     mesh = read_ply(tmp_path / "million.ply")

@@ -9,7 +9,7 @@ import pytest
 from worlds import ROOT
 
 sys.path.append(str(ROOT / "headless"))
-from noisy_world.blender.typed import fcurves_of
+from noisy_world.nodes.datablocks import fcurves_of
 from pictures import example
 from pictures.lit_chain import CHAIN
 from pictures.street import LitFrame, StreetCamera, read_frame, write_frame

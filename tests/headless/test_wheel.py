@@ -13,8 +13,8 @@ import yaml
 from worlds import ROOT, content, write_world
 
 from noisy_world.cli import command
-from noisy_world.cli.ending import exit_status
-from noisy_world.cli.shipped import found_preset
+from noisy_world.cli.entry import exit_status
+from noisy_world.cli.arguments import found_preset
 
 pytestmark = pytest.mark.long
 

@@ -3,17 +3,17 @@
 
 import numpy as np
 import pytest
-from noisy_world.core.node_graphs.graph import Graph, GroupInput
-from noisy_world.core.node_graphs.on_arrays import carried_out
-from noisy_world.core.perturbing.execution import ColourWork
-from noisy_world.core.perturbing.kinds import FrameContext
-from noisy_world.core.perturbing.lit import on_light
-from noisy_world.core.perturbing.reading import parse_steps
+from noisy_world.core.node_graph import Graph, GroupInput
+from noisy_world.core.graph_arrays import carried_out
+from noisy_world.perturbations.execution import ColourWork
+from noisy_world.perturbations.kinds import FrameContext
+from noisy_world.dataset.clean_frame import on_light
+from noisy_world.perturbations.parsing import parse_steps
 from noisy_world.core.schema import ConfigPath
 from noisy_world.perturbations import registry
-from noisy_world.perturbations._air_light import air_light, robust_mean
-from noisy_world.perturbations._lamp_light import DROP, FLAKE, VOLUMES, WIDTHS_RAD
-from noisy_world.perturbations._lit_sheet_nodes import SPREAD, ellipse
+from noisy_world.perturbations.shipped._air import air_light, robust_mean
+from noisy_world.perturbations.shipped._air import DROP, FLAKE, VOLUMES, WIDTHS_RAD
+from noisy_world.perturbations.shipped._sheet_nodes import SPREAD, ellipse
 from srgb import encoded
 
 DUSK = np.array([0.1620, 0.1001, 0.1070], np.float32)  # 112, 89, 92 of 255

@@ -9,19 +9,19 @@ from cases import cases
 from srgb import encoded, linear
 
 from noisy_world.core.errors import InputError
-from noisy_world.core.perturbing.earlier_frames import EarlierFrame, earlier_than, small_light, small_of
-from noisy_world.core.perturbing.execution import ColourWork, perturb_rgb
-from noisy_world.core.perturbing.kinds import FrameContext
-from noisy_world.core.perturbing.reading import parse_steps
+from noisy_world.perturbations.kinds import EarlierFrame, earlier_than, small_light, small_of
+from noisy_world.perturbations.execution import ColourWork, perturb_rgb
+from noisy_world.perturbations.kinds import FrameContext
+from noisy_world.perturbations.parsing import parse_steps
 from noisy_world.core.schema import ConfigPath
-from noisy_world.core.trajectories.frame_request import Shutter
+from noisy_world.core.frame_request import Shutter
 from noisy_world.perturb import apply
 from noisy_world.perturbations import registry
-from noisy_world.perturbations._automatic import lag_span_s, lag_weights
-from noisy_world.perturbations.auto_exposure import AutoExposure, decides, metered
-from noisy_world.perturbations.flicker import Flicker, brightness
-from noisy_world.perturbations.white_balance import WhiteBalance
-from noisy_world.perturbations.white_balance import decides as balances
+from noisy_world.perturbations.shipped.auto_exposure import lag_span_s, lag_weights
+from noisy_world.perturbations.shipped.auto_exposure import AutoExposure, decides, metered
+from noisy_world.perturbations.shipped.flicker import Flicker, brightness
+from noisy_world.perturbations.shipped.white_balance import WhiteBalance
+from noisy_world.perturbations.shipped.white_balance import decides as balances
 
 STAMPS_S = np.cumsum([0.0, 0.05, 0.05, 0.02, 0.08, *[0.05] * 60])
 

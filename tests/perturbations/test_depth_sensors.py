@@ -12,11 +12,11 @@ from cases import cases
 from worlds import ROOT
 
 from noisy_world.core.geometry import Intrinsics
-from noisy_world.core.perturbing.kinds import FrameContext
+from noisy_world.perturbations.kinds import FrameContext
 from noisy_world.perturb import apply
 from noisy_world.perturbations import registry
-from noisy_world.perturbations._depth_shadow import shadowed
-from noisy_world.perturbations._incidence import cosine_of_incidence
+from noisy_world.perturbations.shipped._depth_devices import shadowed
+from noisy_world.perturbations.shipped._depth_devices import cosine_of_incidence
 
 pytestmark = pytest.mark.filterwarnings("error")
 

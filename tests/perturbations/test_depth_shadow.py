@@ -4,7 +4,7 @@
 import numpy as np
 from cases import cases
 
-from noisy_world.perturbations._depth_shadow import shadowed
+from noisy_world.perturbations.shipped._depth_devices import shadowed
 
 
 def looped(disparity_px):

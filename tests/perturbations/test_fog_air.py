@@ -11,16 +11,16 @@ from scipy.integrate import quad
 
 from srgb import encoded, linear
 from noisy_world.core.geometry import Intrinsics, rotation_from_euler_deg
-from noisy_world.core.perturbing.kinds import FrameContext
-from noisy_world.core.perturbing.reading import parse_steps
-from noisy_world.core.perturbing.steps import Setting
+from noisy_world.perturbations.kinds import FrameContext
+from noisy_world.perturbations.parsing import parse_steps
+from noisy_world.perturbations.steps import Setting
 from noisy_world.core.schema import ConfigPath
-from noisy_world.core.trajectories.motion import motion_between
-from noisy_world.core.trajectories.camera_state import AT_REST, CameraState, camera_state_of
+from noisy_world.core.camera_motion import motion_between
+from noisy_world.core.camera_motion import AT_REST, CameraState, camera_state_of
 from noisy_world.perturbations import registry
-from noisy_world.perturbations._fog_air import optical_depth
-from noisy_world.perturbations._fog_waves import EDGES, Bank, mean_before, phases_rad, slab_means, waves
-from noisy_world.perturbations.fog_depth import PERTURBATION, is_even
+from noisy_world.perturbations.shipped.fog_depth import optical_depth
+from noisy_world.perturbations.shipped.fog_depth import EDGES, Bank, mean_before, phases_rad, slab_means, waves
+from noisy_world.perturbations.shipped.fog_depth import PERTURBATION, is_even
 
 CAMERA = Intrinsics(9, 7, 6.0, 5.5, 3.7, 3.1)
 SIZE = (7, 9)

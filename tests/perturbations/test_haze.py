@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from srgb import linear
-from noisy_world.core.perturbing.kinds import FrameContext
-from noisy_world.perturbations.haze import PERTURBATION, Haze
+from noisy_world.perturbations.kinds import FrameContext
+from noisy_world.perturbations.shipped.haze import PERTURBATION, Haze
 
 DEPTHS_M = np.array([0, np.nan, 1e-6, 0.5, 3, 40, 250, 1e4, 1e10, np.inf], np.float32)
 

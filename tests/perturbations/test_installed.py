@@ -289,7 +289,7 @@ from bl_ext.user_default.noisy_world.perturbations import registry
 assert isinstance(registry()["lift"], kinds.MotionPerturbation)
 import noisy_world.extend
 assert noisy_world.extend.MotionPerturbation is kinds.MotionPerturbation
-assert noisy_world.core.perturbing.kinds is kinds
+assert noisy_world.perturbations.kinds is kinds
 take_other_names()
 assert not [name for name in sys.modules if name.partition(".")[0] == "noisy_world"]
 assert kinds.__name__ == "bl_ext.user_default.noisy_world.core.perturbing.kinds"

@@ -8,12 +8,13 @@ from cases import cases
 
 from srgb import linear
 from noisy_world.core.errors import NoisyWorldError
-from noisy_world.core.perturbing.kinds import FrameContext
-from noisy_world.core.perturbing.reading import parse_steps
+from noisy_world.perturbations.kinds import FrameContext
+from noisy_world.perturbations.parsing import parse_steps
 from noisy_world.core.schema import ConfigPath
-from noisy_world.perturbations import lens_dirt, registry
-from noisy_world.perturbations._dirt_tile import tile
-from noisy_world.perturbations._glare import PARTS, Spread, glare_of
+from noisy_world.perturbations.shipped import lens_dirt
+from noisy_world.perturbations import registry
+from noisy_world.perturbations.shipped.lens_dirt import tile
+from noisy_world.perturbations.shipped.lens_dirt import PARTS, Spread, glare_of
 
 ITEM = lens_dirt.PERTURBATION
 

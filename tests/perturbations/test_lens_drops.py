@@ -9,15 +9,15 @@ from cases import cases
 from scipy import stats
 
 from noisy_world.core.geometry import Intrinsics
-from noisy_world.core.perturbing.kinds import FrameContext
-from noisy_world.perturbations import _drop_laws as laws
-from noisy_world.perturbations import lens_drops
-from noisy_world.perturbations._drop_optics import WATER, bent
-from noisy_world.perturbations._drop_runs import runs_on
-from noisy_world.perturbations._drop_sheet import DropSheet
-from noisy_world.perturbations._drops import cells_of, refracted, shares, sheets
-from noisy_world.perturbations._glass import pane, reduced
-from noisy_world.perturbations._white_noise import WhiteNoise
+from noisy_world.perturbations.kinds import FrameContext
+from noisy_world.perturbations.shipped import _drops as laws
+from noisy_world.perturbations.shipped import lens_drops
+from noisy_world.perturbations.shipped._drops import WATER, bent
+from noisy_world.perturbations.shipped._drops import runs_on
+from noisy_world.perturbations.shipped._drops import DropSheet
+from noisy_world.perturbations.shipped._drops import cells_of, refracted, shares, sheets
+from noisy_world.perturbations.shipped._glass import pane, reduced
+from noisy_world.perturbations.shipped._noise import WhiteNoise
 
 ITEM = lens_drops.PERTURBATION
 STILL = {"run_px": 0.0, "drying": 0.0}

@@ -7,8 +7,8 @@ from cases import cases
 from scipy import ndimage
 
 from srgb import encoded, linear
-from noisy_world.core.perturbing.kinds import FrameContext
-from noisy_world.perturbations import _crystals, lens_frost
+from noisy_world.perturbations.kinds import FrameContext
+from noisy_world.perturbations.shipped import lens_frost
 
 PERTURBATION = lens_frost.PERTURBATION
 SIZES = [(1, 1), (1, 9), (9, 1), (33, 57), (62, 48), (120, 40)]
@@ -33,7 +33,7 @@ def expected(rgb, values, pane):
     zoom = 680 / min(height, width)
     power = min(max(round(np.log2(zoom)), 0), 2)
     shrunk, top = 2**power, 1 + sum((320 >> k) + 1 for k in range(power))
-    strip = _crystals.atlas()[:, top : top + (320 >> power), : 3072 // shrunk] / 255
+    strip = lens_frost.atlas()[:, top : top + (320 >> power), : 3072 // shrunk] / 255
     strip = np.pad(strip, ((0, 0), (0, 200), (0, 0)), mode="edge")
     rows, columns = np.mgrid[:height, :width] + 0.5
     ways = (
@@ -95,7 +95,7 @@ def test_as_another_implementation_has_it(size):
 
 
 def test_the_quick_way_pixel_for_pixel_is_the_long_one():
-    level = _crystals.levels()[0]
+    level = lens_frost.levels()[0]
     quick, long = (lens_frost._part(level, step, 3004, (300, 700)) for step in (1, 1 + 1e-9))
     assert quick.shape == long.shape == (3, 300, 700)
     assert np.abs(quick - long).max() < 1e-5
@@ -168,7 +168,7 @@ def test_a_frame_of_half_the_size_shows_the_same_ice():
 def test_the_frame_s_levels_are_the_nearest_in_size():
     for zoom in np.geomspace(0.05, 700, 60):
         nearest = min((1, 2, 4), key=lambda shrunk: abs(np.log(zoom / shrunk)))
-        assert _crystals.level_of(float(zoom)).shrunk == nearest
+        assert lens_frost.level_of(float(zoom)).shrunk == nearest
 
 
 def test_three_uniform_numbers_choose_part_turns_and_light():

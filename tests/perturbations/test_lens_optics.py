@@ -8,13 +8,13 @@ import pytest
 from cases import cases
 
 from noisy_world.core.geometry import Intrinsics
-from noisy_world.core.linear_light import decoded, encoded
-from noisy_world.core.perturbing.kinds import FrameContext
+from noisy_world.core.srgb import decoded, encoded
+from noisy_world.perturbations.kinds import FrameContext
 from noisy_world.perturbations import registry
-from noisy_world.perturbations.bloom import PARTS, Bloom
-from noisy_world.perturbations.bloom import apply as apply_bloom
-from noisy_world.perturbations.chromatic_aberration import ChromaticAberration
-from noisy_world.perturbations.vignetting import Vignetting, gain
+from noisy_world.perturbations.shipped.bloom import PARTS, Bloom
+from noisy_world.perturbations.shipped.bloom import apply as apply_bloom
+from noisy_world.perturbations.shipped.chromatic_aberration import ChromaticAberration
+from noisy_world.perturbations.shipped.vignetting import Vignetting, gain
 
 CAMERA = Intrinsics(80, 60, 50.0, 48.0, 36.25, 31.5)
 

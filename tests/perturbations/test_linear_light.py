@@ -4,7 +4,7 @@
 import numpy as np
 
 import srgb
-from noisy_world.core.linear_light import decoded, encoded
+from noisy_world.core.srgb import decoded, encoded
 
 
 def test_the_curve_is_the_standard_s_to_a_millionth():

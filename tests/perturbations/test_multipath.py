@@ -8,10 +8,10 @@ import pytest
 from analytic import plane_depth
 
 from noisy_world.core.geometry import Intrinsics
-from noisy_world.core.linear_light import encoded
-from noisy_world.core.perturbing.kinds import FrameContext
+from noisy_world.core.srgb import encoded
+from noisy_world.perturbations.kinds import FrameContext
 from noisy_world.perturbations import registry
-from noisy_world.perturbations.time_of_flight import SPEED_OF_LIGHT_M_S
+from noisy_world.perturbations.shipped.time_of_flight import SPEED_OF_LIGHT_M_S
 
 CAMERA = Intrinsics(320, 240, 240.0, 240.0, 159.5, 119.5)
 ALBEDO, FAR_M, PATCH_PX = 0.6, 2.0, 8

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from cases import cases
 
-from noisy_world.core.datasets.images import quantise_depth
-from noisy_world.core.perturbing.kinds import FrameContext
+from noisy_world.images.pixels import quantise_depth
+from noisy_world.perturbations.kinds import FrameContext
 from noisy_world.perturbations import registry
 
 pytestmark = pytest.mark.filterwarnings("error")

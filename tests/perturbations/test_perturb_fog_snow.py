@@ -10,7 +10,7 @@ from cases import cases
 
 from weather import TABLE, flat, frame, picture, run
 
-from noisy_world.perturbations import fog
+from noisy_world.perturbations.shipped import fog
 
 # Fog
 

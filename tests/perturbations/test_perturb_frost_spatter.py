@@ -10,7 +10,7 @@ from cases import cases
 
 from weather import TABLE, flat, frame, picture, run
 
-from noisy_world.perturbations import _ice
+from noisy_world.perturbations.shipped import frost
 
 # Spatter
 
@@ -84,10 +84,10 @@ def test_frost_is_a_weighted_sum():
 
 def place_in_a_picture(ice):
     """Where the crop comes from: (picture, row, column), or nothing."""
-    for number in sorted(set(_ice.EQUALLY_OFTEN)):
-        difference = cv2.matchTemplate(_ice.ice_picture(number)[..., 0], ice[..., 0], cv2.TM_SQDIFF)
+    for number in sorted(set(frost.EQUALLY_OFTEN)):
+        difference = cv2.matchTemplate(frost.ice_picture(number)[..., 0], ice[..., 0], cv2.TM_SQDIFF)
         y, x = np.unravel_index(np.argmin(difference), difference.shape)
-        if np.array_equal(_ice.ice_picture(number)[y : y + ice.shape[0], x : x + ice.shape[1]], ice):
+        if np.array_equal(frost.ice_picture(number)[y : y + ice.shape[0], x : x + ice.shape[1]], ice):
             return number, y, x
     return None
 
@@ -115,7 +115,7 @@ def test_a_large_frame_enlarges_both_axes_alike(size):
 
 def test_the_ice_is_as_bright_as_the_photographs_that_people_compare_with():
     # Their mean is 0.64: 0.4 of it, less what is clipped, is the shift of 60 / 255 at severity 1. They spread 18 to 43.
-    pictures = [_ice.ice_picture(number) for number in _ice.EQUALLY_OFTEN]
+    pictures = [frost.ice_picture(number) for number in frost.EQUALLY_OFTEN]
     assert np.mean([item.mean() for item in pictures]) / 255 == pytest.approx(0.64, abs=0.04)
     for item in pictures:
         grey = item.mean(axis=2)
@@ -125,9 +125,9 @@ def test_the_ice_is_as_bright_as_the_photographs_that_people_compare_with():
 
 @cases("number", range(4))
 def test_the_ice_is_its_grey_file_tinted(number):
-    item, tinted = _ice.PICTURES[number], _ice.ice_picture(number)
-    grey = cv2.imread(str(_ice.picture_file(item.name)), cv2.IMREAD_GRAYSCALE)[..., None] / 255
-    assert tinted.shape == (_ice.HEIGHT_PX, _ice.WIDTH_PX, 3)
+    item, tinted = frost.PICTURES[number], frost.ice_picture(number)
+    grey = cv2.imread(str(frost.picture_file(item.name)), cv2.IMREAD_GRAYSCALE)[..., None] / 255
+    assert tinted.shape == (frost.HEIGHT_PX, frost.WIDTH_PX, 3)
     assert not tinted.flags.writeable
     expected = grey * (np.array(item.shadow_rgb) * (1 - grey) + np.array(item.light_rgb) * grey)
     assert np.abs(tinted - np.clip(expected, 0, 1) * 255).max() < 0.501

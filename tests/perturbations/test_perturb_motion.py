@@ -6,12 +6,12 @@ from math import cos, erf, radians, sin, sqrt
 import numpy as np
 from cases import cases
 
-from noisy_world.core.perturbing.execution import move
-from noisy_world.core.perturbing.kinds import SequenceContext
-from noisy_world.core.perturbing.reading import parse_steps
+from noisy_world.perturbations.execution import move
+from noisy_world.perturbations.kinds import SequenceContext
+from noisy_world.perturbations.parsing import parse_steps
 from noisy_world.core.schema import ConfigPath
 from noisy_world.core.streams import stream
-from noisy_world.core.trajectories.trajectory import Trajectory, evenly_stamped
+from noisy_world.core.trajectory import Trajectory, evenly_stamped
 from noisy_world.perturbations import registry
 
 CONTEXT = SequenceContext((7, "room", "shaky", "motion_deviation", 0))

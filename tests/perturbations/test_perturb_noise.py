@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 from cases import cases
 
-from noisy_world.core.datasets.images import rgb_bytes
-from noisy_world.core.perturbing.kinds import FrameContext
-from noisy_world.perturbations import gaussian_noise, impulse_noise, registry, shot_noise, speckle_noise
+from noisy_world.images.pixels import rgb_bytes
+from noisy_world.perturbations.kinds import FrameContext
+from noisy_world.perturbations.shipped import gaussian_noise, impulse_noise, shot_noise, speckle_noise
+from noisy_world.perturbations import registry
 
 pytestmark = pytest.mark.filterwarnings("error")
 

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from cases import cases
 
-from noisy_world.core.datasets.images import rgb_bytes
-from noisy_world.core.perturbing.kinds import FrameContext
+from noisy_world.images.pixels import rgb_bytes
+from noisy_world.perturbations.kinds import FrameContext
 from noisy_world.perturbations import registry
 
 pytestmark = pytest.mark.filterwarnings("error")

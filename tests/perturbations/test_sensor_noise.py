@@ -7,9 +7,9 @@ from cases import cases
 from scipy import stats
 from srgb import encoded, linear
 
-from noisy_world.core.perturbing.kinds import FrameContext
-from noisy_world.perturbations._grain import grain
-from noisy_world.perturbations.sensor_noise import PERTURBATION, hot_pixels
+from noisy_world.perturbations.kinds import FrameContext
+from noisy_world.perturbations.shipped.sensor_noise import grain
+from noisy_world.perturbations.shipped.sensor_noise import PERTURBATION, hot_pixels
 
 SIZE = (128, 160)
 FLAT = {"hot_percent": 0.0, "row_noise_electrons": 0.0, "dark_electrons_per_s": 0.0}

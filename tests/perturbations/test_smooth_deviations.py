@@ -11,13 +11,13 @@ from inertial_paths import lively_path
 
 from noisy_world.core.errors import NoisyWorldError
 from noisy_world.core.geometry import rotation_angle_rad, rotvec_from_rotation
-from noisy_world.core.inertial.devices import ImuModel
-from noisy_world.core.inertial.imu import Imu, measure
-from noisy_world.core.perturbing.kinds import SequenceContext
-from noisy_world.core.trajectories.curve import MountedCurve, motion_of
-from noisy_world.core.trajectories.trajectory import evenly_stamped
-from noisy_world.perturbations import drift, jerk, vibration
-from noisy_world.perturbations._spectra import SPECTRA, AxisSpectrum, drawn_sines, limited
+from noisy_world.trajectories.rig import ImuModel
+from noisy_world.trajectories.rig import Imu, measure
+from noisy_world.perturbations.kinds import SequenceContext
+from noisy_world.core.curve import MountedCurve, motion_of
+from noisy_world.core.trajectory import evenly_stamped
+from noisy_world.perturbations.shipped import drift, jerk, vibration
+from noisy_world.perturbations.shipped._deviations import SPECTRA, AxisSpectrum, drawn_sines, limited
 
 SMOOTH = [vibration.PERTURBATION, drift.PERTURBATION, jerk.PERTURBATION]
 

@@ -11,13 +11,13 @@ from scipy.spatial.transform import Rotation
 
 from srgb import linear
 from noisy_world.core.geometry import Intrinsics, rotation_from_euler_deg, rotvec_from_rotation
-from noisy_world.core.perturbing.kinds import FrameContext
-from noisy_world.core.trajectories.motion import motion_between
-from noisy_world.perturbations import rain_depth, snow_depth
-from noisy_world.perturbations._particles import NEAR_M, Air, Particles, AirCamera, in_sight
-from noisy_world.perturbations._precipitation import Precipitation, veil_depth
-from noisy_world.perturbations._weather import view_of
-from noisy_world.perturbations._streaks import Lens, Streaks, optical_depth, streaks_of
+from noisy_world.perturbations.kinds import FrameContext
+from noisy_world.core.camera_motion import motion_between
+from noisy_world.perturbations.shipped import rain_depth, snow_depth
+from noisy_world.perturbations.shipped._particles import NEAR_M, Air, Particles, AirCamera, in_sight
+from noisy_world.perturbations.shipped._particles import Precipitation, veil_depth
+from noisy_world.perturbations.shipped._weather import view_of
+from noisy_world.perturbations.shipped._weather import Lens, Streaks, optical_depth, streaks_of
 
 MODULES = {"snow_depth": snow_depth, "rain_depth": rain_depth}
 STILL = np.zeros(3)

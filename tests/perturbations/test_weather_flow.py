@@ -5,12 +5,12 @@ import cv2
 import numpy as np
 import pytest
 
-from noisy_world.core.perturbing.kinds import FrameContext
-from noisy_world.perturbations import snow_depth
-from noisy_world.perturbations._particles import in_sight
-from noisy_world.perturbations._streaks import Lens, optical_depth, streaks_of
-from noisy_world.perturbations._weather import view_of
-from noisy_world.perturbations.fog_depth import PERTURBATION as FOG
+from noisy_world.perturbations.kinds import FrameContext
+from noisy_world.perturbations.shipped import snow_depth
+from noisy_world.perturbations.shipped._particles import in_sight
+from noisy_world.perturbations.shipped._weather import Lens, optical_depth, streaks_of
+from noisy_world.perturbations.shipped._weather import view_of
+from noisy_world.perturbations.shipped.fog_depth import PERTURBATION as FOG
 
 SIZE, RATE_HZ = (180, 240), 100.0
 

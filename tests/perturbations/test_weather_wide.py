@@ -9,14 +9,14 @@ from cases import cases
 from worlds import write_world
 
 from noisy_world.core.geometry import Intrinsics, rotation_from_euler_deg
-from noisy_world.core.planning.plan_notes import plan_notes
-from noisy_world.core.presets.preset import read_preset
+from noisy_world.dataset.plan import plan_notes
+from noisy_world.preset.keys import read_preset
 from noisy_world.perturb import apply
-from noisy_world.perturbations import _particles, _streaks, rain_depth, snow_depth
-from noisy_world.perturbations._particles import AirCamera, in_sight
-from noisy_world.perturbations._streaks import Lens, optical_depth, streaks_of
-from noisy_world.perturbations._weather import drawn_air
-from noisy_world.planning import make_plan
+from noisy_world.perturbations.shipped import _particles, _weather, rain_depth, snow_depth
+from noisy_world.perturbations.shipped._particles import AirCamera, in_sight
+from noisy_world.perturbations.shipped._weather import Lens, optical_depth, streaks_of
+from noisy_world.perturbations.shipped._weather import drawn_air
+from noisy_world.dataset.plan import make_plan
 
 MODULES = {"snow_depth": snow_depth, "rain_depth": rain_depth}
 MOVING = {"velocity_m_s": np.array([1.0, 0.2, 3.0]), "turning_rad_s": np.array([0.1, 0.5, 0.0])}
@@ -59,7 +59,7 @@ def test_streaks_are_summed_alike_in_any_number_of_pieces(name, monkeypatch):
     streaks = streaks_of(in_sight(air, view, 5, 2.0), view, Lens(0.002, 5.0))
     depth_m = np.full((120, 160), 5.0, np.float32)
     whole = optical_depth(streaks, depth_m)
-    monkeypatch.setattr(_streaks, "MOST_FOUND", 100)
+    monkeypatch.setattr(_weather, "MOST_FOUND", 100)
     assert whole.any()
     np.testing.assert_array_equal(optical_depth(streaks, depth_m), whole)
 

@@ -11,7 +11,7 @@ from worlds import write_world
 
 @pytest.fixture
 def no_blender(monkeypatch):
-    monkeypatch.setitem(sys.modules, "noisy_world.blender.session", fake_session)
+    monkeypatch.setitem(sys.modules, "noisy_world.render.mesh_session", fake_session)
     fake_session.Session.rendered.clear()
 
 

@@ -22,15 +22,15 @@ sys.path[:0] = [str(HERE.parent / "support"), str(HERE.parents[1] / "addon")]
 import fake_session
 from worlds import content
 
-from noisy_world.planning import make_plan
-from noisy_world.core.presets.preset import read_preset
+from noisy_world.dataset.plan import make_plan
+from noisy_world.preset.keys import read_preset
 from noisy_world.core.progress import PlainProgress
-from noisy_world.core.planning.shards import Shard
-from noisy_world.pipeline.run import Run
-from noisy_world.core.datasets.shard_record import shard_folder
-from noisy_world.pipeline.shard import ShardMaker
+from noisy_world.dataset.shards import Shard
+from noisy_world.dataset.run import Run
+from noisy_world.dataset.shard_folders import shard_folder
+from noisy_world.dataset.run import ShardMaker
 
-sys.modules["noisy_world.blender.session"] = fake_session
+sys.modules["noisy_world.render.mesh_session"] = fake_session
 
 CALLS = ("replace", "hardlink_to", "unlink", "mkdir", "rmdir", "write_bytes", "open")
 

@@ -20,11 +20,11 @@ from worlds import write_world
 
 import noisy_world
 from noisy_world.core.errors import InterruptedRunError
-from noisy_world.core.presets.preset import read_preset
+from noisy_world.preset.keys import read_preset
 from noisy_world.core.progress import PlainProgress
 from noisy_world.perturb import frames
-from noisy_world.pipeline.run import Run
-from noisy_world.planning import make_plan
+from noisy_world.dataset.run import Run
+from noisy_world.dataset.plan import make_plan
 
 COUNT, RATE_HZ, LAG_S = 12, 20.0, 0.08
 PHONE = [

@@ -10,7 +10,7 @@ from written import RIG, rows_of, run, world
 
 from noisy_world.cli import command
 from noisy_world.cli.entry import Entry
-from noisy_world.core.datasets.layouts import find_sequence
+from noisy_world.layouts import find_sequence
 
 pytestmark = pytest.mark.usefixtures("no_blender")
 

@@ -15,13 +15,13 @@ from growing import CLEAN, FOG, change, marks, stopped, world
 from worlds import content
 from written import run
 
-from noisy_world.core.datasets.layouts import LAYOUTS
+from noisy_world.layouts import LAYOUTS
 from noisy_world.core.errors import StorageError
 from noisy_world.core.progress import PlainProgress
 from noisy_world.perturbations import registry
-from noisy_world.pipeline.status import read_status
-from noisy_world.recipes.of_dataset import recipe_of
-from noisy_world.storage.finished import read_content
+from noisy_world.dataset.status import read_status
+from noisy_world.dataset.recipe import recipe_of
+from noisy_world.dataset.finished import read_content
 
 pytestmark = pytest.mark.usefixtures("no_blender")
 

@@ -16,13 +16,13 @@ pytest.importorskip("embreex", reason="embreex is not installed: pip install '.[
 from cases import cases
 from worlds import path_poses, with_objects, write_world
 
-from noisy_world.core.datasets.layouts import LAYOUTS
+from noisy_world.layouts import LAYOUTS
 from noisy_world.core.errors import NoisyWorldError, StorageError
-from noisy_world.core.presets.preset import read_preset
+from noisy_world.preset.keys import read_preset
 from noisy_world.core.progress import PlainProgress
-from noisy_world.pipeline.run import Run
-from noisy_world.planning import make_plan
-from noisy_world.recipes.opening import open_path
+from noisy_world.dataset.run import Run
+from noisy_world.dataset.plan import make_plan
+from noisy_world.dataset.opening import open_path
 
 RAYS = {"engine": "embree", "samples": 1, "backend": "reference"}
 SETTINGS = [

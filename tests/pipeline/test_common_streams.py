@@ -9,9 +9,9 @@ import pytest
 from many_settings import image, records, run
 from worlds import content, write_world
 
-from noisy_world.core.perturbing.kinds import FrameContext
-from noisy_world.core.perturbing.reading import parse_settings
-from noisy_world.core.presets.settings import SettingSpec, SweepSpec
+from noisy_world.perturbations.kinds import FrameContext
+from noisy_world.perturbations.parsing import parse_settings
+from noisy_world.preset.keys import SettingSpec, SweepSpec
 from noisy_world.core.schema import ConfigPath
 from noisy_world.core.streams import stream
 from noisy_world.perturb import frames

@@ -17,13 +17,13 @@ from scipy.spatial.transform import Rotation
 from worlds import write_world
 from written import replica_poses, run
 
-from noisy_world.core.perturbing.kinds import MotionPerturbation
-from noisy_world.core.planning.source_paths import source_paths
-from noisy_world.core.presets.preset import read_preset
+from noisy_world.perturbations.kinds import MotionPerturbation
+from noisy_world.dataset.rendering import source_paths
+from noisy_world.preset.keys import read_preset
 from noisy_world.core.schema import key
 from noisy_world.core.streams import stream
-from noisy_world.core.trajectories.trajectory import Trajectory
-from noisy_world.planning import make_plan
+from noisy_world.core.trajectory import Trajectory
+from noisy_world.dataset.plan import make_plan
 
 ROUNDED = 2e-8  # poses are rounded to a nanometre and 2e-9 rad, here at arms of some metres
 STAMPS_S = [0.0, 0.1, 0.15, 0.35, 0.4, 0.7, 0.8, 1.1, 1.15]
@@ -86,7 +86,7 @@ def made(tmp_path_factory):
     whole, part = Probes(), Probes()
     with pytest.MonkeyPatch.context() as patched:
         patched.setitem(sys.modules, "bpy", None)
-        patched.setitem(sys.modules, "noisy_world.blender.session", fake_session)
+        patched.setitem(sys.modules, "noisy_world.render.mesh_session", fake_session)
         whole.install(patched, SWAY)
         run(preset, folder / "out")
         part.install(patched, SWAY)

@@ -17,11 +17,11 @@ from refusals import refused
 from cases import cases
 from worlds import ROOT, content, write_world
 
-from noisy_world.core.datasets import storage
+from noisy_world.core import atomic_files
 from noisy_world.core.errors import InterruptedRunError, StorageError
-from noisy_world.planning import make_plan
-from noisy_world.core.presets.preset import read_preset
-from noisy_world.pipeline.run import Run
+from noisy_world.dataset.plan import make_plan
+from noisy_world.preset.keys import read_preset
+from noisy_world.dataset.run import Run
 
 
 VERSIONS = {name: importlib.import_module(name).__version__ for name in ("cv2", "OpenEXR", "deflate", "numpy")}
@@ -274,7 +274,7 @@ def test_a_disk_that_refuses(world, whole, tmp_path, monkeypatch, code):
     refused(run, world, out, names="frame000002.png: ", error=StorageError)
     assert not list(out.rglob("*frame000002.png"))
     monkeypatch.undo()
-    monkeypatch.setitem(sys.modules, "noisy_world.blender.session", fake_session)
+    monkeypatch.setitem(sys.modules, "noisy_world.render.mesh_session", fake_session)
     run(world, out)
     assert content(out) == whole
 
@@ -318,10 +318,10 @@ time.sleep(60)
 """
     process = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
     assert process.stdout.readline() == "taken\n"
-    refused(storage.FolderLock, path, names=str(path.parent.parent), error=StorageError)
+    refused(atomic_files.FolderLock, path, names=str(path.parent.parent), error=StorageError)
     process.kill()
     process.wait(60)
-    storage.FolderLock(path).release()
+    atomic_files.FolderLock(path).release()
 
 
 def test_tum_layout(tmp_path):
@@ -386,6 +386,6 @@ class LateEncoders:
 
 def test_at_most_three_frames_wait_for_the_encoders(tmp_path, monkeypatch):
     LateEncoders.queued.clear()
-    monkeypatch.setattr("noisy_world.pipeline.frame_writer.ThreadPoolExecutor", LateEncoders)
+    monkeypatch.setattr("noisy_world.dataset.making.ThreadPoolExecutor", LateEncoders)
     run(write_world(tmp_path / "world", frames=9, size=(8, 6)), tmp_path / "out")
     assert LateEncoders.queued == [0, 1, 2, 3, 3, 3, 3, 3, 3]

@@ -15,12 +15,12 @@ from shard_workers import workers_here
 from worlds import generate_here, path_poses, write_world
 from written import stored
 
-from noisy_world.core.datasets.images import encode_png
+from noisy_world.images.pixels import encode_png
 from noisy_world.core.errors import InterruptedRunError
 from noisy_world.core.geometry import Intrinsics
-from noisy_world.core.presets.preset import read_preset
-from noisy_world.pipeline.run import Run
-from noisy_world.planning import make_plan
+from noisy_world.preset.keys import read_preset
+from noisy_world.dataset.run import Run
+from noisy_world.dataset.plan import make_plan
 
 SIZE = (48, 36)
 COUNT = 6
@@ -64,7 +64,7 @@ def hall(monkeypatch):
         depth_m = box_depth(CAMERA, request.depth_c2w, LOW, HIGH)[0].astype(np.float32)
         return fake_session.Frame(rgb=np.full((*depth_m.shape, 3), 0.5, np.float32), depth_m=depth_m)
 
-    monkeypatch.setitem(sys.modules, "noisy_world.blender.session", fake_session)
+    monkeypatch.setitem(sys.modules, "noisy_world.render.mesh_session", fake_session)
     monkeypatch.setattr(fake_session.Session, "frame", frame)
 
 
@@ -222,7 +222,7 @@ def test_settings_that_are_added_take_the_counts_with_the_files(hall, tmp_path):
 
 def test_a_recording_converted_to_a_finer_scale(tmp_path, monkeypatch):
     """65535 steps of 1/5000 m are 13.1 m; at 6553.5 steps a metre 16 bits end at 10 m."""
-    monkeypatch.setitem(sys.modules, "noisy_world.blender.session", None)
+    monkeypatch.setitem(sys.modules, "noisy_world.render.mesh_session", None)
     steps = np.linspace(1, 65535, 48).astype(np.uint16).reshape(6, 8)
     folder = tmp_path / "recording"
     for name in ("rgb", "depth"):

@@ -24,12 +24,12 @@ pytest.importorskip("embreex", reason="embreex is not installed: make .venv/.ext
 from noisy_world import open as open_dataset
 from noisy_world.cli import command
 from noisy_world.cli.entry import Entry
-from noisy_world.core.datasets.layouts import EVERY
+from noisy_world.layouts import EVERY
 from noisy_world.core.errors import StorageError
 from noisy_world.core.geometry import Intrinsics, pose
-from noisy_world.core.planning.depth_unit import DepthClock
-from noisy_world.core.presets.preset import read_preset
-from noisy_world.planning import make_plan
+from noisy_world.dataset.sensors import DepthClock
+from noisy_world.preset.keys import read_preset
+from noisy_world.dataset.plan import make_plan
 
 COUNT, RATE_HZ, SCALE = 6, 20.0, 6553.5
 SIZE = (64, 48)

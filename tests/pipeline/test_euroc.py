@@ -27,11 +27,11 @@ from written import (
     write_tum_path,
 )
 
-from noisy_world.evaluation.systems.index import given_sequence
-from noisy_world.core.datasets.layouts import find_sequence
+from noisy_world.evaluate.system_input import given_sequence
+from noisy_world.layouts import find_sequence
 from noisy_world.core.errors import InterruptedRunError
-from noisy_world.core.presets.preset import read_preset
-from noisy_world.planning import make_plan
+from noisy_world.preset.keys import read_preset
+from noisy_world.dataset.plan import make_plan
 
 
 pytestmark = pytest.mark.usefixtures("no_blender")

@@ -15,7 +15,7 @@ pytest.importorskip("embreex", reason="embreex is not installed: make .venv/.ext
 
 import noisy_world
 from noisy_world.core.progress import PlainProgress
-from noisy_world.recipes.of_dataset import recipe_of
+from noisy_world.dataset.recipe import recipe_of
 
 BLUR = {"camera_motion_blur": {"shutter_ms": 40}}
 LATE = {"desync": {"offset": 2}}

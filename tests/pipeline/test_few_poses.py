@@ -9,7 +9,7 @@ from written import read, rows_of, run
 
 pytest.importorskip("embreex", reason="embreex is not installed: make .venv/.extras brings it")
 
-from noisy_world.core.perturbing.kinds import ExposurePerturbation, MotionPerturbation
+from noisy_world.perturbations.kinds import ExposurePerturbation, MotionPerturbation
 from noisy_world.perturbations import registry
 
 SHUTTERS = [

@@ -12,10 +12,10 @@ from cases import cases
 from shard_workers import workers_here
 from worlds import write_world
 
-from noisy_world.core.presets.preset import read_preset
+from noisy_world.preset.keys import read_preset
 from noisy_world.core.progress import PlainProgress
-from noisy_world.pipeline.run import Run
-from noisy_world.planning import make_plan
+from noisy_world.dataset.run import Run
+from noisy_world.dataset.plan import make_plan
 
 pytestmark = pytest.mark.usefixtures("no_blender")
 RENDER = {"engine": "cycles", "samples": 1, "backend": "reference"}

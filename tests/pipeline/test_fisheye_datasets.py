@@ -15,9 +15,9 @@ from written import run
 pytest.importorskip("embreex", reason="embreex is not installed: make .venv/.extras brings it")
 
 import noisy_world
-from noisy_world.core.datasets.layouts import find_sequence
+from noisy_world.layouts import find_sequence
 from noisy_world.core.geometry import Intrinsics
-from noisy_world.core.optics import Distortion
+from noisy_world.core.lens import Distortion
 
 SIZE, SCALE = (64, 48), 6553.5
 CAMERA = Intrinsics(*SIZE, 20.0, 20.0, 31.5, 23.5)

@@ -18,11 +18,11 @@ from worlds import HIGH, LOW, path_poses, write_replica, write_world
 
 from noisy_world.core.errors import StorageError
 from noisy_world.core.geometry import Intrinsics
-from noisy_world.core.planning.shards import Shard
-from noisy_world.core.presets.preset import read_preset
+from noisy_world.dataset.shards import Shard
+from noisy_world.preset.keys import read_preset
 from noisy_world.core.progress import PlainProgress
-from noisy_world.pipeline.run import Run
-from noisy_world.planning import make_plan
+from noisy_world.dataset.run import Run
+from noisy_world.dataset.plan import make_plan
 
 SIZE = (63, 47)
 CAMERA = Intrinsics(*SIZE, SIZE[0] / 2, SIZE[0] / 2, (SIZE[0] - 1) / 2, (SIZE[1] - 1) / 2)

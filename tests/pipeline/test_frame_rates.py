@@ -4,11 +4,11 @@
 import numpy as np
 import pytest
 
-from noisy_world.core.perturbing.reading import parse_settings
-from noisy_world.core.presets.settings import SettingSpec
+from noisy_world.perturbations.parsing import parse_settings
+from noisy_world.preset.keys import SettingSpec
 from noisy_world.core.schema import ConfigPath
 from noisy_world.perturbations import registry
-from noisy_world.pipeline.frame_rates import other_rates
+from noisy_world.dataset.making import other_rates
 
 
 def notes(stamps_s, **values):

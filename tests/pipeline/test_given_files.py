@@ -21,16 +21,16 @@ from written import run
 pytest.importorskip("embreex", reason="embreex is not installed: make .venv/.extras brings it")
 
 import noisy_world
-from noisy_world.core.datasets.dataset_state import read_dataset_state
+from noisy_world.dataset.folder_state import read_dataset_state
 from noisy_world.core.errors import StorageError
 from noisy_world.core.geometry import Intrinsics
-from noisy_world.core.presets.preset import read_preset
+from noisy_world.preset.keys import read_preset
 from noisy_world.core.progress import PlainProgress
-from noisy_world.pipeline.run import Run
-from noisy_world.planning import make_plan
-from noisy_world.recipes.making import plan_of
-from noisy_world.recipes.of_dataset import recipe_of
-from noisy_world.recipes.recipe import read_recipe
+from noisy_world.dataset.run import Run
+from noisy_world.dataset.plan import make_plan
+from noisy_world.dataset.remaking import plan_of
+from noisy_world.dataset.recipe import recipe_of
+from noisy_world.dataset.recipe import read_recipe
 
 SIZE = (64, 48)
 CAMERA = Intrinsics(*SIZE, 32.0, 32.0, 31.5, 23.5)

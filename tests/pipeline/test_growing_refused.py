@@ -15,7 +15,7 @@ from worlds import write_world
 from written import run
 
 from noisy_world.core.errors import StorageError
-from noisy_world.core.planning.estimate import size_text
+from noisy_world.dataset.estimate import size_text
 
 pytestmark = pytest.mark.usefixtures("no_blender")
 
@@ -83,7 +83,7 @@ def test_a_file_that_changed_is_named(made, name, old, new, names):
 def made(tmp_path_factory):
     """A preset, its dataset, and the marks of its files."""
     with pytest.MonkeyPatch.context() as patched:
-        patched.setitem(sys.modules, "noisy_world.blender.session", fake_session)
+        patched.setitem(sys.modules, "noisy_world.render.mesh_session", fake_session)
         folder = tmp_path_factory.mktemp("made")
         preset = world(folder / "world")
         run(preset, folder / "out")

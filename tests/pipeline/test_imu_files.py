@@ -12,10 +12,10 @@ from inertial_paths import GRAVITY_M_S2
 from worlds import path_poses
 from written import RIG, SHAKY, extrinsics, matrix_of, names_in, replica_poses, rows_of, run, states, world
 
-from noisy_world.core.datasets.layouts import find_sequence
+from noisy_world.layouts import find_sequence
 from noisy_world.core.errors import StorageError
-from noisy_world.core.presets.preset import read_preset
-from noisy_world.planning import make_plan
+from noisy_world.preset.keys import read_preset
+from noisy_world.dataset.plan import make_plan
 
 pytestmark = pytest.mark.usefixtures("no_blender")
 
@@ -154,8 +154,8 @@ def test_tum_vi_has_it_in_mav0_and_in_dso(tmp_path):
     ],
 )
 def test_a_lens_as_dso_has_it(distortion, line):
-    from noisy_world.core.datasets.layouts.tum_vi import _dso_lens
-    from noisy_world.core.optics import Distortion
+    from noisy_world.layouts.tum_vi import _dso_lens
+    from noisy_world.core.lens import Distortion
 
     values = None if distortion is None else [distortion.get(name, 0.0) for name in ("k1", "k2", "p1", "p2")]
     if distortion is not None and distortion["model"] == "equidistant":

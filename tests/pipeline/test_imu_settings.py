@@ -9,11 +9,11 @@ from cases import cases
 from test_imu_files import IMU, RIG, felt
 from written import extrinsics, run
 
-from noisy_world.core.datasets.layouts.imu_settings import settings_texts
+from noisy_world.layouts.estimator_settings import settings_texts
 from noisy_world.core.geometry import Intrinsics
-from noisy_world.core.inertial.devices import ImuModel
-from noisy_world.core.inertial.imu import Imu
-from noisy_world.core.optics import Distortion
+from noisy_world.trajectories.rig import ImuModel
+from noisy_world.trajectories.rig import Imu
+from noisy_world.core.lens import Distortion
 
 pytestmark = pytest.mark.usefixtures("no_blender")
 

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from worlds import BLENDER_IS_HERE, ROOT, write_world
 
-from noisy_world.core.channels import in_order
+from noisy_world.channels import in_order
 from noisy_world.core.errors import NoisyWorldError
 
 pytest.importorskip("embreex", reason="embreex comes with an extra")

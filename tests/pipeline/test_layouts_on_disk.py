@@ -22,7 +22,7 @@ from written import (
     write_tum_path,
 )
 
-from noisy_world.core.datasets.layouts import LAYOUTS, find_sequence
+from noisy_world.layouts import LAYOUTS, find_sequence
 
 
 pytestmark = pytest.mark.usefixtures("no_blender")
@@ -75,7 +75,7 @@ def test_what_lies_beyond_16_bits(tmp_path, beyond, step):
 @pytest.mark.parametrize("layout", list(LAYOUTS))
 def test_what_is_written_and_read_is_written_the_same_again(tmp_path, layout, monkeypatch):
     run(world(tmp_path / "w", layout, output={"colour": "rgb", "image": "png"}), tmp_path / "out")
-    monkeypatch.setitem(sys.modules, "noisy_world.blender.session", None)
+    monkeypatch.setitem(sys.modules, "noisy_world.render.mesh_session", None)
     source = tmp_path / "out/clean/box"
     run(stored(tmp_path / "p", source, layout=layout, colour="rgb", image="png"), tmp_path / "again")
     names = names_in(source)

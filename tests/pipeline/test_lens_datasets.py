@@ -19,16 +19,16 @@ from written import run
 pytest.importorskip("embreex", reason="embreex is not installed: make .venv/.extras brings it")
 
 import noisy_world
-from noisy_world.core.datasets.layouts import find_sequence
+from noisy_world.layouts import find_sequence
 from noisy_world.core.errors import StorageError
 from noisy_world.core.geometry import Intrinsics
 from noisy_world.core.lens import lens_rays
-from noisy_world.core.optics import Distortion
-from noisy_world.core.planning.travel import travel_px
+from noisy_world.core.lens import Distortion
+from noisy_world.core.travel import travel_px
 from noisy_world.core.progress import PlainProgress
-from noisy_world.evaluation.maps.reading import read_sequence
-from noisy_world.evaluation.systems.index import given_sequence
-from noisy_world.recipes.of_dataset import recipe_of
+from noisy_world.evaluate.run_maps import read_sequence
+from noisy_world.evaluate.system_input import given_sequence
+from noisy_world.dataset.recipe import recipe_of
 
 SIZE = (64, 48)
 CAMERA = Intrinsics(*SIZE, 32.0, 32.0, 31.5, 23.5)  # as write_world has it

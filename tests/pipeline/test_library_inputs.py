@@ -9,7 +9,7 @@ from refusals import refused
 
 from noisy_world.core.errors import InputError
 from noisy_world.core.geometry import Intrinsics
-from noisy_world.core.perturbing.kinds import SEQUENCE_KINDS, ColourPerturbation, DepthPerturbation
+from noisy_world.perturbations.kinds import SEQUENCE_KINDS, ColourPerturbation, DepthPerturbation
 from noisy_world.perturb import apply, frames
 from noisy_world.perturbations import registry
 

@@ -8,10 +8,10 @@ from refusals import refused
 from packed import write_preset
 from worlds import write_world
 
-from noisy_world.cli.as_video import videos_of
+from noisy_world.cli.generate import videos_of
 from noisy_world.core.errors import StorageError
-from noisy_world.core.presets.preset import read_preset
-from noisy_world.planning import make_plan
+from noisy_world.preset.keys import read_preset
+from noisy_world.dataset.plan import make_plan
 
 
 @pytest.mark.parametrize("made", ["recording", "mesh"])

@@ -15,8 +15,8 @@ from written import RIG, SIZE, read, rows_of, run, world
 import noisy_world
 from noisy_world.cli import command
 from noisy_world.cli.entry import Entry
-from noisy_world.cli.shown_frames import clean_beside, planned_pose, words_of
-from noisy_world.core.datasets.layouts import LAYOUTS
+from noisy_world.cli.frame_views import clean_beside, planned_pose, words_of
+from noisy_world.layouts import LAYOUTS
 
 pytestmark = pytest.mark.usefixtures("no_blender")
 

@@ -4,13 +4,13 @@
 import numpy as np
 
 from noisy_world.core.geometry import pose, rotation_from_euler_deg
-from noisy_world.core.perturbing.reading import parse_steps
-from noisy_world.core.perturbing.steps import Setting
-from noisy_world.core.planning.sequence import lay_out
+from noisy_world.perturbations.parsing import parse_steps
+from noisy_world.perturbations.steps import Setting
+from noisy_world.dataset.sequence import lay_out
 from noisy_world.core.schema import ConfigPath
-from noisy_world.core.trajectories.trajectory import Trajectory
+from noisy_world.core.trajectory import Trajectory
 from noisy_world.perturbations import registry
-from noisy_world.pipeline.clean_frame import Camera
+from noisy_world.dataset.clean_frame import Camera
 
 RATE_HZ = 10.0
 

@@ -9,11 +9,11 @@ import pytest
 from worlds import write_world
 from written import RIG
 
-import noisy_world.planning
+import noisy_world.dataset.plan
 from noisy_world.core.errors import NoisyWorldError
-from noisy_world.core.perturbing.kinds import MotionPerturbation
+from noisy_world.perturbations.kinds import MotionPerturbation
 from noisy_world.core.schema import key
-from noisy_world.core.trajectories.trajectory import Trajectory
+from noisy_world.core.trajectory import Trajectory
 from noisy_world.perturbations import registry
 from written import run, states
 
@@ -155,7 +155,7 @@ def tilted(path, parameters, _context):
 
 def installed(monkeypatch, *found):
     known = dict(registry()) | {item.name: item for item in found}
-    monkeypatch.setattr(noisy_world.planning, "registry", lambda: known)
+    monkeypatch.setattr(noisy_world.dataset.plan, "registry", lambda: known)
 
 
 def tilt(order, **keys):

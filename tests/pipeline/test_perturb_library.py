@@ -14,15 +14,15 @@ import pytest
 from refusals import refused
 from worlds import ROOT, write_world
 
-from noisy_world.core.perturbing.kinds import ColourPerturbation, DepthPerturbation
+from noisy_world.perturbations.kinds import ColourPerturbation, DepthPerturbation
 from noisy_world.core.geometry import Intrinsics
-from noisy_world.core.datasets.images import quantise_depth, rgb_bytes
-from noisy_world.planning import make_plan
-from noisy_world.core.presets.preset import read_preset
+from noisy_world.images.pixels import quantise_depth, rgb_bytes
+from noisy_world.dataset.plan import make_plan
+from noisy_world.preset.keys import read_preset
 from noisy_world.core.progress import PlainProgress
 from noisy_world.perturb import apply, frames
 from noisy_world.perturbations import registry
-from noisy_world.pipeline.run import Run
+from noisy_world.dataset.run import Run
 
 RGB = [name for name, item in registry().items() if isinstance(item, ColourPerturbation)]
 DEPTH = [name for name, item in registry().items() if isinstance(item, DepthPerturbation)]
@@ -99,7 +99,7 @@ def test_what_apply_refuses(picture):
 
 
 def test_the_iterator_gives_what_a_preset_writes(tmp_path, monkeypatch):
-    monkeypatch.setitem(sys.modules, "noisy_world.blender.session", fake_session)
+    monkeypatch.setitem(sys.modules, "noisy_world.render.mesh_session", fake_session)
     world = write_world(tmp_path / "world", frames=9, size=(40, 32))
 
     def make(preset, out):

@@ -14,18 +14,18 @@ from many_settings import COUNT, image, numbers, records, run
 from shard_workers import workers_here
 from worlds import content, write_world
 
-from noisy_world.core.datasets import images
-from noisy_world.core.datasets.images import encode_colour
-from noisy_world.core.perturbing.reading import parse_steps
-from noisy_world.core.perturbing.kinds import FrameContext
-from noisy_world.planning import make_plan
-from noisy_world.core.presets.preset import read_preset
+from noisy_world.images import pixels as images
+from noisy_world.images.pixels import encode_colour
+from noisy_world.perturbations.parsing import parse_steps
+from noisy_world.perturbations.kinds import FrameContext
+from noisy_world.dataset.plan import make_plan
+from noisy_world.preset.keys import read_preset
 from noisy_world.core.progress import PlainProgress
 from noisy_world.core.schema import ConfigPath
 from noisy_world.perturbations import registry
-from noisy_world.pipeline import frame_maker
-from noisy_world.pipeline.colour import colour_of
-from noisy_world.pipeline.run import Run
+from noisy_world.dataset import making
+from noisy_world.dataset.colour import colour_of
+from noisy_world.dataset.run import Run
 
 pytestmark = pytest.mark.usefixtures("no_blender")
 
@@ -222,7 +222,7 @@ def test_what_is_made_once_for_a_scene_counts_as_loading(tmp_path, monkeypatch):
         with colour_of(*asked, **keys) as made:
             yield made
 
-    monkeypatch.setattr(frame_maker, "colour_of", slowly)
+    monkeypatch.setattr(making, "colour_of", slowly)
     preset = write_world(tmp_path / "world", frames=1, size=(8, 6), settings=[{"name": "clean"}])
     report = run(preset, tmp_path / "out")
     assert report.processor_s["loading"] >= 0.4 > report.processor_s["rendering"]

@@ -27,7 +27,7 @@ def existing(tmp_path, source, **keys):
 
 
 def test_an_existing_sequence_is_perturbed_as_rendered_frames_are(out, tmp_path, monkeypatch):
-    monkeypatch.setitem(sys.modules, "noisy_world.blender.session", None)  # importing it would fail
+    monkeypatch.setitem(sys.modules, "noisy_world.render.mesh_session", None)  # importing it would fail
     settings = [item for item in SETTINGS if item.get("name") not in ("shaky", "mixed")]
     preset = existing(tmp_path, out / "clean" / "box", settings=settings, output={"image": "png"})
     report = run(preset, tmp_path / "again")

@@ -12,15 +12,15 @@ from probes import BOTH_PROBES, COLOUR, Probes
 from recorded_layouts import HALF_M, WRITERS, box_depth_m, image, poses
 from written import run
 
-from noisy_world.core.datasets.layouts import LAYOUTS, find_sequence
-from noisy_world.core.datasets.registration import Registration
+from noisy_world.layouts import LAYOUTS, find_sequence
+from noisy_world.images.measured_depth import Registration
 from noisy_world.core.geometry import Intrinsics
-from noisy_world.core.optics import DepthCamera, Distortion, Optics
-from noisy_world.core.presets.preset import read_preset
-from noisy_world.evaluation.systems.index import given_sequence
+from noisy_world.core.lens import DepthCamera, Distortion, Optics
+from noisy_world.preset.keys import read_preset
+from noisy_world.evaluate.system_input import given_sequence
 from noisy_world.perturb import frames
-from noisy_world.planning import make_plan
-from noisy_world.sources.rectification import Rectification
+from noisy_world.dataset.plan import make_plan
+from noisy_world.sources.renderers import Rectification
 
 BOTH = [{"fog_depth": {"severity": 3}}, {"depth_gaussian_noise": {"severity": 2}}]
 

@@ -10,11 +10,11 @@ from refusals import refused
 from probes import BOTH_PROBES, COLOUR, DEPTH, Probes
 from written import read, run, states
 
-from noisy_world.core.datasets.layouts import find_sequence
+from noisy_world.layouts import find_sequence
 from noisy_world.core.errors import StorageError
-from noisy_world.core.presets.preset import read_preset
+from noisy_world.preset.keys import read_preset
 from noisy_world.perturb import frames
-from noisy_world.planning import make_plan
+from noisy_world.dataset.plan import make_plan
 
 
 pytestmark = pytest.mark.usefixtures("no_blender")

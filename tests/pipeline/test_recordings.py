@@ -14,11 +14,11 @@ from made_recordings import write_tum
 from worlds import generate_here
 from written import names_in, run
 
-from noisy_world.core.datasets.layouts import LAYOUTS, find_sequence
+from noisy_world.layouts import LAYOUTS, find_sequence
 from noisy_world.core.errors import StorageError
-from noisy_world.core.planning.estimate import estimate
-from noisy_world.core.presets.preset import read_preset
-from noisy_world.planning import make_plan
+from noisy_world.dataset.estimate import estimate
+from noisy_world.preset.keys import read_preset
+from noisy_world.dataset.plan import make_plan
 from noisy_world.sources import read_scenes
 
 

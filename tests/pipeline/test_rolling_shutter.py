@@ -19,14 +19,14 @@ from written import run, stored
 
 pytest.importorskip("embreex", reason="embreex is not installed: make .venv/.extras brings it")
 
-import noisy_world.planning
+import noisy_world.dataset.plan
 from noisy_world.core.errors import StorageError
 from noisy_world.core.geometry import Intrinsics, pose
-from noisy_world.core.perturbing.kinds import MotionPerturbation
-from noisy_world.core.presets.preset import read_preset
+from noisy_world.perturbations.kinds import MotionPerturbation
+from noisy_world.preset.keys import read_preset
 from noisy_world.perturbations import registry
-from noisy_world.perturbations.faster_motion import FasterMotion
-from noisy_world.planning import make_plan
+from noisy_world.perturbations.shipped.faster_motion import FasterMotion
+from noisy_world.dataset.plan import make_plan
 
 COUNT, RATE_HZ, SCALE = 6, 20.0, 6553.5
 SIZE = (32, 24)
@@ -176,7 +176,7 @@ def test_renders_are_shared_by_poses_and_moments_not_by_their_number(tmp_path, m
         choose=lambda count, parameters, context: np.arange(1, count, parameters.factor),
     )  # fmt: skip
     known = {**registry(), "odd": odd}
-    monkeypatch.setattr(noisy_world.planning, "registry", lambda: known)
+    monkeypatch.setattr(noisy_world.dataset.plan, "registry", lambda: known)
     settings = [
         setting("faster", 0.03, {"faster_motion": {"factor": 2}}),
         setting("odd", 0.03, {"odd": {"factor": 2}}),

@@ -8,12 +8,12 @@ from written import RIG, run
 
 pytest.importorskip("embreex", reason="embreex is not installed: make .venv/.extras brings it")
 
-from noisy_world.core.datasets.provenance import plain_identity
+from noisy_world.dataset.identity import plain_identity
 from noisy_world.core.errors import StorageError
-from noisy_world.core.planning.scene import Scene
-from noisy_world.core.planning.source_paths import source_paths
-from noisy_world.core.presets.preset import read_preset
-from noisy_world.planning import make_plan
+from noisy_world.sources.scene_kinds import Scene
+from noisy_world.dataset.rendering import source_paths
+from noisy_world.preset.keys import read_preset
+from noisy_world.dataset.plan import make_plan
 
 COUNT = 12
 MOVED = [

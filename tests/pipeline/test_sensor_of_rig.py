@@ -10,9 +10,9 @@ from cases import cases
 from worlds import ROOT, generate, need_blender, write_world
 
 from noisy_world.core.geometry import Intrinsics
-from noisy_world.core.perturbing.kinds import FrameContext
-from noisy_world.core.planning.plan import read_settings
-from noisy_world.core.presets.preset import read_preset
+from noisy_world.perturbations.kinds import FrameContext
+from noisy_world.dataset.plan import read_settings
+from noisy_world.preset.keys import read_preset
 from noisy_world.perturbations import registry
 
 SETTINGS = [{"name": "clean"}, {"name": "noisy", "perturb": [{"gaussian_noise": {"severity": 3}}]},

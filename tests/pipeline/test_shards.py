@@ -20,18 +20,18 @@ from cases import cases
 from many_settings import make_shard
 from worlds import content, write_world
 
-from noisy_world.cli import command, running, shard_command
-from noisy_world.cli.merge_command import missing_shards
-from noisy_world.core.datasets.dataset import Dataset
-from noisy_world.core.datasets.storage import FolderLock
-from noisy_world.core.datasets.shard_merging import merge_shard
-from noisy_world.core.datasets.shard_record import read_shard, shard_folder
+from noisy_world.cli import command, entry, sharding
+from noisy_world.cli.sharding import missing_shards
+from noisy_world.dataset.dataset_folder import Dataset
+from noisy_world.core.atomic_files import FolderLock
+from noisy_world.dataset.shard_folders import merge_shard
+from noisy_world.dataset.shard_folders import read_shard, shard_folder
 from noisy_world.core.errors import BusyError, StorageError
-from noisy_world.core.planning.shards import Shard, shards_of
-from noisy_world.core.presets.preset import read_preset
+from noisy_world.dataset.shards import Shard, shards_of
+from noisy_world.preset.keys import read_preset
 from noisy_world.core.progress import PlainProgress
-from noisy_world.pipeline.run import Run
-from noisy_world.planning import make_plan
+from noisy_world.dataset.run import Run
+from noisy_world.dataset.plan import make_plan
 
 
 pytestmark = pytest.mark.usefixtures("no_blender")
@@ -186,7 +186,7 @@ def test_a_shard_on_another_disk_is_merged_with_its_links(world, out, tmp_path, 
             for shard in shards:
                 merge_shard(self, far / shard.name)
 
-    monkeypatch.setattr("noisy_world.pipeline.destination.Dataset", Opened)
+    monkeypatch.setattr("noisy_world.dataset.run.Dataset", Opened)
     Run(plan, made, progress=PlainProgress(sys.stderr), stop=threading.Event(), jobs=2, workers=workers).make_dataset()
     assert content(made) == content(out)
     assert list(far.iterdir()) == []
@@ -236,8 +236,8 @@ def test_two_processes_on_one_shard(world, tmp_path):
 
 
 def test_the_commands(world, tmp_path, capfd, monkeypatch):
-    monkeypatch.setattr(shard_command, "need_blender", lambda *_: None)  # its frames come from arithmetic
-    monkeypatch.setattr(running, "stop_on_signal", lambda _: threading.Event())
+    monkeypatch.setattr(sharding, "need_blender", lambda *_: None)  # its frames come from arithmetic
+    monkeypatch.setattr(entry, "stop_on_signal", lambda _: threading.Event())
     plan = plan_of(world)
     Run(plan, tmp_path / "whole", progress=PlainProgress(sys.stderr), stop=threading.Event()).make_dataset()
     out, shards = tmp_path / "out", shards_of(plan, 3)
@@ -325,7 +325,7 @@ def test_unlike_processors(world, tmp_path, processors):
     for number, shard in enumerate(shards):
         with pytest.MonkeyPatch.context() as patched:
             features = ["SSE2", "AVX2"][: 2 - number]
-            patched.setattr("noisy_world.core.datasets.provenance.processor_features", lambda these=features: these)
+            patched.setattr("noisy_world.dataset.identity.processor_features", lambda these=features: these)
             plan = plan_of(world, overrides=[f"render.processors={processors}"])
             make_shard(plan, shard_folder(made, shard), shard)
             if shard is shards[-1] and processors == "same":

@@ -9,7 +9,7 @@ import pytest
 from many_settings import image, records, run
 from worlds import write_world
 
-from noisy_world.core.perturbing.kinds import ColourPerturbation, FrameContext
+from noisy_world.perturbations.kinds import ColourPerturbation, FrameContext
 from noisy_world.perturbations import registry
 
 pytestmark = pytest.mark.usefixtures("no_blender")

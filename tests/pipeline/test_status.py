@@ -10,22 +10,22 @@ from asked_status import as_json, status
 from many_settings import COUNT, SETTINGS, make_shard, run
 from worlds import write_world
 
-from noisy_world.cli.status_table import cell, family_of
-from noisy_world.core.datasets.file_inventory import FileInventory, JournalTimes
-from noisy_world.core.datasets.shard_record import shard_folder
+from noisy_world.cli.listing import cell, family_of
+from noisy_world.dataset.inventory import FileInventory, JournalTimes
+from noisy_world.dataset.shard_folders import shard_folder
 from noisy_world.core.errors import InterruptedRunError
-from noisy_world.core.planning.shards import shards_of
-from noisy_world.core.presets.preset import read_preset
-from noisy_world.pipeline.pace import pace_of
-from noisy_world.pipeline.status import SequenceStatus
-from noisy_world.planning import make_plan
+from noisy_world.dataset.shards import shards_of
+from noisy_world.preset.keys import read_preset
+from noisy_world.dataset.status import pace_of
+from noisy_world.dataset.status import SequenceStatus
+from noisy_world.dataset.plan import make_plan
 
 FRAMES = {"early": 7, "fast": 3, "mixed": 4}  # of 8: one is dropped at the edge; every third; every second
 
 
 @pytest.fixture
 def world(monkeypatch, tmp_path):
-    monkeypatch.setitem(sys.modules, "noisy_world.blender.session", fake_session)
+    monkeypatch.setitem(sys.modules, "noisy_world.render.mesh_session", fake_session)
     return write_world(tmp_path / "world", frames=COUNT, size=(16, 12), settings=SETTINGS)
 
 
@@ -88,7 +88,7 @@ def test_a_run_that_was_stopped_and_one_that_grows(world, tmp_path, capsys, monk
     assert "; the last frame was written " in said.out
 
     monkeypatch.undo()
-    monkeypatch.setitem(sys.modules, "noisy_world.blender.session", fake_session)
+    monkeypatch.setitem(sys.modules, "noisy_world.render.mesh_session", fake_session)
     run(world, out, frames=slice(2, 5))
     _, found = as_json(capsys, out)  # the frames that were begun stay; none is missing of those that a run has ended
     assert (found["ended"], found["whole"]) == (True, True)

@@ -13,9 +13,9 @@ from recipes_made import progress
 from written import run
 
 import noisy_world
-from noisy_world.core.datasets.unmeasured import completed_m
+from noisy_world.images.measured_depth import completed_m
 from noisy_world.perturb import apply, frames
-from noisy_world.recipes.of_dataset import recipe_of
+from noisy_world.dataset.recipe import recipe_of
 
 WIDE, HIGH = SIZE_PX
 GREY = 120  # of the wall

@@ -11,5 +11,5 @@ def way_of_casting(request, monkeypatch):
     """Cast rays of any scene in packets, or ray by ray."""
     if request.param == "packets":
         pytest.importorskip("numba", reason="numba is not installed: pip install '.[embree]'")
-    monkeypatch.setattr("noisy_world.rays.casters.PAYS_FROM_RAYS", WAYS[request.param])
+    monkeypatch.setattr("noisy_world.render.ray_session.PAYS_FROM_RAYS", WAYS[request.param])
     return request.param

@@ -14,9 +14,9 @@ from cases import cases
 from ray_tools import cast, polygons
 
 from noisy_world.core.geometry import Intrinsics
-from noisy_world.core.presets.preset import EMBREE_SAMPLES
-from noisy_world.core.scenes.mesh import Texture
-from noisy_world.rays import session
+from noisy_world.preset.keys import EMBREE_SAMPLES
+from noisy_world.scenes.polygon_mesh import Texture
+from noisy_world.render import ray_session
 
 W, H = 45, 31
 CAMERA = Intrinsics(W, H, 50.0, 40.0, 21.3, 15.2)
@@ -121,7 +121,7 @@ def test_uneven_pixels_are_means_of_shifted_cameras_images(samples):
 def test_threads_and_portions_change_no_byte(monkeypatch):
     mesh = rubble()
     whole = cast(mesh, EYE, CAMERA, samples=9).rgb
-    monkeypatch.setattr(session, "PIXELS_AT_ONCE", 7)
+    monkeypatch.setattr(ray_session, "PIXELS_AT_ONCE", 7)
     assert cast(mesh, EYE, CAMERA, samples=9, threads=3).rgb.tobytes() == whole.tobytes()
     assert cast(mesh, EYE, CAMERA, samples=9, channels=CHANNELS).rgb.tobytes() == whole.tobytes()
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 import yaml
 
-from noisy_world.core.planning.source_paths import source_paths
-from noisy_world.core.presets.preset import read_preset
-from noisy_world.core.planning.exposed import render_options
-from noisy_world.planning import make_plan
+from noisy_world.dataset.rendering import source_paths
+from noisy_world.preset.keys import read_preset
+from noisy_world.dataset.rendering import render_options
+from noisy_world.dataset.plan import make_plan
 
 pytest.importorskip("embreex", reason="embreex is not installed: pip install '.[embree]'")
 

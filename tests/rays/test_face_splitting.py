@@ -4,7 +4,7 @@
 import numpy as np
 from ray_tools import polygons
 
-from noisy_world.rays.triangles import triangle_corners, triangle_faces
+from noisy_world.render.triangles import triangle_corners, triangle_faces
 
 
 def split(faces):

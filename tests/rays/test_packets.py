@@ -17,16 +17,16 @@ from cases import cases
 from ray_tools import OPTIONS, polygons
 
 from noisy_world.core.geometry import Intrinsics
-from noisy_world.core.home import private_cache_folder
-from noisy_world.core.scenes.mesh import Texture
-from noisy_world.core.trajectories.sensor_paths import SensorPaths
-from noisy_world.core.trajectories.trajectory import evenly_stamped
-from noisy_world.rays import casters, embree_library, packet_kernel
-from noisy_world.rays.session import RaySession
+from noisy_world.core.file_access import private_cache_folder
+from noisy_world.scenes.polygon_mesh import Texture
+from noisy_world.core.frame_request import SensorPaths
+from noisy_world.core.trajectory import evenly_stamped
+from noisy_world.render import ray_session, embree, packets as packet_kernel
+from noisy_world.render.ray_session import RaySession
 
 CAMERA = Intrinsics(163, 121, 81.5, 60.5, 81.0, 60.0)  # rays along axes and diagonals, and sizes that no tile divides
 DICE = np.random.default_rng(3)
-PACKET_SIZE = embree_library._packet_size
+PACKET_SIZE = embree._packet_size
 VIEWS = np.stack([look_at([0, 0, 0], [0, 1, 0]), look_at([0.1, -0.3, 0.2], [0.4, 1, 0.1], roll_deg=31)])
 
 
@@ -58,7 +58,7 @@ def frames(mesh, ways, **options):
     paths, seen = SensorPaths(evenly_stamped(VIEWS)), []
     for pays_from in ways:
         with pytest.MonkeyPatch.context() as patched:
-            patched.setattr(casters, "PAYS_FROM_RAYS", pays_from)
+            patched.setattr(ray_session, "PAYS_FROM_RAYS", pays_from)
             with RaySession(mesh, paths, CAMERA, replace(OPTIONS, **options)) as session:
                 seen.append([session.frame(paths.request(index)) for index in range(len(VIEWS))])
     return seen
@@ -68,7 +68,7 @@ def frames(mesh, ways, **options):
 @cases("dressed", [lambda mesh: mesh, by_corners, textured, lambda mesh: replace(mesh, rgb=None)])
 def test_packets_and_single_rays_are_equal_to_the_bit(dressed, lanes, samples, monkeypatch):
     # Where the processor has no packets of 16, Embree takes them apart and rounds otherwise; they are not used there.
-    monkeypatch.setattr(embree_library, "_packet_size", lambda *device: min(lanes, PACKET_SIZE(*device)))
+    monkeypatch.setattr(embree, "_packet_size", lambda *device: min(lanes, PACKET_SIZE(*device)))
     options = {"near_m": 0.4, "far_m": 4.0, "threads": 2, "samples": samples}
     options["channels"] = frozenset({"rgb", "depth", "normal"})
     for packets, alone in zip(*frames(dressed(walls()), (0, 10**18), **options), strict=True):
@@ -83,9 +83,9 @@ def test_rays_meet_ties_here():
     mesh, paths = walls(), SensorPaths(evenly_stamped(VIEWS))
     ((alone, _),) = frames(mesh, [10**18])
     with pytest.MonkeyPatch.context() as patched:
-        patched.setattr(casters, "PAYS_FROM_RAYS", 0)
+        patched.setattr(ray_session, "PAYS_FROM_RAYS", 0)
         with RaySession(mesh, paths, CAMERA, OPTIONS) as session:
-            does_nothing = embree_library.embree_library().rtcGetSceneFlags
+            does_nothing = embree.embree_library().rtcGetSceneFlags
             session._caster._functions[2] = ctypes.cast(does_nothing, ctypes.c_void_p).value
             void = session.frame(paths.request(0)).depth_m == 0
     assert void[alone.depth_m > 0].mean() > 0.2
@@ -118,7 +118,7 @@ def test_one_process_compiles_for_all(tmp_path, monkeypatch):
 
 def test_compiled_code_is_kept_and_the_seconds_are_told_once(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    monkeypatch.setattr(casters, "PAYS_FROM_RAYS", 0)
+    monkeypatch.setattr(ray_session, "PAYS_FROM_RAYS", 0)
     told = []
     for again in (False, False, True):
         if not again:
@@ -143,12 +143,12 @@ def test_no_cache_that_others_could_write(tmp_path, monkeypatch):
     assert private_cache_folder() is None
 
 
-@cases("module", ["numba", "noisy_world.rays.packets"])
+@cases("module", ["numba", "noisy_world.render.packets"])
 def test_without_numba_a_line_says_so(monkeypatch, module):
-    for name in [name for name in sys.modules if name.startswith("noisy_world.rays.packet")]:
+    for name in [name for name in sys.modules if name.startswith("noisy_world.render.packet")]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, module, None)
-    monkeypatch.setattr(casters, "PAYS_FROM_RAYS", 0)
+    monkeypatch.setattr(ray_session, "PAYS_FROM_RAYS", 0)
     with RaySession(walls(), SensorPaths(evenly_stamped(VIEWS)), CAMERA, OPTIONS) as session:
         (note,) = session.notes
     assert note.startswith("rays are cast one by one, which takes twice as long: ")

@@ -16,17 +16,17 @@ from shutters import CAMERA, coloured_room, moved, paths, psnr_db, room_session
 from srgb import encoded, linear
 
 from noisy_world.core.geometry import Intrinsics
-from noisy_world.core.perturbing.exposing import SceneAround
-from noisy_world.core.perturbing.reading import parse_steps
-from noisy_world.core.planning.exposed import ExposedSource
-from noisy_world.core.optics import PINHOLE, Distortion, Optics
-from noisy_world.core.planning.travel import travel_px
+from noisy_world.perturbations.kinds import SceneAround
+from noisy_world.perturbations.parsing import parse_steps
+from noisy_world.dataset.rendering import ExposedSource
+from noisy_world.core.lens import PINHOLE, Distortion, Optics
+from noisy_world.core.travel import travel_px
 from noisy_world.core.schema import ConfigPath
-from noisy_world.core.trajectories.sensor_paths import SensorPaths
-from noisy_world.core.trajectories.trajectory import Trajectory
+from noisy_world.core.frame_request import SensorPaths
+from noisy_world.core.trajectory import Trajectory
 from noisy_world.perturbations import registry
-from noisy_world.perturbations.camera_motion_blur import CameraMotionBlur, apply, moment_count, openness
-from noisy_world.rays.session import RaySession
+from noisy_world.perturbations.shipped.camera_motion_blur import CameraMotionBlur, apply, moment_count, openness
+from noisy_world.render.ray_session import RaySession
 
 SHUTTER_S = 0.016
 SPEED = {"linear": 12.0, "rotation": 12.0, "roll": 12.0, "vibration": 1.0}  # blurs of 5 to 20 pixels

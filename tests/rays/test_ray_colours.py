@@ -13,9 +13,9 @@ from analytic import interpolated, look_at, quads_mesh
 from cases import cases
 from ray_tools import cast, polygons
 
-from noisy_world.core.datasets.images import rgb_bytes
+from noisy_world.images.pixels import rgb_bytes
 from noisy_world.core.geometry import Intrinsics
-from noisy_world.core.scenes.mesh import Mesh, Texture
+from noisy_world.scenes.polygon_mesh import Mesh, Texture
 
 W, H = 64, 48
 CAMERA = Intrinsics(W, H, 50.0, 50.0, (W - 1) / 2, (H - 1) / 2)

@@ -22,9 +22,9 @@ from cases import cases
 from ray_tools import OPTIONS, cast
 
 from noisy_world.core.geometry import Intrinsics
-from noisy_world.core.trajectories.sensor_paths import SensorPaths
-from noisy_world.core.trajectories.trajectory import evenly_stamped
-from noisy_world.rays.session import RaySession
+from noisy_world.core.frame_request import SensorPaths
+from noisy_world.core.trajectory import evenly_stamped
+from noisy_world.render.ray_session import RaySession
 
 SMALL = Intrinsics(120, 80, 60.0, 60.0, 59.5, 39.5)
 LEVEL = look_at([0.2, -0.1, 0.3], [1.0, 0.4, 0.2])

@@ -18,14 +18,14 @@ from srgb import linear
 from noisy_world.core.errors import InputError
 from noisy_world.core.geometry import Intrinsics
 from noisy_world.core.lens import directions, lens_problem, lens_rays, projected
-from noisy_world.core.optics import Distortion
-from noisy_world.core.planning.travel import travel_px
-from noisy_world.core.presets.distortion import DistortionSpec
-from noisy_world.core.scenes.selfcheck import reprojection_problem
+from noisy_world.core.lens import Distortion
+from noisy_world.core.travel import travel_px
+from noisy_world.preset.sensor_keys import DistortionSpec
+from noisy_world.sources.rendered_mesh import reprojection_problem
 from noisy_world.core.schema import ConfigPath
-from noisy_world.core.trajectories.frame_request import RequestedRays, Shutter
-from noisy_world.rays.session import SIDEWAYS, RaySession
-from noisy_world.sources.bending import lens_of
+from noisy_world.core.frame_request import RequestedRays, Shutter
+from noisy_world.render.ray_session import SIDEWAYS, RaySession
+from noisy_world.sources.renderers import lens_of
 
 # 105 degrees to the sides, 120 into the corners.
 CAMERA = Intrinsics(96, 72, 27.0, 26.0, 46.5, 36.0)

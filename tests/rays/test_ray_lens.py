@@ -16,9 +16,9 @@ from shutters import HIGH, LOW, coloured_room, moved, paths, psnr_db
 
 from noisy_world.core.geometry import Intrinsics
 from noisy_world.core.lens import lens_rays
-from noisy_world.core.optics import Distortion
-from noisy_world.core.trajectories.frame_request import RequestedRays, Shutter
-from noisy_world.rays.session import RaySession
+from noisy_world.core.lens import Distortion
+from noisy_world.core.frame_request import RequestedRays, Shutter
+from noisy_world.render.ray_session import RaySession
 
 CAMERA = Intrinsics(96, 72, 60.0, 56.0, 45.5, 36.0)
 LENSES = {

@@ -13,9 +13,9 @@ from analytic import box_depth
 from cases import cases
 from shutters import CAMERA, HIGH, LOW, TURNS_DEG_S, moved, paths, psnr_db, room_session
 
-from noisy_world.core.trajectories.frame_request import RequestedRays, Shutter
-from noisy_world.core.trajectories.sensor_paths import SensorPaths
-from noisy_world.core.trajectories.trajectory import Trajectory
+from noisy_world.core.frame_request import RequestedRays, Shutter
+from noisy_world.core.frame_request import SensorPaths
+from noisy_world.core.trajectory import Trajectory
 
 READOUT_S = 0.04
 

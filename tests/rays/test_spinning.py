@@ -15,7 +15,7 @@ pytest.importorskip("embreex", reason="embreex is not installed: make .venv/.ext
 
 from noisy_world.cli import command
 from noisy_world.cli.entry import Entry
-from noisy_world.core.datasets.scan_files import CV_FROM_LIDAR
+from noisy_world.layouts.robot_files import CV_FROM_LIDAR
 from noisy_world.core.geometry import pose
 
 RATE_HZ, COUNT = 20.0, 9  # four turns of 0.1 s

@@ -15,11 +15,11 @@ from written import run
 from noisy_world.core.errors import NoisyWorldError
 from noisy_world.core.progress import PlainProgress
 from noisy_world.perturbations import registry
-from noisy_world.pipeline.status import read_status
-from noisy_world.recipes.of_dataset import recipe_of
-from noisy_world.recipes.recipe import read_recipe
-from noisy_world.recipes.verifying import verify
-from noisy_world.storage.finished import read_content
+from noisy_world.dataset.status import read_status
+from noisy_world.dataset.recipe import recipe_of
+from noisy_world.dataset.recipe import read_recipe
+from noisy_world.dataset.verifying import verify
+from noisy_world.dataset.finished import read_content
 
 VALUES = (None, True, -1, 1.5, 10**30, "", "../../x", "f" * 300, [], {}, [[]], [None], {"": None}, {"a": {"b": []}})
 WRONG_FILE = "does not tell a name inside the dataset and its SHA-256 of"

@@ -102,11 +102,11 @@ def embree_frames(made):
 
 def shared_by_workers(made):
     """What the page's example prints; what two forked workers make of a list, where none of them can load a mesh."""
-    import noisy_world.rays.session
+    import noisy_world.render.ray_session
 
     printed = run_example(made)
     LOADED.append(embree_frames(made)[0])
-    noisy_world.rays.session.RaySession = None
+    noisy_world.render.ray_session.RaySession = None
     with ProcessPoolExecutor(2, mp_context=multiprocessing.get_context("fork")) as pool:
         return printed, list(pool.map(fetch, BATCHES, timeout=60))
 

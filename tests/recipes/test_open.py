@@ -20,11 +20,11 @@ from written import RIG, stored
 
 import noisy_world
 from noisy_world.core.errors import NoisyWorldError
-from noisy_world.core.presets.preset import read_preset
+from noisy_world.preset.keys import read_preset
 from noisy_world.perturb import frames as perturbed_frames
-from noisy_world.pipeline.run import Run
-from noisy_world.planning import make_plan
-from noisy_world.recipes.of_dataset import recipe_of
+from noisy_world.dataset.run import Run
+from noisy_world.dataset.plan import make_plan
+from noisy_world.dataset.recipe import recipe_of
 
 
 def records(out, name):

@@ -19,14 +19,14 @@ from worlds import with_objects, write_world
 
 import noisy_world
 from noisy_world.core.errors import NoisyWorldError
-from noisy_world.core.presets.preset import read_preset
+from noisy_world.preset.keys import read_preset
 from noisy_world.core.progress import PlainProgress
-from noisy_world.pipeline.run import Run
-from noisy_world.planning import make_plan
-from noisy_world.recipes.clean_making import make_store
-from noisy_world.recipes.of_dataset import recipe_of
-from noisy_world.recipes.verifying import verify
-from noisy_world.recipes.recipe import read_recipe
+from noisy_world.dataset.run import Run
+from noisy_world.dataset.plan import make_plan
+from noisy_world.dataset.clean_store import make_store
+from noisy_world.dataset.recipe import recipe_of
+from noisy_world.dataset.verifying import verify
+from noisy_world.dataset.recipe import read_recipe
 
 OTHERS = ("normal", "instance", "flow")
 FORMATS = {"replica": {}, "euroc": {"normal": "exr", "instance": "npy", "flow": "npy"}}

@@ -17,9 +17,9 @@ from worlds import content
 
 import noisy_world
 from noisy_world.core.errors import InterruptedRunError, StorageError
-from noisy_world.recipes.clean_making import make_store
-from noisy_world.recipes.making import plan_of
-from noisy_world.recipes.recipe import read_recipe
+from noisy_world.dataset.clean_store import make_store
+from noisy_world.dataset.remaking import plan_of
+from noisy_world.dataset.recipe import read_recipe
 
 pytestmark = pytest.mark.usefixtures("no_blender")
 
@@ -97,13 +97,13 @@ def camera():
 
 
 def options():
-    from noisy_world.core.planning.source import RenderOptions
+    from noisy_world.render.source import RenderOptions
 
     return RenderOptions(0.01, 1000, 1, 0)
 
 
 def moment(index):
-    from noisy_world.core.trajectories.frame_request import FrameRequest
+    from noisy_world.core.frame_request import FrameRequest
 
     return FrameRequest(index, 0.0, np.eye(4), np.eye(4))
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from noisy_world.core.scenes.mesh import Mesh
+from noisy_world.scenes.polygon_mesh import Mesh
 from noisy_world.rooms import INTERIOR_MAX_M, INTERIOR_MIN_M
 
 ADDON = Path(__file__).resolve().parents[2] / "addon"

@@ -4,9 +4,9 @@
 import numpy as np
 import pytest
 
-from noisy_world.core.scenes.embedded import EMBEDDED_ROOM, ROOMS, is_embedded, room_mesh, room_name, room_seeds
+from noisy_world.scenes.polygon_mesh import EMBEDDED_ROOM, ROOMS, is_embedded, room_mesh, room_name, room_seeds
 from noisy_world.rooms import build_room
-from noisy_world.core.trajectories.handheld import handheld_path
+from noisy_world.trajectories.handheld import handheld_path
 
 FRAMES = 2000
 # Of the living room before there were other rooms: sums of coordinates, mean colour, and a sum over the corners in

@@ -10,12 +10,12 @@ pytest.importorskip("mujoco", reason="MuJoCo comes with the extra simulate")
 from noisy_world.cli import command
 from noisy_world.core.errors import NoisyWorldError
 from noisy_world.core.geometry import invert_pose, opencv_from_robot_c2w, pose
-from noisy_world.core.trajectories.curve import motion_of
-from noisy_world.core.trajectories.files import read_trajectory
-from noisy_world.core.trajectories.trajectory import evenly_stamped
-from noisy_world.simulation import models, run, trot
-from noisy_world.simulation.models import CELL_M, rough_floor
-from noisy_world.simulation.run import simulate
+from noisy_world.core.curve import motion_of
+from noisy_world.trajectories.formats import read_trajectory
+from noisy_world.core.trajectory import evenly_stamped
+from noisy_world.trajectories import simulation
+from noisy_world.trajectories.simulation import CELL_M, rough_floor
+from noisy_world.trajectories.simulation import simulate
 
 
 def bent_route(speed_m_s=0.35, seconds=8.0):
@@ -52,9 +52,9 @@ def straight_route(speed_m_s, metres):
 def test_the_quadruped_walks_at_eight_tenths_of_a_metre_a_second(roughness_m):
     way = simulate(straight_route(0.8, 8.0), "quadruped", floor_m=0.0, roughness_m=roughness_m, seed=1)
     assert not way.held_back
-    place_m = way.path.c2w[int(2 * run.RATE_HZ) :, :3, 3]  # it has begun
+    place_m = way.path.c2w[int(2 * simulation.RATE_HZ) :, :3, 3]  # it has begun
     assert np.abs(place_m[:, 1]).max() < 0.15
-    speed_m_s = (place_m[-1, 0] - place_m[0, 0]) / ((len(place_m) - 1) / run.RATE_HZ)
+    speed_m_s = (place_m[-1, 0] - place_m[0, 0]) / ((len(place_m) - 1) / simulation.RATE_HZ)
     assert speed_m_s == pytest.approx(0.8, rel=0.1 if roughness_m < 0.01 else 0.2)
     up = -way.path.c2w[:, 2, 1]  # of the camera's own up along the world's
     assert np.degrees(np.arccos(up.min())) < {0.0: 3.0, 0.005: 8.0, 0.01: 25.0}[roughness_m]  # it stumbles, and goes on
@@ -62,24 +62,24 @@ def test_the_quadruped_walks_at_eight_tenths_of_a_metre_a_second(roughness_m):
 
 def test_feet_find_the_capture_point():
     """A foot that swings is put further ahead the faster the trunk goes, and further aside the faster it drifts."""
-    level, place_m = np.eye(3), np.array([0.0, 0.0, models.STANCE_M + models.FOOT_M])
-    time_s = (1.0 - 1e-6) / trot.STRIDE_HZ  # the end of the swing of the legs that stood first
+    level, place_m = np.eye(3), np.array([0.0, 0.0, simulation.STANCE_M + simulation.FOOT_M])
+    time_s = (1.0 - 1e-6) / simulation.STRIDE_HZ  # the end of the swing of the legs that stood first
 
     def landing_m(speed_m_s):
-        still = trot.Trunk(place_m, np.zeros(3), np.zeros(3), level)
-        legs = trot.Trot.standing(still, 0.0)
-        angles = legs.asked(trot.Trunk(place_m, speed_m_s, np.zeros(3), level), legs.feet_m, time_s, 0.0, 0.0)
+        still = simulation.Trunk(place_m, np.zeros(3), np.zeros(3), level)
+        legs = simulation.Trot.standing(still, 0.0)
+        angles = legs.asked(simulation.Trunk(place_m, speed_m_s, np.zeros(3), level), legs.feet_m, time_s, 0.0, 0.0)
         roll, hip, knee = angles.reshape(4, 3)[0]
         # Forward kinematics by hand: thigh and shank in the leg's plane, which roll turns about x.
-        ahead = -models.THIGH_M * np.sin(hip) - models.SHANK_M * np.sin(hip + knee)
-        down = models.THIGH_M * np.cos(hip) + models.SHANK_M * np.cos(hip + knee)
+        ahead = -simulation.THIGH_M * np.sin(hip) - simulation.SHANK_M * np.sin(hip + knee)
+        down = simulation.THIGH_M * np.cos(hip) + simulation.SHANK_M * np.cos(hip + knee)
         return np.array([ahead, down * np.sin(roll), -down * np.cos(roll)])
 
-    stood_s = trot.STANDS / trot.STRIDE_HZ
+    stood_s = simulation.STANDS / simulation.STRIDE_HZ
     for speed_m_s in ([0.3, 0.0, 0.0], [0.0, 0.2, 0.0], [-0.2, 0.1, 0.0]):
-        wanted_m = np.array(speed_m_s) * (stood_s / 2 + trot.CAPTURE_S)
+        wanted_m = np.array(speed_m_s) * (stood_s / 2 + simulation.CAPTURE_S)
         np.testing.assert_allclose(landing_m(np.array(speed_m_s))[:2], wanted_m[:2], atol=2e-3)
-        assert landing_m(np.array(speed_m_s))[2] == pytest.approx(-models.STANCE_M, abs=1e-3)
+        assert landing_m(np.array(speed_m_s))[2] == pytest.approx(-simulation.STANCE_M, abs=1e-3)
 
 
 def test_a_rough_floor_is_as_rough_as_asked():
@@ -125,9 +125,9 @@ def test_our_imu_feels_what_mujocos_own_does(monkeypatch, kind):
     """An accelerometer and a gyroscope that know nothing of splines, over a rough floor; below 4 Hz."""
     mujoco = pytest.importorskip("mujoco")
     hz, felt = 2000.0, []
-    monkeypatch.setattr(models, "STEP_S", 1 / hz)
-    monkeypatch.setattr(run, "STEP_S", 1 / hz)
-    monkeypatch.setattr(run, "RATE_HZ", hz)
+    monkeypatch.setattr(simulation, "STEP_S", 1 / hz)
+    monkeypatch.setattr(simulation, "STEP_S", 1 / hz)
+    monkeypatch.setattr(simulation, "RATE_HZ", hz)
     monkeypatch.setattr(mujoco, "mj_step", as_it_moved(mujoco, felt))
     way = simulate(bent_route(0.5, 4.0), kind, floor_m=0.0, roughness_m=0.005, seed=1)
     own = np.array(felt)[: len(way.path.stamps_s)]

@@ -6,8 +6,8 @@ import json
 import pytest
 from refusals import refused
 
-from noisy_world.core.presets.preset import read_preset
-from noisy_world.planning import make_plan
+from noisy_world.preset.keys import read_preset
+from noisy_world.dataset.plan import make_plan
 
 
 @pytest.mark.parametrize(

@@ -13,13 +13,13 @@ from textured_room import look, textures
 from worlds import generate_here
 from written import run
 
-from noisy_world.core.datasets.layouts import find_sequence
+from noisy_world.layouts import find_sequence
 from noisy_world.core.errors import InputError
 from noisy_world.core.geometry import Intrinsics
 from noisy_world.core.lens import lens_rays
-from noisy_world.core.optics import Distortion, Optics
-from noisy_world.core.presets.preset import read_preset
-from noisy_world.planning import make_plan
+from noisy_world.core.lens import Distortion, Optics
+from noisy_world.preset.keys import read_preset
+from noisy_world.dataset.plan import make_plan
 from noisy_world.sources.parallax import parallax_remark
 
 CAMERA = Intrinsics(160, 120, 120.0, 120.0, 79.5, 59.5)

@@ -11,11 +11,11 @@ from refusals import refused
 from worlds import content, path_poses, write_box_ply, write_replica, write_world
 
 
-from noisy_world.core.presets.preset import read_preset
+from noisy_world.preset.keys import read_preset
 from noisy_world.core.progress import PlainProgress
-from noisy_world.core.scenes.replica import REPLICA_SCENES
-from noisy_world.pipeline.run import Run
-from noisy_world.planning import make_plan
+from noisy_world.sources.replica_scenes import REPLICA_SCENES
+from noisy_world.dataset.run import Run
+from noisy_world.dataset.plan import make_plan
 
 SETTINGS = [{"name": "clean"}, {"sweep": {"perturb": ["fog", "frost"], "severities": [1, 3]}}]
 EVERYWHERE = ["clean", "fog_s1", "fog_s3", "frost_s1", "frost_s3"]
@@ -80,7 +80,7 @@ def test_a_part_has_the_identity_of_the_whole(tmp_path):
 
 
 def test_a_part_grows_into_the_whole_to_the_byte(tmp_path, monkeypatch):
-    monkeypatch.setitem(sys.modules, "noisy_world.blender.session", fake_session)
+    monkeypatch.setitem(sys.modules, "noisy_world.render.mesh_session", fake_session)
     preset = write_scenes(tmp_path / "world", count=2)
 
     def make(out, **part):

@@ -10,8 +10,8 @@ from refusals import refused
 from cases import cases
 from worlds import write_world
 
-from noisy_world.core.presets.preset import read_preset
-from noisy_world.planning import make_plan
+from noisy_world.preset.keys import read_preset
+from noisy_world.dataset.plan import make_plan
 
 EYE = "1 0 0 0\n0 1 0 0\n0 0 1 1\n0 0 0 1\n"
 LOST = "-inf -inf -inf -inf\n" * 4

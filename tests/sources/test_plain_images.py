@@ -10,10 +10,10 @@ import pytest
 from refusals import refused
 
 from noisy_world.cli.command import main
-from noisy_world.core.presets.preset import read_preset
+from noisy_world.preset.keys import read_preset
 from noisy_world.core.schema import ConfigPath
-from noisy_world.planning import make_plan
-from noisy_world.sources.image_source import read_images
+from noisy_world.dataset.plan import make_plan
+from noisy_world.sources.footage import read_images
 
 NAMES = ("shot_2.png", "shot_10.png", "Shot_33.png")  # in the order of their numbers
 

@@ -4,8 +4,8 @@
 from refusals import refused
 import yaml
 
-from noisy_world.core.presets.preset import read_preset
-from noisy_world.planning import make_plan
+from noisy_world.preset.keys import read_preset
+from noisy_world.dataset.plan import make_plan
 
 CAMERA = {"width": 1200, "height": 680, "fx": 600.0, "fy": 600.0, "cx": 599.5, "cy": 339.5}
 

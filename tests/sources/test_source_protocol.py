@@ -18,19 +18,19 @@ from shard_workers import workers_here
 from worlds import path_poses, write_world
 
 from noisy_world.core.errors import StorageError
-from noisy_world.core.planning.plan import lay_out_plan, read_settings
-from noisy_world.core.planning.shards import Shard
-from noisy_world.core.planning.scene import Scene, SceneEntry, SourceKind
-from noisy_world.core.planning.simple_source import SimpleSource
-from noisy_world.core.planning.source import ColourAndDepth, SourceCapabilities
-from noisy_world.core.presets.preset import read_preset
-from noisy_world.core.presets.scene_keys import SceneKeys
+from noisy_world.dataset.plan import lay_out_plan, read_settings
+from noisy_world.dataset.shards import Shard
+from noisy_world.sources.scene_kinds import Scene, SceneEntry, SourceKind
+from noisy_world.render.source import SimpleSource
+from noisy_world.render.source import ColourAndDepth, SourceCapabilities
+from noisy_world.preset.keys import read_preset
+from noisy_world.preset.scene_keys import SceneKeys
 from noisy_world.core.progress import PlainProgress
-from noisy_world.core.trajectories.trajectory import Trajectory
+from noisy_world.core.trajectory import Trajectory
 from noisy_world.perturbations import registry
-from noisy_world.pipeline.run import Run
-from noisy_world.planning import make_plan
-from noisy_world.sources.blend_source import BlendSource
+from noisy_world.dataset.run import Run
+from noisy_world.dataset.plan import make_plan
+from noisy_world.sources.lit_scene import BlendSource
 
 STAMPS_S = np.array([10.0, 10.5, 11.5, 12.0])
 
@@ -161,7 +161,7 @@ def test_a_blend_with_several_cameras_has_instants_only():
 
 @pytest.fixture
 def _fake_blender(monkeypatch):
-    monkeypatch.setitem(sys.modules, "noisy_world.blender.session", fake_session)
+    monkeypatch.setitem(sys.modules, "noisy_world.render.mesh_session", fake_session)
 
 
 @pytest.mark.usefixtures("_fake_blender")

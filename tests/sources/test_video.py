@@ -16,10 +16,10 @@ from worlds import ROOT
 from written import run
 
 from noisy_world.cli.command import main
-from noisy_world.core.datasets.layouts import find_sequence
-from noisy_world.core.datasets.video_files import VideoFile, VideoReader, read_video, write_video
-from noisy_world.core.presets.preset import read_preset
-from noisy_world.planning import make_plan
+from noisy_world.layouts import find_sequence
+from noisy_world.images.video_files import VideoFile, VideoReader, read_video, write_video
+from noisy_world.preset.keys import read_preset
+from noisy_world.dataset.plan import make_plan
 from noisy_world.sources import read_scenes
 
 COUNT = 7
@@ -155,7 +155,7 @@ def test_a_video_stands_under_its_name_when_it_is_whole(tmp_path, capfd, monkeyp
         assert write_video(video, frames, rate_hz) == COUNT
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("noisy_world.cli.as_video.write_video", stopped)
+    monkeypatch.setattr("noisy_world.cli.generate.write_video", stopped)
     assert main(["generate", str(path), "--out", str(tmp_path / "noisy.avi")]) != 0
     assert sorted(tmp_path.rglob("*")) == before
 

@@ -8,9 +8,9 @@ import pytest
 from calls import calls_made
 from worlds import write_world
 
-from noisy_world.core.presets.preset import read_preset
-from noisy_world.planning import make_plan
-from noisy_world.sources.wildcards import matched_parts
+from noisy_world.preset.keys import read_preset
+from noisy_world.dataset.plan import make_plan
+from noisy_world.sources.scene_files import matched_parts
 
 PATTERNS = [
     ("rooms/*.ply", "rooms/hall.ply", ("hall",)),

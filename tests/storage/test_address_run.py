@@ -12,13 +12,13 @@ from refusals import refused
 
 from noisy_world.cli import command
 from noisy_world.cli.entry import Entry
-from noisy_world.cli.shard_tasks import ShardOrder, ready_for_shards
+from noisy_world.cli.shard_workers import ShardOrder, ready_for_shards
 from noisy_world.core.errors import InterruptedRunError, MissingDependencyError, StorageError
-from noisy_world.core.presets.preset import read_preset
-from noisy_world.pipeline import address_destination
-from noisy_world.pipeline.address_destination import AddressDestination
-from noisy_world.pipeline.report import Report
-from noisy_world.planning import make_plan
+from noisy_world.preset.keys import read_preset
+from noisy_world.dataset import address_run
+from noisy_world.dataset.address_run import AddressDestination
+from noisy_world.dataset.run_report import Report
+from noisy_world.dataset.plan import make_plan
 
 
 def files(folder):
@@ -48,7 +48,7 @@ def place(tmp_path):
 
 def test_a_run_equals_a_published_folder(preset, packed, place, monkeypatch, capfd):
     folder, address, scratch = place
-    monkeypatch.setattr(address_destination, "SHARD_BYTES", 2000)  # several shards
+    monkeypatch.setattr(address_run, "SHARD_BYTES", 2000)  # several shards
     report = run_of(preset, address, scratch).make_dataset()
     assert report.frames_rendered == 12
     assert_same(folder, packed)
@@ -158,7 +158,7 @@ def test_torn_files_do_not_count(name, preset, packed, place):
 
 def test_interrupted_runs_go_on(preset, packed, place, monkeypatch):
     folder, address, scratch = place
-    monkeypatch.setattr(address_destination, "SHARD_BYTES", 2000)
+    monkeypatch.setattr(address_run, "SHARD_BYTES", 2000)
 
     class After(threading.Event):
         def __init__(self, looks):

@@ -11,7 +11,7 @@ from packed import pack_to, write_preset
 from written import run
 
 from noisy_world.core.errors import BusyError, StorageError
-from noisy_world.storage.open_store import open_store
+from noisy_world.dataset.store import open_store
 
 pytest.importorskip("pyarrow", reason="pyarrow comes with the extra cloud")
 resource = pytest.importorskip("resource", reason="Windows has no such limit")

@@ -9,11 +9,11 @@ import time
 
 from packed import SETTINGS, run_there, write_preset
 
-from noisy_world.storage.open_store import open_store
+from noisy_world.dataset.store import open_store
 
 KILLS = 10
 LOADED = (
-    "noisy_world.pipeline.address_destination",
+    "noisy_world.dataset.address_run",
     "packed",
     "s3fs",
     "pyarrow.parquet",

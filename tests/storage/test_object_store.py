@@ -11,7 +11,7 @@ from packed import pack_to
 from noisy_world.cli import command
 from noisy_world.cli.entry import Entry
 from noisy_world.core.errors import InputError, MissingDependencyError, StorageError
-from noisy_world.storage.open_store import open_store
+from noisy_world.dataset.store import open_store
 
 ENTRY = Entry("noisy-world publish", ("noisy-world", "publish"))
 

@@ -21,9 +21,9 @@ import noisy_world
 from noisy_world.cli import command
 from noisy_world.core.errors import InputError, MissingDependencyError, StorageError
 from noisy_world.core.progress import PlainProgress
-from noisy_world.recipes.of_dataset import recipe_of
-from noisy_world.recipes.recipe import read_recipe
-from noisy_world.recipes.verifying import verify
+from noisy_world.dataset.recipe import recipe_of
+from noisy_world.dataset.recipe import read_recipe
+from noisy_world.dataset.verifying import verify
 
 
 @pytest.fixture
@@ -137,7 +137,7 @@ def test_recipes_and_frames_of_other_layouts(layout, modalities, tmp_path, monke
     from many_settings import run
     from written import world
 
-    monkeypatch.setitem(sys.modules, "noisy_world.blender.session", fake_session)
+    monkeypatch.setitem(sys.modules, "noisy_world.render.mesh_session", fake_session)
     run(
         world(tmp_path / "world", layout, output={"modalities": modalities}, settings=[{"name": "clean"}]),
         tmp_path / "out",

@@ -72,7 +72,7 @@ def test_each_row_leads_to_its_bytes_and_pose(dataset, packed):
 
 
 def test_names_of_more_than_a_hundred_bytes(tmp_path):
-    from noisy_world.storage.tar_stream import TarStream
+    from noisy_world.dataset.tar_files import TarStream
 
     name = "very_long_setting." * 8 + "/scene/frames/000000.rgb.png"
     with (tmp_path / "a.tar").open("wb") as file:
@@ -90,7 +90,7 @@ def test_names_of_more_than_a_hundred_bytes(tmp_path):
     ("layout", "modalities"), [("tum", ["rgb", "depth"]), ("euroc", ["rgb", "depth"]), ("euroc", ["depth"])]
 )
 def test_other_layouts(layout, modalities, tmp_path, monkeypatch):
-    monkeypatch.setitem(sys.modules, "noisy_world.blender.session", fake_session)
+    monkeypatch.setitem(sys.modules, "noisy_world.render.mesh_session", fake_session)
     settings = [{"name": "clean"}, {"name": "fast", "perturb": [{"faster_motion": {"factor": 2}}]}]
     preset = world(tmp_path / "world", layout, output={"modalities": modalities}, settings=settings)
     run(preset, tmp_path / "out")

@@ -7,7 +7,7 @@ import tarfile
 from asked_status import as_json, status
 from packed import put_shard
 
-from noisy_world.storage.open_store import open_store
+from noisy_world.dataset.store import open_store
 
 FRAMES = {"clean": 6, "fast.x2": 3, "late": 4, "noise": 6}
 

@@ -4,7 +4,7 @@
 import numpy as np
 
 from noisy_world.core.geometry import Intrinsics
-from noisy_world.core.scenes.mesh import Mesh
+from noisy_world.scenes.polygon_mesh import Mesh
 
 CAMERAS = {
     "replica": Intrinsics(1200, 680, 600.0, 600.0, 599.5, 339.5),

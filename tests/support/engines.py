@@ -5,7 +5,7 @@ import functools
 
 import pytest
 
-from noisy_world.blender.probe import gl_version
+from noisy_world.render.engines import gl_version
 from noisy_world.core.errors import NoisyWorldError
 
 OF_GL = ("eevee", "workbench")

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Stands in for noisy_world.blender.session where a test is about files: frames from arithmetic, at once."""
+"""Stands in for noisy_world.render.mesh_session where a test is about files: frames from arithmetic, at once."""
 
 from types import SimpleNamespace
 
 import numpy as np
 
-from noisy_world.core.planning.source import ColourAndDepth
+from noisy_world.render.source import ColourAndDepth
 
 
 class Frame(SimpleNamespace, ColourAndDepth):

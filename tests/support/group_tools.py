@@ -6,16 +6,16 @@ from itertools import pairwise
 import bpy
 import numpy as np
 import OpenEXR
-from noisy_world.blender.compositor import Compositor
-from noisy_world.blender.nodes import ensure_group
-from noisy_world.blender.scratch_images import muted_output
-from noisy_world.blender.scratch_images import write_plain_floats
-from noisy_world.blender.typed import new_tree, set_pixels, use_as_data
-from noisy_world.core.node_graphs.chain import build_written
-from noisy_world.core.node_graphs.graph import Graph
-from noisy_world.core.node_graphs.groups import build_group
-from noisy_world.core.perturbing.kinds import FrameContext
-from noisy_world.core.perturbing.reading import parse_steps
+from noisy_world.nodes.compositor import Compositor
+from noisy_world.nodes.node_trees import ensure_group
+from noisy_world.nodes.datablocks import muted_output
+from noisy_world.nodes.datablocks import write_plain_floats
+from noisy_world.nodes.datablocks import new_tree, set_pixels, use_as_data
+from noisy_world.nodes.chain import build_written
+from noisy_world.core.node_graph import Graph
+from noisy_world.perturbations.groups import build_group
+from noisy_world.perturbations.kinds import FrameContext
+from noisy_world.perturbations.parsing import parse_steps
 from noisy_world.core.schema import ConfigPath
 from noisy_world.perturbations import registry
 

@@ -4,10 +4,10 @@
 import json
 from types import SimpleNamespace
 
-from noisy_world.blender import scene_inspection
-from noisy_world.blender.importing import program
-from noisy_world.sources import blend_inspection, imported_meshes
-from noisy_world.sources.mesh_reading import forget_meshes
+from noisy_world.render import scene_inspection
+from noisy_world.render import import_program
+from noisy_world.sources import blender_process
+from noisy_world.sources.rendered_mesh import forget_meshes
 
 
 def import_here(monkeypatch, capfd):
@@ -15,10 +15,10 @@ def import_here(monkeypatch, capfd):
 
     def here(order):
         capfd.readouterr()
-        status = program.main(json.dumps(order))
+        status = import_program.main(json.dumps(order))
         return SimpleNamespace(returncode=status, stdout=capfd.readouterr().out, stderr="")
 
-    monkeypatch.setattr(imported_meshes, "_asked", here)
+    monkeypatch.setattr(blender_process, "_asked", here)
     forget_meshes()
 
 
@@ -27,6 +27,6 @@ def look_here(monkeypatch):
 
     def here(_command, _path, *, order, **_limits):
         answer = scene_inspection._answer(json.loads(order))
-        return SimpleNamespace(returncode=0, stdout=f"{blend_inspection.MARK}{json.dumps(answer)}\n", stderr="")
+        return SimpleNamespace(returncode=0, stdout=f"{blender_process.MARK}{json.dumps(answer)}\n", stderr="")
 
-    monkeypatch.setattr(blend_inspection, "run_blender", here)
+    monkeypatch.setattr(blender_process, "run_blender", here)

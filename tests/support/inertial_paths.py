@@ -4,7 +4,7 @@
 import numpy as np
 
 from noisy_world.core.geometry import pose, rotation_from_rotvec
-from noisy_world.core.trajectories.trajectory import Trajectory
+from noisy_world.core.trajectory import Trajectory
 
 GRAVITY_M_S2 = np.array([0.0, 0.0, -9.81])
 

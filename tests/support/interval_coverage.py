@@ -8,13 +8,7 @@ import numpy as np
 if __name__ == "__main__":
     sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "addon"))
 
-from noisy_world.evaluation.analysis.intervals import (
-    bootstrap_interval,
-    exponential,
-    here_interval,
-    mean_interval,
-    share_interval,
-)
+from noisy_world.evaluate.intervals import bootstrap_interval, exponential, here_interval, mean_interval, share_interval
 
 SEEDS = 3
 

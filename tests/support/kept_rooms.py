@@ -10,7 +10,7 @@ import numpy as np
 from locked import locked
 
 from noisy_world import rooms as package
-from noisy_world.core.scenes.mesh import Mesh
+from noisy_world.scenes.polygon_mesh import Mesh
 
 KEPT = "noisy_world_rooms"  # the folder in pytest's cache
 
@@ -21,7 +21,7 @@ class KeptRooms:
     def __init__(self, cache: Path):
         code = Path(package.__file__).parent
         digest = hashlib.sha256(np.__version__.encode())
-        for path in sorted([*code.glob("*.py"), code.parent / "core/scenes/mesh.py"]):
+        for path in sorted([*code.glob("*.py"), code.parent / "scenes/polygon_mesh.py"]):
             digest.update(path.read_bytes())
         self._folder = cache / digest.hexdigest()[:16]
         for other in cache.iterdir():

@@ -4,7 +4,7 @@
 import numpy as np
 from mathutils import Quaternion
 
-from noisy_world.blender.scene import get_origin
+from noisy_world.render.mesh_session import get_origin
 
 
 def keyed_poses(scene, camera, frames):

@@ -7,10 +7,10 @@ import threading
 import bpy
 from own_scenes import new_scene, save
 
-from noisy_world.core.presets.preset import read_preset
+from noisy_world.preset.keys import read_preset
 from noisy_world.core.progress import PlainProgress
-from noisy_world.pipeline.run import Run
-from noisy_world.planning import make_plan
+from noisy_world.dataset.run import Run
+from noisy_world.dataset.plan import make_plan
 
 LAMPS = (4.0, 20.0, 100.0)
 

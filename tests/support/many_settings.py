@@ -5,11 +5,11 @@ import json
 import sys
 import threading
 
-from noisy_world.core.presets.preset import read_preset
+from noisy_world.preset.keys import read_preset
 from noisy_world.core.progress import PlainProgress
-from noisy_world.pipeline.run import Run
-from noisy_world.pipeline.shard import ShardMaker
-from noisy_world.planning import make_plan
+from noisy_world.dataset.run import Run
+from noisy_world.dataset.run import ShardMaker
+from noisy_world.dataset.plan import make_plan
 
 SETTINGS = [
     {"name": "clean"},

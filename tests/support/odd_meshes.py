@@ -3,7 +3,7 @@
 
 import numpy as np
 
-from noisy_world.core.scenes.mesh import Mesh
+from noisy_world.scenes.polygon_mesh import Mesh
 
 KINDS = ("soup", "slivers", "single", "room", "offset", "degenerate", "far_floor", "sheets", "dust")
 _BOX = np.array([[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]])

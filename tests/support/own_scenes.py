@@ -8,14 +8,14 @@ import bpy
 import cv2
 import numpy as np
 
-from noisy_world.blender.own_scene import OwnSceneFile, OwnSceneSession
-from noisy_world.blender.scratch_images import muted_output
-from noisy_world.blender.scene_inspection import inspect_scene, open_file
-from noisy_world.core.planning.source import RenderOptions
+from noisy_world.render.own_scene import OwnSceneFile, OwnSceneSession
+from noisy_world.nodes.datablocks import muted_output
+from noisy_world.render.scene_inspection import inspect_scene, open_file
+from noisy_world.render.source import RenderOptions
 from noisy_world.core.schema import ConfigPath
-from noisy_world.core.trajectories.sensor_paths import SensorPaths
-from noisy_world.core.trajectories.trajectory import Trajectory
-from noisy_world.sources.blend_source import rigid_c2w
+from noisy_world.core.frame_request import SensorPaths
+from noisy_world.core.trajectory import Trajectory
+from noisy_world.sources.lit_scene import rigid_c2w
 
 LAST = 6  # frame; the first is 1
 

@@ -52,18 +52,18 @@ def write_preset(folder, *, frames=6, scenes=("hall", "attic"), settings=SETTING
 
 
 def pack_to(dataset, address):
-    from noisy_world.storage.open_store import open_store
-    from noisy_world.storage.publishing import publish
+    from noisy_world.dataset.store import open_store
+    from noisy_world.dataset.packing import publish
 
     return publish(dataset, open_store(address), PlainProgress(sys.stderr), threading.Event())
 
 
 def destination_of(preset, address, scratch, *, frames=None, overrides=(), **options):
     """Return a preset's plan and the address as where it goes."""
-    from noisy_world.core.presets.preset import read_preset
-    from noisy_world.pipeline.address_destination import AddressDestination
-    from noisy_world.planning import make_plan
-    from noisy_world.storage.open_store import open_store
+    from noisy_world.preset.keys import read_preset
+    from noisy_world.dataset.address_run import AddressDestination
+    from noisy_world.dataset.plan import make_plan
+    from noisy_world.dataset.store import open_store
 
     plan = make_plan(read_preset(preset, overrides), frames)
     return plan, AddressDestination(plan, open_store(address), scratch, **options)
@@ -71,7 +71,7 @@ def destination_of(preset, address, scratch, *, frames=None, overrides=(), **opt
 
 def run_of(preset, address, scratch, *, stop=None, workers=None, shards=None, **options):
     """Return a run of a preset at an address."""
-    from noisy_world.pipeline.run import Run
+    from noisy_world.dataset.run import Run
 
     plan, place = destination_of(preset, address, scratch, **options)
     stop, progress = stop or threading.Event(), PlainProgress(sys.stderr)
@@ -80,7 +80,7 @@ def run_of(preset, address, scratch, *, stop=None, workers=None, shards=None, **
 
 def put_shard(preset, address, scratch, name, **options):
     """Make a shard and put it to an address."""
-    from noisy_world.core.planning.shards import Shard
+    from noisy_world.dataset.shards import Shard
 
     _, place = destination_of(preset, address, scratch, **options)
     with place.making(PlainProgress(sys.stderr), threading.Event()) as make:
@@ -89,8 +89,8 @@ def put_shard(preset, address, scratch, name, **options):
 
 def run_there(preset, address, scratch, environment):
     """Make a dataset at an address, in many small shards."""
-    from noisy_world.pipeline import address_destination
+    from noisy_world.dataset import address_run
 
     os.environ.update(environment)
-    address_destination.SHARD_BYTES = 2000
+    address_run.SHARD_BYTES = 2000
     run_of(preset, address, scratch).make_dataset()

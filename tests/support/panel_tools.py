@@ -5,9 +5,9 @@ import bpy
 import numpy as np
 import yaml
 
-from noisy_world.core.perturbing.reading import is_sensor
-from noisy_world.core.scenes.mesh import Mesh
-from noisy_world.core.scenes.ply_writer import write_ply
+from noisy_world.perturbations.parsing import is_sensor
+from noisy_world.scenes.polygon_mesh import Mesh
+from noisy_world.scenes.ply_writer import write_ply
 from noisy_world.perturbations import registry
 
 
@@ -36,7 +36,7 @@ def straight(path, count=10):
 
 def open_document(document, path):
     """Write a preset's document to a file, and open that in the panel."""
-    from noisy_world.ui.apply_preset import open_preset
+    from noisy_world.panel.document import open_preset
 
     path.write_text(yaml.safe_dump(document))
     open_preset(settings(), path)

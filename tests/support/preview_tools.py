@@ -4,7 +4,7 @@
 import bpy
 import numpy as np
 
-from noisy_world.core.perturbing.reading import parse_steps
+from noisy_world.perturbations.parsing import parse_steps
 from noisy_world.core.schema import ConfigPath
 from noisy_world.perturbations import registry
 

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 import noisy_world.perturb
-import noisy_world.planning
-from noisy_world.core.perturbing.kinds import ColourPerturbation, DepthPerturbation, FrameContext
+import noisy_world.dataset.plan
+from noisy_world.perturbations.kinds import ColourPerturbation, DepthPerturbation, FrameContext
 from noisy_world.core.schema import key
 from noisy_world.perturbations import registry
 
@@ -58,7 +58,7 @@ class Probes:
             DepthPerturbation(name=DEPTH, label="D", needs_rgb=True, apply=depth, **common),
         )
         known = dict(registry()) | {item.name: item for item in (*ours, *more)}
-        for module in (noisy_world.planning, noisy_world.perturb):
+        for module in (noisy_world.dataset.plan, noisy_world.perturb):
             monkeypatch.setattr(module, "registry", lambda: known)
 
     def _note(self, name, context, own, other, parameters):

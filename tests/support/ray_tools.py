@@ -5,11 +5,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from noisy_world.core.planning.source import RenderOptions
-from noisy_world.core.scenes.mesh import Mesh
-from noisy_world.core.trajectories.sensor_paths import SensorPaths
-from noisy_world.core.trajectories.trajectory import evenly_stamped
-from noisy_world.rays.session import RaySession
+from noisy_world.render.source import RenderOptions
+from noisy_world.scenes.polygon_mesh import Mesh
+from noisy_world.core.frame_request import SensorPaths
+from noisy_world.core.trajectory import evenly_stamped
+from noisy_world.render.ray_session import RaySession
 
 OPTIONS = RenderOptions(near_m=0.01, far_m=1000.0, samples=1, seed=0, engine="embree", threads=1)
 

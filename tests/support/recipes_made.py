@@ -15,10 +15,10 @@ from worlds import write_world
 
 from noisy_world.cli import command
 from noisy_world.core.progress import PlainProgress
-from noisy_world.recipes.clean_making import make_store
-from noisy_world.recipes.making import plan_of
-from noisy_world.recipes.of_dataset import recipe_of
-from noisy_world.recipes.recipe import read_recipe
+from noisy_world.dataset.clean_store import make_store
+from noisy_world.dataset.remaking import plan_of
+from noisy_world.dataset.recipe import recipe_of
+from noisy_world.dataset.recipe import read_recipe
 
 COUNT = 9
 SIZE = (40, 32)
@@ -61,7 +61,7 @@ class Made:
 @contextlib.contextmanager
 def frames_from_arithmetic():
     with pytest.MonkeyPatch.context() as patch:
-        patch.setitem(sys.modules, "noisy_world.blender.session", fake_session)
+        patch.setitem(sys.modules, "noisy_world.render.mesh_session", fake_session)
         yield
 
 

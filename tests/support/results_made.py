@@ -14,10 +14,10 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from noisy_world.core.trajectories.trajectory import Trajectory
-from noisy_world.evaluation.estimate import Estimate
-from noisy_world.evaluation.metrics import frame_errors_text
-from noisy_world.evaluation.metrics.score import score_trajectory
+from noisy_world.core.trajectory import Trajectory
+from noisy_world.evaluate.estimates import Estimate
+from noisy_world.evaluate.metrics import frame_errors_text
+from noisy_world.evaluate.trajectory_scores import score_trajectory
 
 SYSTEMS = {"rgbd_odometry": 0.002, "my_system": 0.02, "orb_slam3": 0.01}
 SCENES = ("room0", "room1", "room2")

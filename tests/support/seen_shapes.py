@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from noisy_world.core.geometry import Intrinsics, pose
-from noisy_world.core.scenes.mesh import Mesh
+from noisy_world.scenes.polygon_mesh import Mesh
 
 CAMERA = Intrinsics(64, 48, 60.0, 60.0, 31.5, 23.5)
 

@@ -4,10 +4,10 @@
 import threading
 from functools import partial
 
-from noisy_world.cli.shard_tasks import ShardWorkers, ready_for_shards
-from noisy_world.core.presets.preset import read_preset
+from noisy_world.cli.shard_workers import ShardWorkers, ready_for_shards
+from noisy_world.preset.keys import read_preset
 from noisy_world.executors.jobs import InProcess
-from noisy_world.planning import make_plan
+from noisy_world.dataset.plan import make_plan
 
 
 def workers_here(preset, out, *, frames=None, order=list, asked=None, before=lambda: None):

@@ -9,10 +9,10 @@ from ray_tools import OPTIONS
 from scipy.spatial.transform import Rotation
 
 from noisy_world.core.geometry import Intrinsics, pose
-from noisy_world.core.scenes.mesh import Mesh
-from noisy_world.core.trajectories.sensor_paths import SensorPaths
-from noisy_world.core.trajectories.trajectory import Trajectory
-from noisy_world.rays.session import RaySession
+from noisy_world.scenes.polygon_mesh import Mesh
+from noisy_world.core.frame_request import SensorPaths
+from noisy_world.core.trajectory import Trajectory
+from noisy_world.render.ray_session import RaySession
 
 LOW, HIGH = np.array([-2.0, -1.5, 0.0]), np.array([2.5, 3.0, 2.4])
 CAMERA = Intrinsics(48, 36, 30.0, 28.0, 22.5, 18.0)

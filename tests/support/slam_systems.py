@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 import yaml
 
-from noisy_world.evaluation.systems.definition import read_system
+from noisy_world.evaluate.systems import read_system
 
 PRELUDE = """
 import json, math, os, signal, subprocess, sys, time

@@ -5,14 +5,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from noisy_world.core.perturbing.kinds import (
+from noisy_world.perturbations.kinds import (
     ColourPerturbation,
     DepthPerturbation,
     FrameContext,
     MotionPerturbation,
     PairingPerturbation,
 )
-from noisy_world.core.perturbing.reading import parse_steps
+from noisy_world.perturbations.parsing import parse_steps
 from noisy_world.core.schema import ConfigPath, key
 
 SEQUENCE = (7, "room", "setting")

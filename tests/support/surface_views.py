@@ -8,10 +8,10 @@ from analytic import box_depth, box_mesh, look_at, plane_mesh, quads_mesh, rays,
 from ray_tools import OPTIONS
 
 from noisy_world.core.geometry import Intrinsics
-from noisy_world.core.scenes.mesh import Mesh
-from noisy_world.core.trajectories.sensor_paths import SensorPaths
-from noisy_world.core.trajectories.trajectory import evenly_stamped
-from noisy_world.sources.rendering import open_session
+from noisy_world.scenes.polygon_mesh import Mesh
+from noisy_world.core.frame_request import SensorPaths
+from noisy_world.core.trajectory import evenly_stamped
+from noisy_world.sources.renderers import open_session
 
 CAMERA = Intrinsics(120, 80, 78.0, 60.0, 57.5, 41.5)
 

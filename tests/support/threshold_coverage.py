@@ -17,8 +17,8 @@ if __name__ == "__main__":
 
 from scipy import optimize, stats
 
-from noisy_world.evaluation.thresholds.axis import Axis
-from noisy_world.evaluation.thresholds.search import Trial, search
+from noisy_world.evaluate.thresholds import Axis
+from noisy_world.evaluate.thresholds import Trial, search
 
 AXIS = Axis("fog", "visibility_m", "m", 50.0, 0.5, logarithmic=True, whole=False)
 SCENES = [f"scene{number}" for number in range(6)]

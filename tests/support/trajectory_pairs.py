@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from noisy_world.core.trajectories.trajectory import Trajectory
-from noisy_world.evaluation.estimate import Estimate
+from noisy_world.core.trajectory import Trajectory
+from noisy_world.evaluate.estimates import Estimate
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,8 +3,9 @@
 
 import numpy as np
 
-from noisy_world.core.perturbing.kinds import FrameContext
-from noisy_world.perturbations import fog, frost, registry, snow, spatter
+from noisy_world.perturbations.kinds import FrameContext
+from noisy_world.perturbations.shipped import fog, frost, snow, spatter
+from noisy_world.perturbations import registry
 
 MODULES = {module.PERTURBATION.name: module for module in (fog, frost, snow, spatter)}
 NAMES = sorted(MODULES)

@@ -11,10 +11,10 @@ import numpy as np
 import yaml
 from worlds import write_world
 
-from noisy_world.core.presets.preset import read_preset
+from noisy_world.preset.keys import read_preset
 from noisy_world.core.progress import PlainProgress
-from noisy_world.pipeline.run import Run
-from noisy_world.planning import make_plan
+from noisy_world.dataset.run import Run
+from noisy_world.dataset.plan import make_plan
 
 SIZE = (8, 6)
 COUNT = 4

@@ -10,13 +10,13 @@ import pytest
 def registered():
     """The panel's properties, without its buttons."""
     bpy = pytest.importorskip("bpy", reason="bpy is not installed")
-    from noisy_world.ui import paths, preview, properties
+    from noisy_world.panel import drawn_paths, preview, properties
 
     bpy.ops.wm.read_factory_settings(use_empty=True)
-    for module in (properties, paths, preview):
+    for module in (properties, drawn_paths, preview):
         module.register()
     yield
-    for module in (preview, paths, properties):
+    for module in (preview, drawn_paths, properties):
         module.unregister()
 
 
@@ -55,7 +55,7 @@ def room(scene):
     from analytic import box_mesh
     from preview_tools import cycles_scene
 
-    from noisy_world.blender.scene import add_mesh
+    from noisy_world.render.mesh_session import add_mesh
 
     cycles_scene((0, 0, 0))
     add_mesh(scene, box_mesh((-2, -3, 0), (2, 3, 2.5)), "Room", decoding="shader")

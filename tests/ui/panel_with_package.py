@@ -21,7 +21,7 @@ world_folder = Path(sys.argv[1])
 bpy.ops.wm.read_factory_settings(use_empty=True)
 noisy_world.register()
 
-from noisy_world.ui import document, frame_preview, offered, paths, preview_buttons, step_list, apply_preset, world
+from noisy_world.panel import document, frame_preview, gallery, drawn_paths, preview, steps, loading
 
 scene = bpy.context.scene
 settings = scene.noisy_world
@@ -33,14 +33,14 @@ def keyed():
 
 
 # By hand: from the menu, with sliders.
-found = offered.offered(offered.PACKAGES)
+found = gallery.offered(gallery.PACKAGES)
 told["menus"] = {stage: [item.name for item in found if item.stage == stage] for stage in ("motion", "pairing")}
 settings.mesh_source = settings.trajectory_source = "FILE"
 settings.mesh_path, settings.trajectory_path = str(world_folder / "mesh.ply"), str(world_folder / "traj.txt")
 settings.scene_name = "box"
 settings.seed = 3
-world.load_scene(scene)
-world.load_path(scene)
+loading.load_scene(scene)
+loading.load_path(scene)
 told["clean keys"] = keyed()
 bpy.ops.noisy_world.add_step(perturbation="fog")
 told["keys with fog"] = keyed()
@@ -50,10 +50,10 @@ step = settings.steps[settings.active_step]
 step.use_severity = False
 step.lift.height_m, step.lift.shiver_m = 0.25, 0.5
 told["slid keys"] = keyed()
-told["lines"] = paths.drawn_poses(scene, paths.clean_poses(scene)).tolist()
+told["lines"] = drawn_paths.drawn_poses(scene, drawn_paths.clean_poses(scene)).tolist()
 step.enabled = False
 told["keys when off"] = keyed()
-told["lines when off"] = paths.drawn_poses(scene, paths.clean_poses(scene))
+told["lines when off"] = drawn_paths.drawn_poses(scene, drawn_paths.clean_poses(scene))
 told["refused"] = []
 for name in ("lift", "motion_deviation"):
     try:
@@ -61,13 +61,13 @@ for name in ("lift", "motion_deviation"):
     except RuntimeError as error:
         told["refused"].append(str(error))
 bpy.ops.noisy_world.add_step(perturbation="stutter")
-told["stuttering lines"] = paths.drawn_poses(scene, paths.clean_poses(scene)).tolist()
+told["stuttering lines"] = drawn_paths.drawn_poses(scene, drawn_paths.clean_poses(scene)).tolist()
 told["order"] = [item.perturbation for item in settings.steps]
 
 # A preset that says them.
-apply_preset.open_preset(settings, world_folder / "preset.yaml")
-world.load_scene(scene)
-world.load_path(scene)
+document.open_preset(settings, world_folder / "preset.yaml")
+loading.load_scene(scene)
+loading.load_path(scene)
 told["opened"] = document.perturb_of(settings)
 told["opened keys"] = keyed()
 scene.frame_set(4)
@@ -92,12 +92,12 @@ try:
     document.steps_of(settings)
 except InputError as error:
     told["gone"] = f"{type(error).__name__}: {error}"
-told["has depth steps"] = preview_buttons.has_depth_steps(settings)
-step_list.add_step(settings, "fog")
+told["has depth steps"] = preview.has_depth_steps(settings)
+steps.add_step(settings, "fog")
 
 # A source that the package brings.
-from noisy_world.ui import footage, wording
-from noisy_world.ui.source_fields import ITEMS
+from noisy_world.panel import document, wording
+from noisy_world.panel.properties import ITEMS
 
 settings.steps.clear()
 told["source"] = ITEMS[-1]
@@ -112,7 +112,7 @@ open_document(content, world_folder / "corridor.yaml")
 told["source taken"] = [settings.corridor.width_m, settings.corridor.frames, settings.scene_name]
 shown = document.recorded(settings)
 told["source frames"] = len(shown.stamps_s)
-told["source depth"] = float(footage.still(shown, 0).depth_m[24, 0])
+told["source depth"] = float(document.still(shown, 0).depth_m[24, 0])
 document.save_preset(settings, world_folder / "corridor.yaml")
 content["scenes"][0]["corridor"]["width_m"] = 0
 try:

@@ -7,7 +7,7 @@ import time
 import pytest
 
 from noisy_world.core.progress import MARK, JsonProgress, read_message
-from noisy_world.ui.background_run import BackgroundRun
+from noisy_world.panel.background import BackgroundRun
 
 TALK = f"import json, sys, time\ndef tell(**message): print({MARK!r} + json.dumps(message), flush=True)\n"
 START = "tell(start={'label': 'rendering', 'total': 10, 'done': 2})\n"

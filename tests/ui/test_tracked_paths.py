@@ -4,7 +4,7 @@
 import numpy as np
 import pytest
 
-from noisy_world.ui.tracked import estimated_pieces, length, true_pieces
+from noisy_world.panel.drawn_paths import estimated_pieces, length, true_pieces
 
 LINE = np.stack([np.arange(7.0), np.zeros(7), np.zeros(7)], axis=-1)
 NAN = np.nan

@@ -10,12 +10,12 @@ from refusals import refused
 from panel_tools import settings, square, use_files
 from preview_tools import add
 
-from noisy_world.blender.chain_scene import GROUP, shown_chain
-from noisy_world.core.perturbing.reading import parse_steps
-from noisy_world.core.perturbing.kinds import FrameContext
+from noisy_world.nodes.chain_scene import GROUP, shown_chain
+from noisy_world.perturbations.parsing import parse_steps
+from noisy_world.perturbations.kinds import FrameContext
 from noisy_world.core.schema import ConfigPath
 from noisy_world.perturbations import registry
-from noisy_world.ui import document, header_presets, keyed, own_objects, preview, apply_preset, world
+from noisy_world.panel import document, section_presets, steps, own_objects, preview, loading
 
 pytestmark = pytest.mark.usefixtures("add_on")
 
@@ -52,7 +52,7 @@ def test_a_sections_preset_changes_that_section_alone(tmp_path, part, changed):
 
 
 def test_a_header_offers_only_what_its_section_can_take():
-    offered = {part: {path.stem for path in header_presets.takeable(part)} for part in header_presets.LABELS}
+    offered = {part: {path.stem for path in section_presets.takeable(part)} for part in section_presets.LABELS}
     assert {"demo", "noisy_replica"} <= offered["CAMERA"]
     assert "noisy_replica" not in offered["SCENE"]  # eight scenes
     assert "fog" in offered["PERTURBATIONS"]
@@ -76,7 +76,7 @@ def test_the_camera_of_a_file(tmp_path):
         assert (found.width_px, found.height_px, found.fx_px, found.fy_px, found.cx_px, found.cy_px) == (640, 480, *k)
     for content in ("[]", "{}", '{"width": 640, "height": 480, "intrinsic_matrix": [1]}', '{"camera": {"scale": 1}}'):
         (tmp_path / "bad.json").write_text(content)
-        refused(header_presets.take_camera, settings(), tmp_path / "bad.json", names="bad.json")
+        refused(section_presets.take_camera, settings(), tmp_path / "bad.json", names="bad.json")
 
 
 # --- what is keyed ---
@@ -86,7 +86,7 @@ def key_severity(step, *keys):
     for frame, severity in keys:
         step.severity = severity
         assert step.keyframe_insert("severity", frame=frame)
-    for curve in keyed.fcurves_of(scene().animation_data):
+    for curve in steps.fcurves_of(scene().animation_data):
         for point in curve.keyframe_points:
             point.interpolation = "LINEAR"
         curve.update()
@@ -105,7 +105,7 @@ def test_a_keyed_severity_is_in_the_preset_frame_by_frame_and_comes_back(tmp_pat
     assert sampled[1] == {"gaussian_noise": {"mode": "keyed", "levels": [0.0, 2.0, 4.0, 5.0]}}
     document.save_preset(settings(), tmp_path / "keyed.yaml")
     settings().steps.clear()
-    apply_preset.open_preset(settings(), tmp_path / "keyed.yaml")
+    document.open_preset(settings(), tmp_path / "keyed.yaml")
     assert document.perturb_of(settings()) == sampled
 
 
@@ -117,7 +117,7 @@ def test_what_no_preset_holds_cannot_be_keyed_and_old_keys_are_named():
     key_severity(step, (0, 1.0), (5, 3.0))
     action = scene().animation_data.action
     action.fcurve_ensure_for_datablock(scene(), "noisy_world.fx_px").keyframe_points.insert(1, 3.0)
-    assert keyed.without_effect(scene()) == ["fx_px"]
+    assert steps.without_effect(scene()) == ["fx_px"]
 
 
 def test_keys_go_with_their_entry_of_the_list():
@@ -125,13 +125,13 @@ def test_keys_go_with_their_entry_of_the_list():
     bpy.ops.noisy_world.add_step(perturbation="gaussian_noise")
     key_severity(settings().steps[1], (0, 1.0), (3, 2.0))
     bpy.ops.noisy_world.add_step(perturbation="fog")  # comes first
-    assert [keyed.curve_of(step) is not None for step in settings().steps] == [False, False, True]
+    assert [steps.curve_of(step) is not None for step in settings().steps] == [False, False, True]
     settings().active_step = 0
     bpy.ops.noisy_world.remove_step()
-    assert [keyed.curve_of(step) is not None for step in settings().steps] == [False, True]
+    assert [steps.curve_of(step) is not None for step in settings().steps] == [False, True]
     settings().active_step = 1
     bpy.ops.noisy_world.remove_step()
-    assert keyed.fcurves_of(scene().animation_data) == []
+    assert steps.fcurves_of(scene().animation_data) == []
 
 
 def test_the_preview_shows_the_keyed_severity():
@@ -168,7 +168,7 @@ def test_edits_in_the_chain_survive_a_slider():
     assert shown_chain(scene()) == chain
     assert first.inputs["Thickness"].default_value == 7.5
     assert first.inputs["Smoothness"].is_linked
-    paths = {curve.data_path for curve in keyed.fcurves_of(chain.animation_data)}
+    paths = {curve.data_path for curve in steps.fcurves_of(chain.animation_data)}
     assert second.inputs["Std"].path_from_id("default_value") in paths
     assert second.inputs["Std"].default_value == 0.25
     assert preview.is_chain_edited(scene())
@@ -239,10 +239,10 @@ def test_what_is_ours_is_selected_and_in_a_collection_of_its_own(tmp_path):
     space = next(area for area in bpy.context.window.screen.areas if area.type == "VIEW_3D").spaces.active
     shading = (space.shading.color_type, space.shading.light)
     bpy.ops.noisy_world.load_scene()
-    mesh = world.own_object(scene(), "mesh")
+    mesh = loading.own_object(scene(), "mesh")
     assert bpy.context.selected_objects == [mesh] == [bpy.context.view_layer.objects.active]
     bpy.ops.noisy_world.load_trajectory()
-    camera = world.own_object(scene(), "camera")
+    camera = loading.own_object(scene(), "camera")
     assert bpy.context.selected_objects == [camera]
     for item in (mesh, camera):
         assert [collection.name for collection in item.users_collection] == ["Noisy World"]
@@ -257,7 +257,7 @@ def test_the_mode_that_a_user_is_in_stays(tmp_path):
     bpy.ops.noisy_world.load_scene()
     assert cube.mode == "EDIT"
     bpy.ops.object.mode_set(mode="OBJECT")
-    bpy.context.view_layer.objects.active = world.own_object(scene(), "mesh")
+    bpy.context.view_layer.objects.active = loading.own_object(scene(), "mesh")
     bpy.ops.object.mode_set(mode="EDIT")
     refused(bpy.ops.noisy_world.load_scene, names="leave that mode", error=RuntimeError)
     assert bpy.context.view_layer.objects.active.mode == "EDIT"
@@ -268,17 +268,17 @@ def test_a_linked_copy_of_the_scene_is_left_alone(tmp_path):
     bpy.ops.noisy_world.load_scene()
     bpy.ops.noisy_world.load_trajectory()
     first, copy = scene(), scene().copy()
-    mesh, camera = world.own_object(first, "mesh"), world.own_object(first, "camera")
+    mesh, camera = loading.own_object(first, "mesh"), loading.own_object(first, "camera")
     lens, keys = camera.data.lens, own_objects.keys_state(camera)
     copy.noisy_world.fx_px = 300
     copy.noisy_world.deviation_translation_m = 0.5
     with bpy.context.temp_override(scene=copy):
         bpy.ops.noisy_world.load_scene()
         bpy.ops.noisy_world.load_trajectory()
-    assert (world.own_object(first, "mesh"), world.own_object(first, "camera")) == (mesh, camera)
+    assert (loading.own_object(first, "mesh"), loading.own_object(first, "camera")) == (mesh, camera)
     assert first.camera == camera
     assert (camera.data.lens, own_objects.keys_state(camera)) == (lens, keys)
-    own = [world.own_object(copy, kind) for kind in ("mesh", "camera")]
+    own = [loading.own_object(copy, kind) for kind in ("mesh", "camera")]
     assert all(item is not None and item not in set(first.objects) for item in own)
     assert mesh not in set(copy.objects)
     assert copy.camera == own[1]
@@ -290,14 +290,14 @@ def test_the_timeline_is_the_paths_and_its_change_is_said(tmp_path):
     stamps = np.arange(10) / 29.97
     np.savetxt(tmp_path / "path.txt", np.column_stack([stamps, np.zeros((10, 6)), np.ones(10)]), fmt="%.6f")
     settings().trajectory_path = str(tmp_path / "path.txt")
-    count, notes = world.load_path(scene())
+    count, notes = loading.load_path(scene())
     assert count == 10
     assert (
         notes[0]
         == "timeline: frames 0 to 9 (was frames 1 to 250), 29.97 fps (was 24 fps), at frame 0 (was at frame 37)"
     )
     assert (scene().render.fps, scene().frame_current) == (30, 0)
-    assert world.frames_per_s(scene()) == pytest.approx(29.97, rel=1e-4)
+    assert loading.frames_per_s(scene()) == pytest.approx(29.97, rel=1e-4)
     scene().frame_end = 4  # the user's own choice: a slider leaves it
     settings().deviation_translation_m = 0.1
     assert scene().frame_end == 4
@@ -307,12 +307,12 @@ def test_ticks_tell_the_truth(tmp_path):
     use_files(tmp_path)
     bpy.ops.noisy_world.load_scene()
     bpy.ops.noisy_world.load_trajectory()
-    assert world.summary(scene()) == ("4 vertices", "1 faces")
-    assert world.path_summary(scene()) == "10 poses keyed, 20 fps"
+    assert loading.summary(scene()) == ("4 vertices", "1 faces")
+    assert loading.path_summary(scene()) == "10 poses keyed, 20 fps"
     for name in ("trajectory_path", "mesh_path"):
         known = getattr(settings(), name)
         setattr(settings(), name, known + "x")
-        assert (world.path_summary(scene()) == "") == (name == "trajectory_path")
-        assert (world.summary(scene()) == ()) == (name == "mesh_path")
+        assert (loading.path_summary(scene()) == "") == (name == "trajectory_path")
+        assert (loading.summary(scene()) == ()) == (name == "mesh_path")
         setattr(settings(), name, known)
-    assert world.path_summary(scene())
+    assert loading.path_summary(scene())

@@ -5,8 +5,8 @@ import pytest
 
 bpy = pytest.importorskip("bpy", reason="bpy is not installed")
 
-from noisy_world import ui
-from noisy_world.ui import asset_library
+from noisy_world import panel
+from noisy_world.panel import operators
 
 
 @pytest.fixture
@@ -15,10 +15,10 @@ def folder(tmp_path, monkeypatch):
     bpy.ops.wm.read_factory_settings(use_empty=True)
     (tmp_path / "assets").mkdir()
     (tmp_path / "assets" / "noisy_world_assets.blend").touch()
-    monkeypatch.setattr(asset_library, "FOLDER", (tmp_path / "assets").resolve())
-    ui.register()
+    monkeypatch.setattr(operators, "FOLDER", (tmp_path / "assets").resolve())
+    panel.register()
     yield tmp_path / "assets"
-    ui.unregister()
+    panel.unregister()
     bpy.ops.wm.read_factory_settings(use_empty=True)
 
 
@@ -42,9 +42,9 @@ def test_it_goes_with_the_add_on_and_no_other_does(folder):
     before = libraries()
     bpy.ops.noisy_world.add_asset_library()
     assert len(libraries()) == len(before) + 1
-    ui.unregister()
+    panel.unregister()
     assert libraries() == before
-    ui.register()
+    panel.register()
     assert libraries() == before
 
 
@@ -52,9 +52,9 @@ def test_what_a_user_added_by_hand_stays_and_can_be_removed(folder):
     before = libraries()
     bpy.context.preferences.filepaths.asset_libraries.new(name="My Groups", directory=f"{folder}/")
     assert not bpy.ops.noisy_world.add_asset_library.poll()
-    ui.unregister()
+    panel.unregister()
     assert set(libraries()) == {*before, "My Groups"}
-    ui.register()
+    panel.register()
     assert bpy.ops.noisy_world.remove_asset_library() == {"FINISHED"}
     assert libraries() == before
 
@@ -63,26 +63,26 @@ def test_it_comes_back_where_the_add_on_keeps_preferences(folder, monkeypatch):
     class Kept:
         returns = False
 
-    monkeypatch.setattr(asset_library, "_kept", lambda: Kept)
+    monkeypatch.setattr(operators, "_kept", lambda: Kept)
     bpy.ops.noisy_world.add_asset_library()
     there = libraries()
-    ui.unregister()
+    panel.unregister()
     assert "Noisy World" not in libraries()
-    ui.register()
+    panel.register()
     assert libraries() == there
     bpy.ops.noisy_world.remove_asset_library()
-    ui.unregister()
-    ui.register()
+    panel.unregister()
+    panel.register()
     assert "Noisy World" not in libraries()
 
 
 def test_without_a_library_there_is_no_button(folder):
     (folder / "noisy_world_assets.blend").unlink()
-    assert not asset_library.is_built()
+    assert not operators.is_built()
     assert not bpy.ops.noisy_world.add_asset_library.poll()
 
 
 def test_the_package_is_the_add_ons():
-    assert asset_library.PACKAGE == "noisy_world"
-    assert asset_library.NoisyWorldPreferences.bl_idname == "noisy_world"
-    assert asset_library.FOLDER.parent.name == "noisy_world"
+    assert operators.PACKAGE == "noisy_world"
+    assert operators.NoisyWorldPreferences.bl_idname == "noisy_world"
+    assert operators.FOLDER.parent.name == "noisy_world"

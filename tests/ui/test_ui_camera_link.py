@@ -10,8 +10,8 @@ bpy = pytest.importorskip("bpy", reason="bpy is not installed")
 @pytest.fixture
 def node(add_on):
     """Snow by depth inside a group of the artist's own, in a scene of 24 frames a second whose camera drives."""
-    from noisy_world.blender.nodes import ensure_group
-    from noisy_world.core.node_graphs.groups import build_group
+    from noisy_world.nodes.node_trees import ensure_group
+    from noisy_world.perturbations.groups import build_group
     from noisy_world.perturbations import registry
 
     scene = bpy.context.scene
@@ -62,7 +62,7 @@ def test_without_a_group_or_a_camera_the_button_says_why(add_on):
 
 def test_what_is_added_to_this_scene_has_its_frame_rate(add_on):
     """A mesh along a path has the rate of the path, which nobody knows yet, so there the default stays."""
-    from noisy_world.ui.properties import panel_of, parameters_of
+    from noisy_world.panel.properties import panel_of, parameters_of
 
     scene = bpy.context.scene
     scene.render.fps, scene.render.fps_base = 30, 1.001

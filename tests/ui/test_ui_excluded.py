@@ -16,14 +16,14 @@ pytestmark = pytest.mark.usefixtures("add_on")
 
 
 def names():
-    from noisy_world.ui.excluded import excluded
+    from noisy_world.panel.exclusions import excluded
 
     bpy.context.view_layer.update()
     return excluded(bpy.context.scene)
 
 
 def shows_dataset():
-    from noisy_world.ui.excluded import shows_dataset
+    from noisy_world.panel.exclusions import shows_dataset
 
     bpy.context.view_layer.update()
     return shows_dataset(bpy.context.scene)
@@ -243,13 +243,13 @@ def test_a_change_of_the_panel_does_not_hide_a_change_by_hand(loaded):
     ],
 )
 def test_names_in_words(given, text):
-    from noisy_world.ui.excluded import enumerated
+    from noisy_world.panel.exclusions import enumerated
 
     assert enumerated(given) == text
 
 
 def test_the_sentence_says_what_the_dataset_shows(loaded):
-    from noisy_world.ui.excluded import sentence
+    from noisy_world.panel.exclusions import sentence
 
     assert sentence(loaded) == ""
     add("Chair", mesh())
@@ -260,7 +260,7 @@ def test_the_sentence_says_what_the_dataset_shows(loaded):
 
 
 def test_a_large_scene_costs_a_few_calls_an_object_and_a_large_mesh_none(loaded):
-    from noisy_world.ui.excluded import excluded
+    from noisy_world.panel.exclusions import excluded
 
     data, counts = mesh(), {}
     for number in range(800):

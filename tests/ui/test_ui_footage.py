@@ -12,10 +12,10 @@ from refusals import refused
 from panel_tools import settings
 from recorded_layouts import WRITERS
 
-from noisy_world.core.datasets.layouts import LAYOUTS, RECORDED
-from noisy_world.ui import document, footage, frame_preview, excluded, apply_preset, world
-from noisy_world.ui.generate import run_of
-from noisy_world.ui.shown_sources import PANEL_SOURCES, shown
+from noisy_world.layouts import LAYOUTS, RECORDED
+from noisy_world.panel import document, frame_preview, exclusions, loading
+from noisy_world.panel.generate import run_of
+from noisy_world.panel.document import PANEL_SOURCES, shown
 
 pytestmark = pytest.mark.usefixtures("add_on")
 
@@ -46,7 +46,7 @@ def test_a_recording_is_previewed_as_it_is_written(recording):
     for name in ("fog_depth", "depth_gaussian_noise"):
         bpy.ops.noisy_world.add_step(perturbation=name)
     recording.image = "png"
-    assert excluded.excluded(scene) == ()
+    assert exclusions.excluded(scene) == ()
     assert bpy.ops.noisy_world.preview_frame.poll()
     assert not bpy.ops.noisy_world.load_scene.poll()
     assert not bpy.ops.noisy_world.load_trajectory.poll()
@@ -98,7 +98,7 @@ def test_plain_images_are_previewed_as_they_are_written(tmp_path):
     document.save_preset(item, tmp_path / "plates.yaml")
     item.recorded_layout = "auto"
     refused(bpy.ops.noisy_world.generate, names=["Scene > Layout: ", "Plain Images"], error=RuntimeError)
-    apply_preset.open_preset(item, tmp_path / "plates.yaml")
+    document.open_preset(item, tmp_path / "plates.yaml")
     assert item.recorded_layout == "images"
 
 
@@ -123,7 +123,7 @@ def test_its_keys_come_back_from_a_preset(recording, tmp_path):
     item = settings()
     item.mesh_source, item.sequence_path, item.recorded_poses, item.register_depth = "ROOM", "", "drop", False
     item.recorded_void, item.recorded_depth_scale_per_m = "unmeasured", 0.0
-    apply_preset.open_preset(item, path)
+    document.open_preset(item, path)
     assert document.to_document(item, tmp_path) == said
     film(tmp_path / "walk.avi")
     (tmp_path / "depth").mkdir()
@@ -134,22 +134,22 @@ def test_its_keys_come_back_from_a_preset(recording, tmp_path):
         "settings": [{"name": "clean"}],
     }
     (tmp_path / "video.json").write_text(json.dumps(preset))
-    apply_preset.open_preset(item, tmp_path / "video.json")
+    document.open_preset(item, tmp_path / "video.json")
     said = document.to_document(item, tmp_path)
     assert said["scenes"] == [{"name": "walk", **preset["scenes"][0]}]
     assert said["camera"].items() >= preset["camera"].items()
     for key, several in (("sequence", "scan*"), ("video", "*.avi")):
         (tmp_path / "several.json").write_text(json.dumps({**preset, "scenes": [{key: several}]}))
-        refused(apply_preset.open_preset, item, tmp_path / "several.json", names=[f"scenes.0.{key}: ", "panel"])
-    assert apply_preset.can_apply(path, "SCENE")
-    assert not apply_preset.can_apply(path, "PATH")
+        refused(document.open_preset, item, tmp_path / "several.json", names=[f"scenes.0.{key}: ", "panel"])
+    assert document.can_apply(path, "SCENE")
+    assert not document.can_apply(path, "PATH")
 
 
 def test_what_is_wrong_with_a_recording_is_said(recording, tmp_path):
-    assert footage.layout_names(recording.sequence_path) == "ScanNet"
-    assert footage.layout_names(str(tmp_path)) == ""
-    assert footage.layout_names(str(tmp_path / "none")) == ""
-    assert [label for label, _ in footage.known_layouts()] == [
+    assert document.layout_names(recording.sequence_path) == "ScanNet"
+    assert document.layout_names(str(tmp_path)) == ""
+    assert document.layout_names(str(tmp_path / "none")) == ""
+    assert [label for label, _ in document.known_layouts()] == [
         layout.label for layout in (*LAYOUTS.values(), *RECORDED.values())
     ]
     recording.undistort = True
@@ -175,7 +175,7 @@ def test_a_video_is_previewed(recording, tmp_path):
         recording.steps.clear()
     recording.use_depth = False
     document.save_preset(recording, tmp_path / "a.yaml")
-    assert world.summary(scene) == ()
+    assert loading.summary(scene) == ()
 
 
 class Drawn:
@@ -200,7 +200,7 @@ class Drawn:
 
 
 def test_each_source_draws_fields_that_there_are(recording, monkeypatch):
-    monkeypatch.setattr("noisy_world.ui.shown_sources.write", lambda layout, *_: layout.label())  # no window, no width
+    monkeypatch.setattr("noisy_world.panel.document.write", lambda layout, *_: layout.label())  # no window, no width
     drawn = {}
     for name, source in PANEL_SOURCES.items():
         recording.mesh_source = name

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from preview_tools import add, cycles_scene, pixels
 
-from noisy_world.blender.own_still import OwnStill
-from noisy_world.blender.still_process import StillRequest, read_frames
+from noisy_world.render.own_stills import OwnStill
+from noisy_world.render.own_stills import StillRequest, read_frames
 from noisy_world.core.geometry import Intrinsics
-from noisy_world.ui import preview, runs, stills
+from noisy_world.panel import preview, runs, stills
 
 pytestmark = pytest.mark.usefixtures("registered")
 

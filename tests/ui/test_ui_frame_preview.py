@@ -11,16 +11,16 @@ from refusals import refused
 from preview_tools import IDENTIFIERS, SIZE, add, cycles_scene, pixels, steps_of
 from worlds import generate, path_poses, write_world
 
-from noisy_world.blender.chain_scene import shown_chain
-from noisy_world.blender.compositor import Compositor
-from noisy_world.blender.still import render_stills
-from noisy_world.blender.typed import fcurves_of
+from noisy_world.nodes.chain_scene import shown_chain
+from noisy_world.nodes.compositor import Compositor
+from noisy_world.render.own_stills import render_stills
+from noisy_world.nodes.datablocks import fcurves_of
 from noisy_world.core.errors import NoisyWorldError
-from noisy_world.core.datasets.images import rgb_bytes
-from noisy_world.core.perturbing.execution import perturb_depth, perturb_rgb
-from noisy_world.core.perturbing.kinds import FrameContext
-from noisy_world.core.datasets.overview import colour_depth
-from noisy_world.ui import frame_preview, operators, presets, preview, stills, world
+from noisy_world.images.pixels import rgb_bytes
+from noisy_world.perturbations.execution import perturb_depth, perturb_rgb
+from noisy_world.perturbations.kinds import FrameContext
+from noisy_world.dataset.overview import colour_depth
+from noisy_world.panel import frame_preview, operators, presets, preview, stills, loading
 
 
 pytestmark = pytest.mark.usefixtures("registered")
@@ -266,7 +266,7 @@ def test_a_preset_run_without_a_window_writes_what_the_picture_shows(scene, tmp_
     misty = {"name": "misty", "perturb": [{"fog": {"severity": 2}}, {"fog_depth": clumps}, {"desync": {"offset": 1}}]}
     write_world(tmp_path, settings=[misty], render={"backend": "compositor"})
     bpy.context.view_layer.update()
-    for module in (world, operators, presets):
+    for module in (loading, operators, presets):
         module.register()
     try:
         assert bpy.ops.noisy_world.use_preset(filepath=str(tmp_path / "preset.yaml"), setting="misty") == {"FINISHED"}
@@ -284,7 +284,7 @@ def test_a_preset_run_without_a_window_writes_what_the_picture_shows(scene, tmp_
         ]
         preview.hide(scene)
     finally:
-        for module in (presets, operators, world):
+        for module in (presets, operators, loading):
             module.unregister()
     away_m = np.linalg.norm(path_poses(6)[:, :3, 3] - path_poses(6)[0, :3, 3], axis=1)
     assert np.abs(np.linalg.norm(shown_m, axis=1) - away_m).max() < 1e-5

@@ -14,20 +14,20 @@ from worlds import ROOT, content, generate, path_poses, write_box_ply, write_rep
 
 bpy = pytest.importorskip("bpy", reason="bpy is not installed")
 
-from noisy_world import ui
+from noisy_world import panel
 from noisy_world.core.progress import MARK
-from noisy_world.ui import generate as generating
-from noisy_world.ui import runs
-from noisy_world.ui.background_run import BackgroundRun
-from noisy_world.ui.document import to_document
+from noisy_world.panel import generate as generating
+from noisy_world.panel import runs
+from noisy_world.panel.background import BackgroundRun
+from noisy_world.panel.document import to_document
 
 
 @pytest.fixture
 def scene():
     bpy.ops.wm.read_factory_settings(use_empty=True)
-    ui.register()
+    panel.register()
     yield bpy.context.scene
-    ui.unregister()
+    panel.unregister()
 
 
 def prepare(scene, folder, name="out", *, frames=3):
@@ -199,10 +199,10 @@ def test_the_generator_is_found_and_nothing_stays_registered(scene):
     assert runs.generator_script() == ROOT / "headless" / "generate.py"
     counts = [len(handlers) for handlers in generating.LEAVING]
     drawn = len(bpy.types.STATUSBAR_HT_header.draw._draw_funcs)
-    ui.unregister()
+    panel.unregister()
     assert [len(handlers) for handlers in generating.LEAVING] == [count - 1 for count in counts]
     assert len(bpy.types.STATUSBAR_HT_header.draw._draw_funcs) == drawn - 2  # of the generator and of previewed frames
-    ui.register()
+    panel.register()
 
 
 def test_the_process_is_this_python(tmp_path):

@@ -7,8 +7,8 @@ from refusals import refused
 import yaml
 from panel_tools import settings, use_files
 
-from noisy_world.ui.apply_preset import open_preset
-from noisy_world.ui.document import save_preset, steps_of
+from noisy_world.panel.document import open_preset
+from noisy_world.panel.document import save_preset, steps_of
 
 pytestmark = pytest.mark.usefixtures("add_on")
 

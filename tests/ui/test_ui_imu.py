@@ -6,7 +6,7 @@ from refusals import refused
 from cases import cases
 from panel_tools import open_document, settings
 
-from noisy_world.core.presets.preset import check_document
+from noisy_world.preset.keys import check_document
 
 pytestmark = pytest.mark.usefixtures("add_on")
 
@@ -26,7 +26,7 @@ def document(rig):
     ],
 )
 def test_an_imu_comes_back_as_it_was(tmp_path, imu):
-    from noisy_world.ui.document import to_document
+    from noisy_world.panel.document import to_document
 
     given = document(None if imu is None else {"imu": imu})
     open_document(given, tmp_path / "given.yaml")
@@ -49,13 +49,13 @@ def test_what_the_tab_cannot_show_is_refused(tmp_path, rig, where):
 
 
 def test_rendered_scenes_carry_one_and_recordings_none():
-    from noisy_world.ui.shown_sources import PANEL_SOURCES
+    from noisy_world.panel.document import PANEL_SOURCES
 
     assert {name for name, source in PANEL_SOURCES.items() if source.carries} == {"FILE", "ROOM", "SCENE"}
 
 
 def test_its_fields_are_drawn_where_it_is_on():
-    from noisy_world.ui.imu_fields import draw_imu
+    from noisy_world.panel.properties import draw_imu
 
     class Layout:
         def __init__(self):

@@ -6,7 +6,7 @@ from refusals import refused
 from cases import cases
 from panel_tools import open_document, settings
 
-from noisy_world.core.presets.preset import check_document
+from noisy_world.preset.keys import check_document
 
 pytestmark = pytest.mark.usefixtures("add_on")
 
@@ -29,7 +29,7 @@ def document(distortion):
     ],
 )
 def test_a_meshs_lens_comes_back_as_it_was(tmp_path, distortion):
-    from noisy_world.ui.document import to_document
+    from noisy_world.panel.document import to_document
 
     open_document(document(distortion), tmp_path / "given.yaml")
     again = check_document(to_document(settings()), tmp_path / "again.yaml")
@@ -38,7 +38,7 @@ def test_a_meshs_lens_comes_back_as_it_was(tmp_path, distortion):
 
 
 def test_a_recordings_lens_is_said_of_its_scene(tmp_path):
-    from noisy_world.ui.shown_sources import PANEL_SOURCES
+    from noisy_world.panel.document import PANEL_SOURCES
 
     panel = settings()
     panel.mesh_source, panel.sequence_path = "RECORDING", str(tmp_path)
@@ -50,7 +50,7 @@ def test_a_recordings_lens_is_said_of_its_scene(tmp_path):
 
 
 def test_a_lens_without_coefficients_is_refused_in_the_tabs_words(tmp_path):
-    from noisy_world.ui.document import to_document
+    from noisy_world.panel.document import to_document
 
     panel = settings()
     panel.mesh_source, panel.distorts = "ROOM", True
@@ -59,7 +59,7 @@ def test_a_lens_without_coefficients_is_refused_in_the_tabs_words(tmp_path):
 
 @cases(("model", "count"), [("radial-tangential", 8), ("equidistant", 4)])
 def test_the_fields_drawn_are_those_of_the_model(model, count):
-    from noisy_world.ui.lens_fields import draw_distortion
+    from noisy_world.panel.properties import draw_distortion
 
     drawn = []
 

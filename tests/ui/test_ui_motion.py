@@ -9,10 +9,10 @@ from cases import cases
 
 bpy = pytest.importorskip("bpy", reason="bpy is not installed")
 
-from noisy_world.core.trajectories.bodies import BODIES
-from noisy_world.perturbations._spectra import SPECTRA
-from noisy_world.ui import drawn_body, motion_plot, paths
-from noisy_world.ui.step_list import add_step
+from noisy_world.trajectories.bodies import BODIES
+from noisy_world.perturbations.shipped._deviations import SPECTRA
+from noisy_world.panel import drawn_paths, sections
+from noisy_world.panel.steps import add_step
 
 pytestmark = pytest.mark.usefixtures("add_on")
 
@@ -27,39 +27,39 @@ def added(name):
 
 
 def test_the_plotted_signals_have_the_source_s_power():
-    moved_m, turned_deg = motion_plot.signals(panel(), added("vibration"))
+    moved_m, turned_deg = sections.signals(panel(), added("vibration"))
     walk = SPECTRA["walk"]
     # Of 8 s: the mean over the axes, to within what so short a time tells.
     for values, axes in ((moved_m, walk.translation_m), (turned_deg, walk.rotation_deg)):
         wanted = np.sqrt(sum(axis.rms**2 for axis in axes))
         assert np.sqrt((values**2).sum(axis=1).mean()) == pytest.approx(wanted, rel=0.35)
-    hz, density = motion_plot.power(moved_m, 500.0)
+    hz, density = sections.power(moved_m, 500.0)
     inside = (hz > 1.5) & (hz < 2.5)
     assert density[inside, 1].sum() > 0.9 * density[:, 1].sum()  # down: 97 % at the steps' two a second
     # Parseval: the density adds up to the variance.
     tone = np.sin(2 * np.pi * 20 * np.arange(4000) / 500.0)[:, None] * [1.0, 0.0, 2.0]
-    hz, density = motion_plot.power(tone, 500.0)
+    hz, density = sections.power(tone, 500.0)
     np.testing.assert_allclose(density.sum(axis=0) * (hz[1] - hz[0]), [0.5, 0.0, 2.0], rtol=0.01, atol=1e-12)
 
 
 @cases("name", ["vibration", "drift", "jerk"])
 def test_each_has_a_picture_that_follows_its_values(name):
     step = added(name)
-    window = motion_plot.window_of(name)[1:]
-    first = motion_plot.picture(*motion_plot.signals(panel(), step), *window)
+    window = sections.window_of(name)[1:]
+    first = sections.picture(*sections.signals(panel(), step), *window)
     assert first.shape == (384, 384, 3)
     assert len(np.unique(first.reshape(-1, 3), axis=0)) > 10  # lines and letters
     panel().seed += 1
-    assert (motion_plot.picture(*motion_plot.signals(panel(), step), *window) != first).any()
+    assert (sections.picture(*sections.signals(panel(), step), *window) != first).any()
 
 
 def test_others_have_none(monkeypatch):
     for name in ("fog", "motion_deviation", "faster_motion"):
-        motion_plot.draw_motion(SimpleNamespace(), panel(), added(name))  # which would fail where it drew
+        sections.draw_motion(SimpleNamespace(), panel(), added(name))  # which would fail where it drew
     drawn = []
-    monkeypatch.setattr(motion_plot, "_icon", lambda *_: 7)
+    monkeypatch.setattr(sections, "_icon", lambda *_: 7)
     layout = SimpleNamespace(template_icon=lambda **given: drawn.append(given["icon_value"]))
-    motion_plot.draw_motion(layout, panel(), added("vibration"))
+    sections.draw_motion(layout, panel(), added("vibration"))
     assert drawn == [7]
 
 
@@ -75,7 +75,7 @@ def path(count=5):
 def test_a_body_stands_below_its_camera(kind):
     panel().body = kind
     c2w = path()
-    outlines = [ends for colour, ends in drawn_body.lines(panel(), c2w, 2, c2w[2]) if colour == drawn_body.BODY_RGB]
+    outlines = [ends for colour, ends in drawn_paths.lines(panel(), c2w, 2, c2w[2]) if colour == drawn_paths.BODY_RGB]
     outline, shadow = outlines
     floor_m = 1.0 - BODIES[kind].height_m
     assert outline[:, 2].min() == pytest.approx(floor_m)
@@ -87,20 +87,20 @@ def test_a_body_stands_below_its_camera(kind):
 
 
 def test_the_rig_sits_on_the_camera_with_its_deviation():
-    assert drawn_body.lines(panel(), path(), 0, path()[0]) == []
+    assert drawn_paths.lines(panel(), path(), 0, path()[0]) == []
     panel().has_imu, panel().imu_x_m, panel().imu_z_m = True, 0.1, 0.3
     moved = path()[3]
     moved[:3, 3] = (3.0, 0.05, 1.1)
-    found = drawn_body.lines(panel(), path(), 3, moved)
+    found = drawn_paths.lines(panel(), path(), 3, moved)
     assert [len(ends) for _, ends in found] == [2] * 6
     np.testing.assert_allclose(found[0][1], [[3.0, 0.05, 1.1], [3.2, 0.05, 1.1]], atol=1e-6)
     # The IMU: .1 m to the right, which is the world's x, and .3 m ahead, its y.
     np.testing.assert_allclose(found[3][1][0], [3.1, 0.35, 1.1], atol=1e-6)
-    np.testing.assert_allclose(found[5][1][1] - found[5][1][0], [0, drawn_body.IMU_AXIS_M, 0], atol=1e-6)
+    np.testing.assert_allclose(found[5][1][1] - found[5][1][0], [0, drawn_paths.IMU_AXIS_M, 0], atol=1e-6)
 
 
 def test_the_current_frame_is_the_pose_that_is_shown():
     scene = bpy.context.scene
     for frame, row in ((0, 0), (3, 3), (9, 4)):
         scene.frame_set(frame)
-        assert paths.current_row(scene, 5) == row
+        assert drawn_paths.current_row(scene, 5) == row

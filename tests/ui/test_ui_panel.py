@@ -13,12 +13,12 @@ from keyed_poses import keyed_poses
 from panel_tools import own_classes, settings, use_files
 
 import noisy_world
-from noisy_world.core.scenes.mesh import Mesh
-from noisy_world.core.perturbing.kinds import STAGES
-from noisy_world.core.scenes.ply_writer import write_ply
-from noisy_world import ui
+from noisy_world.scenes.polygon_mesh import Mesh
+from noisy_world.perturbations.kinds import STAGES
+from noisy_world.scenes.ply_writer import write_ply
+from noisy_world import panel
 from noisy_world.perturbations import registry
-from noisy_world.ui import described, document, panels, presets
+from noisy_world.panel import fields as described, document, sections, presets
 
 
 # --- the list ---
@@ -30,7 +30,7 @@ pytestmark = pytest.mark.usefixtures("add_on")
 def test_the_list_keeps_the_propagation_order():
     for name in reversed([item.name for item in registry().values() if item.stage != "motion"]):
         assert bpy.ops.noisy_world.add_step(perturbation=name) == {"FINISHED"}
-    assert tuple(panels.STAGE_LABELS) == STAGES
+    assert tuple(sections.STAGE_LABELS) == STAGES
     names = [step.perturbation for step in settings().steps]
     assert names == sorted(names, key=lambda name: (STAGES.index(registry()[name].stage), registry()[name].order))
     assert bpy.ops.noisy_world.add_step(perturbation="fog") == {"FINISHED"}
@@ -75,7 +75,7 @@ def test_a_severity_is_one_that_presets_know():
 
 
 def test_an_override_starts_at_the_severitys_value_and_what_is_off_is_left_out():
-    from noisy_world.ui.document import steps_of
+    from noisy_world.panel.document import steps_of
 
     bpy.ops.noisy_world.add_step(perturbation="fog")
     step = settings().steps[0]
@@ -179,9 +179,9 @@ def test_solid_shading_gets_its_own_colours_and_the_render_keeps_its(tmp_path):
 
 
 def test_the_camera_is_keyed_as_the_generator_renders_and_follows_the_sliders(tmp_path):
-    from noisy_world.core.planning.source_paths import source_paths
-    from noisy_world.planning import make_plan
-    from noisy_world.ui.document import preset_of
+    from noisy_world.dataset.rendering import source_paths
+    from noisy_world.dataset.plan import make_plan
+    from noisy_world.panel.document import preset_of
 
     poses = use_files(tmp_path)
     bpy.ops.noisy_world.load_trajectory()
@@ -295,7 +295,7 @@ def traces():
 
 
 def test_twenty_times_on_and_off_leaves_nothing():
-    from noisy_world.ui import paths, preview, properties
+    from noisy_world.panel import drawn_paths, preview, properties
 
     noisy_world.unregister()
     before = traces()
@@ -305,7 +305,7 @@ def test_twenty_times_on_and_off_leaves_nothing():
         noisy_world.unregister()
     assert traces() == before
     assert properties.LISTENERS == []
-    assert paths._handles == []
+    assert drawn_paths._handles == []
     assert not any(bpy.app.timers.is_registered(item) for item in (preview._follow, preview._resume))
     noisy_world.register()
 
@@ -321,7 +321,7 @@ def test_a_registration_that_fails_leaves_nothing(monkeypatch):
         with monkeypatch.context() as patched:
             patched.setattr(presets, "register", fail)  # the last
             with pytest.raises(RuntimeError, match="no room"):
-                ui.register()
+                panel.register()
         assert set(dir(bpy.types)) == before
         assert not hasattr(bpy.types.Scene, "noisy_world")
         assert described.LISTENERS == []

@@ -11,8 +11,8 @@ import pytest
 bpy = pytest.importorskip("bpy", reason="bpy is not installed")
 
 from noisy_world.perturbations import registry
-from noisy_world.ui import pictures
-from noisy_world.ui.preset_files import listed, shipped_folder
+from noisy_world.panel import gallery
+from noisy_world.panel.gallery import listed, shipped_folder
 
 MOST_BYTES = 300_000
 
@@ -30,9 +30,9 @@ class Previews(dict):
 @pytest.fixture(autouse=True)
 def previews(add_on, monkeypatch):
     made = Previews()
-    monkeypatch.setattr(pictures, "_loaded", {"pictures": made})
+    monkeypatch.setattr(gallery, "_loaded", {"pictures": made})
     yield made
-    pictures._loaded.clear()
+    gallery._loaded.clear()
 
 
 class Drawn:
@@ -63,7 +63,7 @@ class Drawn:
 
 def drawn(name):
     layout = Drawn()
-    (cls,) = [cls for cls in pictures.CLASSES if cls.__name__ == name]
+    (cls,) = [cls for cls in gallery.CLASSES if cls.__name__ == name]
     cls.draw(SimpleNamespace(layout=layout), bpy.context)
     return layout
 
@@ -72,20 +72,20 @@ def test_every_shipped_preset_and_perturbation_has_one_and_no_other_is_there():
     presets = [path.with_suffix(".jpg") for path in listed(shipped_folder())]
     wanted = {path.relative_to(shipped_folder()).as_posix() for path in presets}
     wanted |= {f"perturbations/{name}.jpg" for name in registry()}
-    files = [path for path in pictures.FOLDER.rglob("*") if path.is_file()]
-    assert {path.relative_to(pictures.FOLDER).as_posix() for path in files} == wanted
+    files = [path for path in gallery.FOLDER.rglob("*") if path.is_file()]
+    assert {path.relative_to(gallery.FOLDER).as_posix() for path in files} == wanted
     assert sum(path.stat().st_size for path in files) < MOST_BYTES
     shapes = {cv2.imread(str(path)).shape for path in files}
     assert len(shapes) == 1
 
 
 def test_the_lists_show_them_with_a_button_each(previews):
-    shown = [drawn(name) for name in (*pictures.POPOVERS.values(), pictures.PRESETS)]
+    shown = [drawn(name) for name in (*gallery.POPOVERS.values(), gallery.PRESETS)]
     assert all(len(layout.icons) == len(layout.buttons) > 10 for layout in shown)
     icons = [icon for layout in shown for icon in layout.icons]
     assert 0 not in icons
     assert len(set(icons)) == len(icons)
-    assert drawn(pictures.PRESETS).icons == shown[-1].icons
+    assert drawn(gallery.PRESETS).icons == shown[-1].icons
     assert len(previews) == len(icons)  # each is loaded once
 
 
@@ -94,10 +94,10 @@ def test_one_without_is_listed_by_its_name_and_ones_own_stands_beside_its_file(t
     own.mkdir()
     for name in ("bare", "mine"):
         shutil.copy(shipped_folder() / "demo.yaml", own / f"{name}.yaml")
-    shutil.copy(pictures.FOLDER / "demo.jpg", own / "mine.jpg")
-    monkeypatch.setattr(pictures, "own_folder", lambda: own)
-    monkeypatch.setattr(pictures, "FOLDER", Path(tmp_path / "none"))
-    layout = drawn(pictures.PRESETS)
+    shutil.copy(gallery.FOLDER / "demo.jpg", own / "mine.jpg")
+    monkeypatch.setattr(gallery, "own_folder", lambda: own)
+    monkeypatch.setattr(gallery, "FOLDER", Path(tmp_path / "none"))
+    layout = drawn(gallery.PRESETS)
     assert [text for _, text in layout.buttons][:3] == ["bare", "mine", "Benchmark"]
     assert layout.icons[0] == 0
     assert layout.icons[1] > 0

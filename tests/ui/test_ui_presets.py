@@ -11,8 +11,8 @@ from refusals import refused
 from cases import cases
 from panel_tools import leave_one_sensor, open_document, settings, use_files
 
-from noisy_world.core.perturbing.reading import parse_settings
-from noisy_world.core.presets.preset import read_preset
+from noisy_world.perturbations.parsing import parse_settings
+from noisy_world.preset.keys import read_preset
 from noisy_world.perturbations import registry
 from noisy_world.sources import read_scenes
 
@@ -34,8 +34,8 @@ def parsed(preset):
 
 @cases("path", PRESETS)
 def test_a_shipped_preset_comes_back_as_the_same_plan(path, tmp_path):
-    from noisy_world.ui.document import save_preset
-    from noisy_world.ui.apply_preset import open_preset
+    from noisy_world.panel.document import save_preset
+    from noisy_world.panel.document import open_preset
 
     shipped = read_preset(path)
     for name, setting in parsed(shipped).items():
@@ -57,9 +57,9 @@ def test_a_shipped_preset_comes_back_as_the_same_plan(path, tmp_path):
 
 
 def test_a_preset_without_a_camera_says_what_the_panel_then_shows(tmp_path):
-    from noisy_world.ui.document import to_document
-    from noisy_world.ui.apply_preset import open_preset
-    from noisy_world.ui.runs import saved_preset
+    from noisy_world.panel.document import to_document
+    from noisy_world.panel.document import open_preset
+    from noisy_world.panel.runs import saved_preset
 
     path = tmp_path / "short.yaml"
     path.write_text(json.dumps({key: value for key, value in to_document(settings()).items() if key != "camera"}))
@@ -70,9 +70,9 @@ def test_a_preset_without_a_camera_says_what_the_panel_then_shows(tmp_path):
 
 
 def test_each_embedded_room_is_shown_and_kept(tmp_path):
-    from noisy_world.ui.document import save_preset, to_document
-    from noisy_world.ui.apply_preset import open_preset
-    from noisy_world.ui.runs import saved_preset
+    from noisy_world.panel.document import save_preset, to_document
+    from noisy_world.panel.document import open_preset
+    from noisy_world.panel.runs import saved_preset
 
     for mesh, seed, name in (("embedded:room?seed=3", 3, "room3"), ("embedded:room", 0, "room")):
         document = {"scenes": [{"mesh": mesh, "trajectory": {"handheld": {"frames": 3}}}]}
@@ -88,8 +88,8 @@ def test_each_embedded_room_is_shown_and_kept(tmp_path):
 
 
 def test_a_body_is_shown_and_kept(tmp_path):
-    from noisy_world.ui.document import save_preset, to_document
-    from noisy_world.ui.apply_preset import open_preset
+    from noisy_world.panel.document import save_preset, to_document
+    from noisy_world.panel.document import open_preset
 
     path = {"handheld": {"frames": 3}, "body": {"kind": "rover", "motion": 4.0}}
     open_document({"scenes": [{"mesh": "embedded:room", "trajectory": path}]}, tmp_path / "p.yaml")
@@ -107,8 +107,8 @@ def test_a_body_is_shown_and_kept(tmp_path):
 
 
 def test_what_the_files_are_written_as_is_kept(tmp_path):
-    from noisy_world.ui.document import save_preset, to_document
-    from noisy_world.ui.apply_preset import open_preset
+    from noisy_world.panel.document import save_preset, to_document
+    from noisy_world.panel.document import open_preset
 
     document = {
         "scenes": [{"mesh": "embedded:room", "trajectory": {"handheld": {"frames": 3}}}],
@@ -128,7 +128,7 @@ def test_what_the_files_are_written_as_is_kept(tmp_path):
 
 
 def test_a_layout_brings_what_its_readers_expect():
-    from noisy_world.core.datasets.layouts import LAYOUTS
+    from noisy_world.layouts import LAYOUTS
 
     made = settings()
     assert (made.layout, made.image, made.colour, made.depth_scale_per_m) == ("replica", "jpg", "rgb", 6553.5)
@@ -143,7 +143,7 @@ def test_a_layout_brings_what_its_readers_expect():
 
 
 def test_numbers_that_float32_cannot_hold_are_kept(tmp_path):
-    from noisy_world.ui.document import to_document
+    from noisy_world.panel.document import to_document
 
     document = {
         "scenes": [{"mesh": "embedded:room", "trajectory": {"handheld": {"frames": 3}}}],
@@ -175,7 +175,7 @@ def test_numbers_that_float32_cannot_hold_are_kept(tmp_path):
     ],
 )
 def test_what_the_panel_cannot_show_is_refused_in_a_line(change, key, tmp_path):
-    from noisy_world.ui.document import to_document
+    from noisy_world.panel.document import to_document
 
     document = {"scenes": [{"mesh": "embedded:room", "trajectory": {"handheld": {"frames": 3}}}]} | change
     settings().seed = 77
@@ -201,8 +201,8 @@ def test_own_presets_are_kept_where_blender_keeps_them(tmp_path, monkeypatch):
 
 
 def test_paths_beside_a_preset_are_relative_in_it(tmp_path):
-    from noisy_world.ui.document import save_preset
-    from noisy_world.ui.apply_preset import open_preset
+    from noisy_world.panel.document import save_preset
+    from noisy_world.panel.document import open_preset
 
     use_files(tmp_path)
     save_preset(settings(), tmp_path / "kitchen.yaml")
@@ -224,7 +224,7 @@ def use(path, **options):
 
 def described():
     """What the panel holds but for what is done to a sequence, and the list apart."""
-    from noisy_world.ui.document import perturb_of, to_document
+    from noisy_world.panel.document import perturb_of, to_document
 
     rest = to_document(settings())
     rest.pop("settings")
@@ -267,7 +267,7 @@ def test_a_shipped_perturbation_leaves_everything_else_alone(of_ones_own, path):
 
 
 def steps_of_panel():
-    from noisy_world.ui.document import steps_of
+    from noisy_world.panel.document import steps_of
 
     return steps_of(settings())
 
@@ -354,10 +354,10 @@ def test_a_stream_is_refused_where_it_would_be_lost(of_ones_own, tmp_path):
 
 
 def test_home_folders_in_the_panels_fields(tmp_path, monkeypatch):
-    from noisy_world.ui import runs
-    from noisy_world.ui.document import to_document
-    from noisy_world.ui.output_place import output_folder
-    from noisy_world.ui.apply_preset import open_preset
+    from noisy_world.panel import runs
+    from noisy_world.panel.document import to_document
+    from noisy_world.panel.open_scene import output_folder
+    from noisy_world.panel.document import open_preset
 
     monkeypatch.setenv("HOME", str(tmp_path))
     use_files(tmp_path)

@@ -9,14 +9,12 @@ from group_tools import picture
 from preview_tools import IDENTIFIERS, SIZE, add, cycles_scene, steps_of
 from shown import evaluate_scene, image_of
 
-from noisy_world.blender.chain_scene import (
-    PREVIOUS, GROUP, OWN, SPLIT, hide_chain, own_compositing, refresh_chain, show_chain, shown_chain,
-)  # fmt: skip
-from noisy_world.blender.chain_values import is_edited
-from noisy_world.blender.compositor import Compositor
-from noisy_world.core.perturbing.execution import move
-from noisy_world.core.trajectories.trajectory import Trajectory
-from noisy_world.ui import paths, preview, properties, views
+from noisy_world.nodes.chain_scene import PREVIOUS, GROUP, OWN, SPLIT, hide_chain, own_compositing, refresh_chain, show_chain, shown_chain  # fmt: skip
+from noisy_world.nodes.chain_scene import is_edited
+from noisy_world.nodes.compositor import Compositor
+from noisy_world.perturbations.execution import move
+from noisy_world.core.trajectory import Trajectory
+from noisy_world.panel import drawn_paths, preview, properties, views
 
 
 pytestmark = pytest.mark.usefixtures("registered")
@@ -334,22 +332,22 @@ def test_nothing_runs_while_it_is_off_and_nothing_stays_behind(scene):
 
 def test_paths_are_those_that_are_rendered(scene):
     cycles_scene((0, 0, 0))
-    assert paths.clean_poses(scene) is None
+    assert drawn_paths.clean_poses(scene) is None
     c2w = np.repeat(np.eye(4)[None], 30, axis=0)
     c2w[:, 0, 3] = np.linspace(0, 3, 30)
-    scene.camera[paths.CLEAN_C2W] = c2w.ravel().tolist()
-    assert np.array_equal(paths.clean_poses(scene), c2w)
-    assert paths.deviated_poses(scene, c2w) is None
+    scene.camera[drawn_paths.CLEAN_C2W] = c2w.ravel().tolist()
+    assert np.array_equal(drawn_paths.clean_poses(scene), c2w)
+    assert drawn_paths.deviated_poses(scene, c2w) is None
     scene.noisy_world.deviation_translation_m = 0.05
     step = steps_of({"motion_deviation": {"rotation_deg": 0.0, "translation_m": 0.05}})[0]
     expected = move([step], Trajectory(c2w, np.arange(30.0)), IDENTIFIERS).c2w
-    assert np.abs(paths.deviated_poses(scene, c2w) - expected).max() < 3e-9  # what is rendered is rounded
+    assert np.abs(drawn_paths.deviated_poses(scene, c2w) - expected).max() < 3e-9  # what is rendered is rounded
 
 
 def test_lines_go_along_the_path_and_where_the_camera_looks():
     c2w = np.repeat(np.eye(4)[None], 3, axis=0)
     c2w[:, 0, 3] = (0, 1, 2)
-    lines = paths.path_lines(c2w, np.array([0.0, 0.0, 1.0]))
+    lines = drawn_paths.path_lines(c2w, np.array([0.0, 0.0, 1.0]))
     assert lines[:4, 0].tolist() == [0, 1, 1, 2]
     assert lines[4:, 2].tolist() == pytest.approx([-1, -0.95] * 3)
-    assert len(paths.path_lines(c2w[:1], np.zeros(3))) == 2
+    assert len(drawn_paths.path_lines(c2w[:1], np.zeros(3))) == 2

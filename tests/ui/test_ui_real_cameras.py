@@ -6,8 +6,8 @@ from refusals import refused
 from cases import cases
 from panel_tools import settings
 
-from noisy_world.core.camera_devices import CAMERA_DEVICES
-from noisy_world.core.presets.preset import check_document
+from noisy_world.preset.camera_devices import CAMERA_DEVICES
+from noisy_world.preset.keys import check_document
 
 pytestmark = pytest.mark.usefixtures("add_on")
 
@@ -16,7 +16,7 @@ pytestmark = pytest.mark.usefixtures("add_on")
 def test_a_cameras_button_fills_in_its_lens(tmp_path, name):
     import bpy
 
-    from noisy_world.ui.document import to_document
+    from noisy_world.panel.document import to_document
 
     panel = settings()
     panel.mesh_source = "ROOM"
@@ -31,8 +31,8 @@ def test_a_cameras_button_fills_in_its_lens(tmp_path, name):
 def test_electronics_are_added_and_rows_only_where_they_are_read(tmp_path):
     import bpy
 
-    from noisy_world.ui.document import perturb_of
-    from noisy_world.ui.real_cameras import use_camera
+    from noisy_world.panel.document import perturb_of
+    from noisy_world.panel.section_presets import use_camera
 
     panel = settings()
     panel.mesh_source, panel.engine = "ROOM", "cycles"
@@ -47,7 +47,7 @@ def test_electronics_are_added_and_rows_only_where_they_are_read(tmp_path):
 
 
 def test_each_camera_has_a_picture():
-    from noisy_world.ui.real_cameras import PICTURES
+    from noisy_world.panel.section_presets import PICTURES
 
     assert sorted(path.stem for path in PICTURES.glob("*.jpg")) == sorted(CAMERA_DEVICES)
 

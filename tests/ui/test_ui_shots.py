@@ -14,15 +14,15 @@ from worlds import ROOT, content
 
 bpy = pytest.importorskip("bpy", reason="bpy is not installed")
 
-from noisy_world.core.perturbing.reading import parse_settings
-from noisy_world.core.presets.preset import read_preset
+from noisy_world.perturbations.parsing import parse_settings
+from noisy_world.preset.keys import read_preset
 from noisy_world.core.progress import MARK
 from noisy_world.perturbations import registry
-from noisy_world.ui import runs, shots, step_list
-from noisy_world.ui.background_run import BackgroundRun
-from noisy_world.ui.background_series import BackgroundSeries, SeriesTask
-from noisy_world.ui.document import to_document
-from noisy_world.ui.shot_documents import preset_of_shot, with_rate
+from noisy_world.panel import runs, shots, steps
+from noisy_world.panel.background import BackgroundRun
+from noisy_world.panel.background import BackgroundSeries, SeriesTask
+from noisy_world.panel.document import to_document
+from noisy_world.panel.shots import preset_of_shot, with_rate
 
 pytestmark = pytest.mark.usefixtures("add_on")
 
@@ -253,13 +253,13 @@ def test_what_falls_has_the_rate_of_the_frames_that_the_scene_shows(stage):
     stage.render.fps, stage.frame_step = 24, 2
     bpy.ops.noisy_world.add_step(perturbation="snow_depth")
     step = next(item for item in settings().steps if item.perturbation == "snow_depth")
-    assert (step.snow_depth.frame_rate_hz, step_list.other_rate(settings(), step)) == (12.0, "")
+    assert (step.snow_depth.frame_rate_hz, steps.other_rate(settings(), step)) == (12.0, "")
     stage.frame_step = 1
-    assert step_list.other_rate(settings(), step).startswith("Moves 2 times as fast as in the scene")
+    assert steps.other_rate(settings(), step).startswith("Moves 2 times as fast as in the scene")
     assert bpy.ops.noisy_world.take_rate() == {"FINISHED"}
     assert step.snow_depth.frame_rate_hz == 24.0
     step.temporal, step.snow_depth.frame_rate_hz = "fixed", 10.0
-    assert step_list.other_rate(settings(), step) == ""  # nothing moves
+    assert steps.other_rate(settings(), step) == ""  # nothing moves
     single = ROOT / "presets/perturbations/rain_depth.yaml"
     bpy.ops.noisy_world.use_preset(filepath=str(single), part="PERTURBATIONS")
     rain = next(item for item in settings().steps if item.perturbation == "rain_depth")
@@ -271,4 +271,4 @@ def test_what_falls_has_the_rate_of_the_frames_that_the_scene_shows(stage):
     assert with_rate(settings(), given) == given
     assert with_rate(settings(), {"fog": {"severity": 1}}) == {"fog": {"severity": 1}}
     settings().mesh_source = "ROOM"
-    assert step_list.own_rate_hz(settings()) is None
+    assert steps.own_rate_hz(settings()) is None

@@ -9,7 +9,7 @@ from refusals import refused
 from panel_tools import settings, square
 from ply_files import INDICES, POINTS, QUADS, RGB, XYZ, ply, vertex
 
-from noisy_world.ui import world
+from noisy_world.panel import loading
 
 pytestmark = pytest.mark.usefixtures("add_on")
 PIXELS = np.arange(2 * 3 * 3, dtype=np.uint8).reshape(2, 3, 3) * 10
@@ -39,7 +39,7 @@ def test_a_texture_is_shown_saved_and_replaced(tmp_path):
     cv2.imwrite(str(tmp_path / "wall.png"), PIXELS[..., ::-1])
     path = write_mesh(tmp_path, ["list uchar float texcoord"], [[(0.25,) * 8]] * 2, "comment TextureFile wall.png")
     item = load(path)
-    assert world.is_textured(item)
+    assert loading.is_textured(item)
     (image,) = (image for image in bpy.data.images if image.name == "wall.png")
     np.testing.assert_array_equal(shown_pixels(image), PIXELS)
     assert image.packed_file is not None
@@ -49,7 +49,7 @@ def test_a_texture_is_shown_saved_and_replaced(tmp_path):
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "file.blend"))
     np.testing.assert_array_equal(shown_pixels(bpy.data.images["wall.png"]), PIXELS)
     item = load(square(tmp_path / "square.ply"))
-    assert not world.is_textured(item)
+    assert not loading.is_textured(item)
     assert "wall.png" not in bpy.data.images
     assert not any("texture" in material.name for material in bpy.data.materials)
 

@@ -12,26 +12,23 @@ import pytest
 from refusals import refused
 from panel_tools import settings, straight, use_files
 
-from noisy_world.blender.chain_scene import shown_chain
-from noisy_world.blender.still_process import read_frames
-from noisy_world.core.presets.preset import RenderSpec
-from noisy_world.ui import (
+from noisy_world.nodes.chain_scene import shown_chain
+from noisy_world.render.own_stills import read_frames
+from noisy_world.preset.keys import RenderSpec
+from noisy_world.panel import (
     document,
     frame_preview,
-    excluded,
-    first_look,
+    exclusions,
     own_objects,
     preview,
     runs,
-    scene_copy,
-    shown_motion,
+    open_scene,
     stills,
-    apply_preset,
-    described,
-    paths,
-    world,
+    fields,
+    drawn_paths,
+    loading,
 )
-from noisy_world.ui.generate import run_of
+from noisy_world.panel.generate import run_of
 
 pytestmark = pytest.mark.usefixtures("add_on")
 
@@ -44,12 +41,12 @@ def names():
 def test_what_is_previewed_is_what_is_written_from_a_copy_that_is_kept(hall, tmp_path):
     item = settings()
     assert item.trajectory_source == "CAMERA"
-    assert excluded.excluded(hall) == ()
+    assert exclusions.excluded(hall) == ()
     item.deviation_translation_m = 0.05
     bpy.ops.noisy_world.add_step(perturbation="fog_depth")
     keys, before = own_objects.keys_state(hall.objects["Mine"]), (hall.frame_end, hall.frame_step, hall.render.fps)
     assert bpy.ops.noisy_world.load_trajectory() == {"FINISHED"}
-    assert world.path_summary(hall) == "3 poses keyed, 12 fps"
+    assert loading.path_summary(hall) == "3 poses keyed, 12 fps"
     assert hall.camera == hall.objects["Mine"]
     assert (own_objects.keys_state(hall.camera), (hall.frame_end, hall.frame_step, hall.render.fps)) == (keys, before)
     hall.frame_set(5)
@@ -76,15 +73,15 @@ def test_what_is_previewed_is_what_is_written_from_a_copy_that_is_kept(hall, tmp
     assert np.abs(written.astype(int) - picture).max() <= 1
     stored_m = cv2.imread(str(folder / "depth000002.png"), cv2.IMREAD_UNCHANGED) / 1000.0
     assert np.abs(stored_m - depth_m).max() <= 0.5 / 1000 + 1e-6
-    assert scene_copy.blend_file(hall) == copy
+    assert open_scene.blend_file(hall) == copy
     item.steps[0].severity = 5.0  # of the panel, not of the scene
     bpy.ops.object.select_all(action="SELECT")
-    assert scene_copy.ensure(hall) == ""
+    assert open_scene.ensure(hall) == ""
     document.save_preset(item, tmp_path / "hall.yaml")
     assert runs.saved_preset(item) == tmp_path / "hall.yaml"
     hall.objects["Cube"].location.z = 3.0
     bpy.context.view_layer.update()
-    assert "copy was saved" in scene_copy.ensure(hall)
+    assert "copy was saved" in open_scene.ensure(hall)
 
 
 def test_through_a_lens_the_preview_is_what_is_written_and_its_preset_comes_back(hall, tmp_path):
@@ -134,7 +131,7 @@ def test_a_saved_file_is_itself_the_source_and_its_preset_comes_back(hall, tmp_p
     assert document.save_preset(item, tmp_path / "hall.yaml") == ""
     item.mesh_source, item.compositing, item.every, item.render_source = "ROOM", "off", 1, "SCENE"
     assert item.trajectory_source == "HANDHELD"
-    apply_preset.open_preset(item, tmp_path / "hall.yaml")
+    document.open_preset(item, tmp_path / "hall.yaml")
     assert document.to_document(item) == said
     item.render_source = item.lens_source = "SCENE"
     said = document.to_document(item)
@@ -242,17 +239,17 @@ def test_frames_that_change_after_the_path_was_loaded_are_said_and_break_nothing
     settings().deviation_translation_m = 0.05
     bpy.ops.noisy_world.add_step(perturbation="snow_depth")
     assert bpy.ops.noisy_world.load_trajectory() == {"FINISHED"}
-    loaded = paths.deviated_poses(hall, paths.clean_poses(hall))
+    loaded = drawn_paths.deviated_poses(hall, drawn_paths.clean_poses(hall))
     hall.frame_end = 9
     settings().preview = True
     preview.flush()
-    assert np.array_equal(paths.deviated_poses(hall, paths.clean_poses(hall)), loaded)
+    assert np.array_equal(drawn_paths.deviated_poses(hall, drawn_paths.clean_poses(hall)), loaded)
     assert hall.session_uid in preview._at_rest
     assert not preview._errors
-    assert world.path_summary(hall) == ""
+    assert loading.path_summary(hall) == ""
     refused(bpy.ops.noisy_world.preview_frame, names="Load Trajectory", error=RuntimeError)
     assert bpy.ops.noisy_world.load_trajectory() == {"FINISHED"}
-    assert len(paths.deviated_poses(hall, paths.clean_poses(hall))) == 5
+    assert len(drawn_paths.deviated_poses(hall, drawn_paths.clean_poses(hall))) == 5
 
 
 def test_cameras_that_markers_bind_take_turns_on_one_path_and_none_flies_between_them(hall):
@@ -269,11 +266,11 @@ def test_cameras_that_markers_bind_take_turns_on_one_path_and_none_flies_between
     for frame, seen in ((1, mine), (4, other), (2, mine)):
         hall.frame_set(frame)
         assert hall.camera == seen
-        assert world.path_summary(hall) == "4 poses keyed, 24 fps"
+        assert loading.path_summary(hall) == "4 poses keyed, 24 fps"
         frame_preview.draw_colour(hall)  # which asks for a path that is loaded
     settings().deviation_translation_m = 0.0
     sequence, _ = frame_preview.sequence_of(hall)
-    state_at = shown_motion.camera_states(hall, sequence)
+    state_at = stills.camera_states(hall, sequence)
     speeds_m_s = [np.linalg.norm(state_at(frame).velocity_m_s) for frame in range(4)]
     turning_rad_s = [np.linalg.norm(state_at(frame).turning_rad_s) for frame in range(4)]
     # The rig turns 0.4 rad in 4 frames, more slowly at its ends; the other camera stands still.
@@ -283,7 +280,7 @@ def test_cameras_that_markers_bind_take_turns_on_one_path_and_none_flies_between
     moved = state_at(2).position_m - state_at(0).position_m
     assert np.linalg.norm(moved) == pytest.approx(np.sqrt(2.0**2 + 1.0**2 + 1.0**2), abs=1e-5)
     hall.timeline_markers[1].frame = 4
-    assert world.path_summary(hall) == ""
+    assert loading.path_summary(hall) == ""
 
 
 def test_stereo_is_refused_in_a_line_for_this_scene_and_left_out_of_a_mesh(hall, tmp_path):
@@ -298,9 +295,9 @@ def test_stereo_is_refused_in_a_line_for_this_scene_and_left_out_of_a_mesh(hall,
 
 
 def test_a_scene_whose_unit_is_no_metre_is_told_when_its_path_is_loaded(hall):
-    assert world.load_path(hall)[1] == ()
+    assert loading.load_path(hall)[1] == ()
     hall.unit_settings.scale_length = 0.01
-    (note,) = world.load_path(hall)[1]
+    (note,) = loading.load_path(hall)[1]
     assert note == (
         "This Scene: its unit is 0.01 m (Unit Scale), and counts as 1 m here: path, depth and weather see all of it "
         "100 times as large; scale it by 0.01, and set Unit Scale to 1"
@@ -312,9 +309,9 @@ def test_embree_is_offered_only_where_it_is(hall, monkeypatch):
     item.render_source = "GIVEN"
     item.engine = "embree"
     refused(bpy.ops.noisy_world.preview_frame, names=["Engine: ", "Embree"], error=RuntimeError)
-    assert described.is_offered("embree")
-    monkeypatch.setattr(described, "find_spec", lambda _: None)
-    property_ = described.described(RenderSpec, "engine")
+    assert fields.is_offered("embree")
+    monkeypatch.setattr(fields, "find_spec", lambda _: None)
+    property_ = fields.described(RenderSpec, "engine")
     assert [value for value, *_ in property_.keywords["items"]] == ["cycles", "eevee", "workbench"]
     unknown = SimpleNamespace(engine="")  # as Blender reads a number that no choice has
     refused(document.engine_of, unknown, names=["render.engine: ", "Embree"])
@@ -324,16 +321,16 @@ def test_a_cube_beside_a_loaded_mesh_is_named_and_may_become_the_dataset(tmp_pat
     use_files(tmp_path)
     bpy.data.objects.remove(bpy.data.objects["Light"])
     bpy.ops.noisy_world.load_scene()
-    assert "Cube" in excluded.sentence(bpy.context.scene)
+    assert "Cube" in exclusions.sentence(bpy.context.scene)
     settings().mesh_source = "SCENE"
-    assert excluded.sentence(bpy.context.scene) == ""
-    assert excluded.shows_dataset(bpy.context.scene)
+    assert exclusions.sentence(bpy.context.scene) == ""
+    assert exclusions.shows_dataset(bpy.context.scene)
 
 
 def test_a_file_of_ones_own_begins_with_this_scene_and_a_panel_in_use_stays(tmp_path):
     scene = bpy.context.scene  # Blender's default scene
-    first_look.begin(scene)
-    assert not first_look.is_used(scene)
+    exclusions.begin(scene)
+    assert not exclusions.is_used(scene)
     assert settings().mesh_source == "ROOM"
     bpy.ops.mesh.primitive_plane_add()
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "plane.blend"))

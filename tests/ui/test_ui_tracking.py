@@ -14,11 +14,11 @@ from refusals import refused
 bpy = pytest.importorskip("bpy", reason="bpy is not installed")
 
 import noisy_world
-from noisy_world import ui
-from noisy_world.blender.scene import set_origin
+from noisy_world import panel as ui
+from noisy_world.render.mesh_session import set_origin
 from noisy_world.core.progress import MARK
-from noisy_world.ui import drawn_tracks, excluded, runs, tracking
-from noisy_world.ui.tracked import TrackedPath
+from noisy_world.panel import drawn_paths, exclusions, runs, generate
+from noisy_world.panel.drawn_paths import TrackedPath
 
 POSES = box_room.path(30, turn_deg=40.0)[:6]
 
@@ -67,7 +67,7 @@ def test_the_estimated_path_is_drawn_beside_the_true_one(scene, dataset):
     prepare(scene, dataset)
     set_origin(scene, np.array([10.0, 0.0, -1.0]))
     assert bpy.ops.noisy_world.track() == {"FINISHED"}
-    foggy, clean = drawn_tracks.shown(scene)
+    foggy, clean = drawn_paths.shown(scene)
     assert foggy["noisy_world_sentence"].startswith("foggy: ATE ")
     assert "3 of 6 frames tracked, lost once" in foggy["noisy_world_sentence"]
     assert "6 of 6 frames tracked" in clean["noisy_world_sentence"]
@@ -82,26 +82,26 @@ def test_the_estimated_path_is_drawn_beside_the_true_one(scene, dataset):
     # Nothing renders them, and Generate does not speak of them.
     items = [*foggy.objects, *clean.objects]
     assert all(item.hide_render and not item.visible_camera for item in items)
-    assert not any("box" in name for name in excluded.excluded(scene))
+    assert not any("box" in name for name in exclusions.excluded(scene))
 
 
 def drawn(scene, name, positions):
-    drawn_tracks.show(scene, [TrackedPath(name, f"{name} said", {"true": [positions], "far": [positions[:1]]})])
+    drawn_paths.show(scene, [TrackedPath(name, f"{name} said", {"true": [positions], "far": [positions[:1]]})])
 
 
 def test_the_next_run_replaces_the_paths_and_a_button_removes_them(scene):
     mine = bpy.data.objects.new("Mine", None)
     drawn(scene, "clean/box", np.eye(3))
-    drawn_tracks.shown(scene)[0].objects.link(mine)
+    drawn_paths.shown(scene)[0].objects.link(mine)
     drawn(scene, "foggy/box", np.eye(3))
-    (collection,) = drawn_tracks.shown(scene)
+    (collection,) = drawn_paths.shown(scene)
     assert collection["noisy_world_sentence"] == "foggy/box said"
-    assert drawn_tracks.parts_of([collection]) == ["true", "far"]
+    assert drawn_paths.parts_of([collection]) == ["true", "far"]
     assert len(bpy.data.curves) == len(bpy.data.materials) == 2
     (dot,) = points(collection, "far")
     assert len(dot) == 2  # a single frame is seen too
     assert bpy.ops.noisy_world.track_remove() == {"FINISHED"}
-    assert drawn_tracks.shown(scene) == []
+    assert drawn_paths.shown(scene) == []
     assert [len(kind) for kind in (bpy.data.curves, bpy.data.materials, bpy.data.collections)] == [0, 0, 0]
     assert list(scene.objects) == [mine]
 
@@ -110,18 +110,18 @@ def test_each_scene_has_its_own_paths(scene):
     other = bpy.data.scenes.new("Other")
     drawn(scene, "clean/box", np.eye(3))
     drawn(other, "foggy/box", np.eye(3))
-    drawn_tracks.remove(scene)
-    assert [item.name for item in drawn_tracks.shown(other)] == ["foggy/box"]
+    drawn_paths.remove(scene)
+    assert [item.name for item in drawn_paths.shown(other)] == ["foggy/box"]
 
 
 def test_why_nothing_can_be_run(scene, dataset, tmp_path, monkeypatch):
     panel = prepare(scene, tmp_path / "none")
     assert not bpy.ops.noisy_world.track.poll()
-    assert tracking._problem(scene).endswith("none: holds no frames of this scene yet; press Generate")
+    assert generate._problem(scene).endswith("none: holds no frames of this scene yet; press Generate")
     panel.output_folder = str(dataset)
     assert bpy.ops.noisy_world.track.poll()
     panel.use_depth = False
-    assert tracking._problem(scene) == "The embedded system needs color and depth"
+    assert generate._problem(scene) == "The embedded system needs color and depth"
     panel.use_depth = True
     stand_in(monkeypatch, tmp_path, "tell(start={'label': 'tracking', 'total': 4, 'done': 0})\ntime.sleep(60)")
     run = runs.start_tracking(scene, dataset, ("clean/box",))
@@ -141,7 +141,7 @@ def test_what_goes_wrong_is_a_line_and_the_paths_stay(scene, dataset, tmp_path, 
     refused(bpy.ops.noisy_world.track, names=["frame000003.png: ", "make it again"], error=RuntimeError)
     stand_in(monkeypatch, tmp_path, "sys.exit('out of luck')")
     refused(bpy.ops.noisy_world.track, names=["status 1", "out of luck"], error=RuntimeError)
-    assert [item.name for item in drawn_tracks.shown(scene)] == ["clean/box"]
+    assert [item.name for item in drawn_paths.shown(scene)] == ["clean/box"]
 
 
 def test_nothing_of_the_evaluation_is_loaded_before_it_is_asked_for():

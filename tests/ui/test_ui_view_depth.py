@@ -8,22 +8,22 @@ from panel_tools import settings
 
 bpy = pytest.importorskip("bpy", reason="bpy is not installed")
 
-from noisy_world.ui import view_depth
+from noisy_world.panel import views
 
 
 def test_a_view_of_an_engine_that_gives_no_depth_is_shown_by_eevee(hall):
     space = next(area for area in bpy.context.window.screen.areas if area.type == "VIEW_3D").spaces.active
     at = SimpleNamespace(scene=hall, space_data=space)
     space.shading.type = "RENDERED"
-    assert view_depth.lacks_depth(at)
+    assert views.lacks_depth(at)
     bpy.ops.noisy_world.add_step(perturbation="fog")
-    assert view_depth.reading_depth(hall) == ()
+    assert views.reading_depth(hall) == ()
     bpy.ops.noisy_world.add_step(perturbation="fog_depth")
-    assert view_depth.reading_depth(hall) == ("Fog by Depth",)
-    view_depth.show_by_eevee(hall, space.shading)
+    assert views.reading_depth(hall) == ("Fog by Depth",)
+    views.show_by_eevee(hall, space.shading)
     assert (space.shading.type, space.shading.use_scene_lights, space.shading.use_scene_world) == ("MATERIAL", 1, 1)
     assert hall.render.engine == "CYCLES"
-    assert not view_depth.lacks_depth(at)
+    assert not views.lacks_depth(at)
 
 
 def test_a_view_of_workbench_offers_no_button_that_cannot_be_pressed(hall, monkeypatch):
@@ -31,22 +31,22 @@ def test_a_view_of_workbench_offers_no_button_that_cannot_be_pressed(hall, monke
     at = SimpleNamespace(scene=hall, space_data=space)
     space.shading.type, said, buttons = "RENDERED", [], []
     bpy.ops.noisy_world.add_step(perturbation="fog_depth")
-    monkeypatch.setattr(view_depth, "write", lambda _layout, _context, text, _icon: said.append(text))
+    monkeypatch.setattr(views, "write", lambda _layout, _context, text, _icon: said.append(text))
     layout = SimpleNamespace(operator=lambda name, **_: buttons.append(name))
     for engine in ("CYCLES", "BLENDER_WORKBENCH"):
         hall.render.engine = engine
-        view_depth.draw(layout, at)
+        views.draw(layout, at)
     assert [text.rpartition("; ")[2] for text in said] == ["EEVEE's has one", "Preview Frame does"]
     assert buttons == ["noisy_world.show_by_eevee"]
     bpy.ops.noisy_world.add_step(perturbation="fog")
     by_depth, over_images = sorted(settings().steps, key=lambda step: step.perturbation == "fog")
     said.clear()
     buttons.clear()
-    view_depth.draw_beside(layout, at, by_depth)
+    views.draw_beside(layout, at, by_depth)
     settings().preview = True
     for engine in ("BLENDER_WORKBENCH", "CYCLES"):
         hall.render.engine = engine
         for step in (by_depth, over_images):
-            view_depth.draw_beside(layout, at, step)
+            views.draw_beside(layout, at, step)
     assert ["Preview Frame" in text for text in said] == [True, False]
     assert buttons == ["noisy_world.show_by_eevee"]

@@ -12,24 +12,24 @@ import pytest
 from panel_tools import own_classes, settings
 from preview_tools import add
 
-from noisy_world.core.datasets.depth_range import DepthRange
-from noisy_world.core.datasets.differences import ELSEWHERE, PROCESSORS, other_dataset
-from noisy_world.core.datasets.layouts.replica import ReplicaLayout
+from noisy_world.core.depth_range import DepthRange
+from noisy_world.dataset.differences import ELSEWHERE, PROCESSORS, other_dataset
+from noisy_world.layouts.replica import ReplicaLayout
 from noisy_world.core.errors import InputError, StorageError
 from noisy_world.core.labels import american, parameter_label
-from noisy_world.core.messages import Action, CommandLineOnly, Message, PresetKey, either
-from noisy_world.core.node_graphs.groups import socket_name
-from noisy_world.core.perturbing.kinds import ColourPerturbation
+from noisy_world.core.errors import Action, CommandLineOnly, Message, PresetKey, either
+from noisy_world.perturbations.groups import socket_name
+from noisy_world.perturbations.kinds import ColourPerturbation
 from noisy_world.core.schema import label_of, tooltip_of
 from noisy_world.perturbations import registry
-from noisy_world.perturbations.defocus_depth import DefocusDepth
-from noisy_world.ui import offered, older_files, panels
-from noisy_world.ui.described import SECTIONS, SHOWN
-from noisy_world.ui.document import OWN_FIELDS, PANEL
-from noisy_world.ui.generate import NoisyWorldGenerate, NoisyWorldGenerateAnew
-from noisy_world.ui.step_fields import LONG, parts_of
-from noisy_world.ui.typed_numbers import property_name, set_value, value_of
-from noisy_world.ui.wording import ACTIONS, field_of, noted, spoken
+from noisy_world.perturbations.shipped.defocus_depth import DefocusDepth
+from noisy_world.panel import gallery, properties, sections
+from noisy_world.panel.fields import SECTIONS, SHOWN
+from noisy_world.panel.document import OWN_FIELDS, PANEL
+from noisy_world.panel.generate import NoisyWorldGenerate, NoisyWorldGenerateAnew
+from noisy_world.panel.steps import LONG, parts_of
+from noisy_world.panel.fields import property_name, set_value, value_of
+from noisy_world.panel.wording import ACTIONS, field_of, noted, spoken
 
 pytestmark = pytest.mark.usefixtures("add_on")
 
@@ -57,11 +57,11 @@ def test_angles_that_older_files_hold_in_degrees_are_taken():
     step = add(scene(), "motion_blur")
     stored = scene().bl_system_properties_get()["noisy_world"]
     stored["deviation_rotation_deg"], stored["steps"][0]["motion_blur"] = 3.7, {"angle_deg": 25.0}
-    older_files._on_load()
+    properties._on_load()
     assert value_of(settings(), "deviation_rotation_deg") == 3.7
     assert value_of(step.motion_blur, "angle_deg") == 25.0
     set_value(settings(), "deviation_rotation_deg", 1.0)
-    older_files._on_load()  # only once
+    properties._on_load()  # only once
     assert value_of(settings(), "deviation_rotation_deg") == 1.0
 
 
@@ -146,7 +146,7 @@ def test_the_buttons_that_messages_name_are_there():
 
 
 def test_fields_are_called_as_the_tab_shows_them():
-    titles = {cls.bl_label for cls in panels.CLASSES if issubclass(cls, bpy.types.Panel)}
+    titles = {cls.bl_label for cls in sections.CLASSES if issubclass(cls, bpy.types.Panel)}
     labels = {item.name.partition(" (")[0] for item in settings().bl_rna.properties}
     shown = [shown.label.split(" > ") for (cls, _), shown in SHOWN.items() if cls in SECTIONS]
     assert {section for section, _ in shown} <= titles
@@ -192,7 +192,7 @@ def test_keys_in_notes_are_named_as_fields():
 
 
 def test_every_perturbation_is_offered_once_and_said_in_a_sentence():
-    lists = [offered.offered(chosen) for chosen in (offered.PHYSICAL, offered.BENCHMARK, offered.PACKAGES)]
+    lists = [gallery.offered(chosen) for chosen in (gallery.PHYSICAL, gallery.BENCHMARK, gallery.PACKAGES)]
     names = [item.name for found in lists for item in found]
     assert sorted([*names, *OWN_FIELDS]) == sorted(registry())
     physical = {item.name for item in lists[0]}
@@ -201,7 +201,7 @@ def test_every_perturbation_is_offered_once_and_said_in_a_sentence():
     assert {"fog", "snow", "frost", "spatter"} <= set(twins)
     for item in registry().values():
         assert not set("*=^()").intersection(item.about.sentence), item.name
-    assert offered.line_on(registry()["fog"]).endswith("Its physical twin is Fog by Depth")
+    assert gallery.line_on(registry()["fog"]).endswith("Its physical twin is Fog by Depth")
 
 
 def test_long_lists_of_parameters_have_sub_panels_and_nothing_is_left_out():

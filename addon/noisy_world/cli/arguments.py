@@ -1,15 +1,207 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The options that subcommands share, and the words that repeat them."""
+"""The options that commands share: the preset, the part of it that is meant, places, and who does the work."""
 
 import argparse
 import math
-from collections.abc import Callable
+import sys
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING, Any, NoReturn
 
-from ..core.errors import StorageError
-from .part import add_part_options, part_words
-from .places import path, place
-from .shipped import found_preset
+from ..core.dependencies import shipped
+from ..core.errors import StorageError, nearest, one_line
+from ..core.file_access import RENAME, is_utf8, with_home
+from .entry import say
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from ..core.errors import InputError
+    from ..dataset.plan import Plan
+    from ..dataset.recipe import Recipe
+    from ..dataset.shards import Shard
+
+
+class Parser(argparse.ArgumentParser):
+    """An ArgumentParser whose complaints are one line each."""
+
+    def error(self, message: str) -> NoReturn:
+        """Print one line and end with exit status 2."""
+        more = "" if message.endswith("?") else f"; '{self.prog} --help' tells more"
+        self.exit(2, f"{self.prog}: error: {message}{more}\n")
+
+    def parse_args(  # pyright: ignore[reportIncompatibleMethodOverride]  its overloads tell types of namespaces
+        self, args: Iterable[str] | None = None, namespace: Any = None
+    ) -> Any:
+        """Parse the words; end with a line where one is not UTF-8, or has no place, with the option that is near it."""
+        words = sys.argv[1:] if args is None else list(args)
+        if odd := next((word for word in words if not is_utf8(word)), ""):
+            self.error(f"{one_line(odd)} is not UTF-8; where it names a file, {RENAME}")
+        options, others = self.parse_known_args(words, namespace)
+        if others:
+            self.error(self._no_place(others[0]))
+        return options
+
+    def _no_place(self, word: str) -> str:
+        if not word.startswith("-"):
+            return f"{word!r} is one word too many"
+        name = word.partition("=")[0]
+        known = {text.lstrip("-"): text for action in self._actions for text in _shown_options(action)}
+        near = nearest(name.lstrip("-"), known)
+        return f"unknown option {name}" + (f"; did you mean {known[near]}?" if near else "")
+
+    def _check_value(self, action: argparse.Action, value: Any) -> None:
+        """Raise ArgumentError for a value that is none of an option's choices, with the one that is near it."""
+        if action.choices is None or value in action.choices:
+            return
+        known = [str(choice) for choice in action.choices]
+        near = nearest(str(value), known)
+        asked = f"did you mean {near!r}?" if near else f"choose from {', '.join(known)}"
+        raise argparse.ArgumentError(action, f"{str(value)!r} is none of its values; {asked}")
+
+
+def _shown_options(action: argparse.Action) -> Sequence[str]:
+    """Return an option's names; none of one that --help does not show."""
+    return () if action.help == argparse.SUPPRESS else action.option_strings
+
+
+# Places that a user names for a dataset: a folder, or an address such as s3://bucket/name.
+
+
+def path(text: str) -> Path:
+    """Parse a path, in which ~ and ~user are home folders."""
+    try:
+        return with_home(text)
+    except LookupError as error:
+        raise argparse.ArgumentTypeError(str(error)) from error
+
+
+def place(text: str) -> Path | str:
+    """Parse a folder, or an address, which stays a text: a path would lose a slash of it."""
+    return text if "://" in text else path(text)
+
+
+def out_path(text: str) -> Path:
+    """Parse the file or folder to write, where an address cannot be taken."""
+    if "://" in text:
+        raise argparse.ArgumentTypeError(f"{text} is an address, and this is written on this machine; name a path")
+    return path(text)
+
+
+def folder(text: str) -> Path:
+    """Parse a folder, where an address cannot be taken."""
+    if "://" in text:
+        raise argparse.ArgumentTypeError(f"{text} is an address, and a folder is needed; unpack its tars into one")
+    return path(text)
+
+
+# The presets that come with Noisy World.
+
+
+ENDINGS = (".yaml", ".yml")
+
+
+def shipped_presets() -> dict[str, Path]:
+    """Return the shipped presets by their names in `--list presets`, such as presets/demo.yaml."""
+    presets = shipped("presets")
+    return {path.relative_to(presets.parent).as_posix(): path for path in sorted(presets.rglob("*.yaml"))}
+
+
+def found_preset(path: Path) -> Path:
+    """Return the preset's file: the one that is named or, where there is none, the shipped one of that name."""
+    if path.exists() or (found := shipped_presets().get(path.as_posix())) is None:
+        return path
+    say(f"{path}: not in this folder; taking the one that comes with Noisy World, {found}")
+    return found
+
+
+def no_such_preset(path: Path) -> "InputError":
+    """Return the error for a preset that is not there, with the one that is near it: in its folder, or shipped."""
+    from ..core.errors import InputError
+
+    beside = sorted(path.parent.iterdir()) if path.parent.is_dir() else []
+    known = {Path(name).name: name for name in shipped_presets()}
+    known |= {item.name: str(item) for item in beside if item.suffix in ENDINGS}
+    near = nearest(path.name, known)
+    listed = "'noisy-world list presets' names those that are shipped"
+    return InputError(path, "no such preset", remedy=f"did you mean {known[near]!r}?" if near else listed)
+
+
+# The options that say where a preset's data lie and which part of it is meant: the same for every subcommand.
+
+
+EXAMPLES = {"scenes": "'room*,office0'", "settings": "'clean,fog*'"}
+
+
+def add_part_options(parser: argparse.ArgumentParser, parts: "Sequence[str]" = tuple(EXAMPLES)) -> None:
+    """Add --data, --scenes and --settings. parts: which of the latter two a subcommand knows."""
+    parser.add_argument(
+        "--data",
+        metavar="DIR",
+        help="folder that the scenes' paths are relative to, and where Replica is looked for (default: the preset's)",
+    )
+    others = "; a dataset can grow by others" if "settings" in parts else ""
+    for what in parts:
+        parser.add_argument(
+            f"--{what}",
+            metavar="NAMES",
+            action="append",
+            default=[],
+            help=f"only these {what}, {EXAMPLES[what]} for instance; may be repeated{others}",
+        )
+
+
+def planned(options: argparse.Namespace, shards: "Sequence[Shard]" = ()) -> "Plan":
+    """Return the plan of the preset and the part of it that the options name: with --set and --frames too.
+
+    shards: with some, the plan of their scenes alone.
+
+    Raises InputError where there is no such preset, and for what is wrong in it or its files.
+    """
+    from ..dataset.plan import make_plan
+    from ..preset.keys import read_preset
+
+    data = data_folder(options)
+    if not options.preset.exists():
+        raise no_such_preset(options.preset)
+    preset = read_preset(options.preset, options.overrides, data=data, scenes=options.scenes, settings=options.settings)
+    return make_plan(preset, options.frames, shards)
+
+
+def recipe_part(recipe: "Recipe", options: argparse.Namespace) -> "Plan":
+    """Return the plan of the part of a recipe that the options name: with --frames too.
+
+    Raises InputError where an input is missing or is not the one that the recipe was made from.
+    """
+    from ..dataset.remaking import plan_of
+
+    return plan_of(recipe, data_folder(options), options.scenes, options.settings, options.frames)
+
+
+def data_folder(options: argparse.Namespace) -> Path | None:
+    """Return the folder that --data names, None without it."""
+    from ..core.errors import NoisyWorldError
+
+    try:
+        return None if options.data is None else with_home(options.data)
+    except LookupError as error:
+        raise NoisyWorldError(f"--data: {error}") from error
+
+
+def part_words(options: argparse.Namespace, *, anywhere: bool = False) -> list[str]:
+    """Return the words of a command line that repeat --data, --scenes and --settings.
+
+    anywhere: whether they are read in another folder, or on another machine that sees the same disks.
+    """
+    words: list[str] = []
+    if options.data is not None:
+        words.append(f"--data={with_home(options.data).resolve() if anywhere else options.data}")
+    for what in ("scenes", "settings"):
+        words += [f"--{what}={text}" for text in getattr(options, what)]
+    return words
+
+
+# The options that subcommands share, and the words that repeat them.
 
 
 def add_preset_options(parser: argparse.ArgumentParser) -> None:

@@ -12,12 +12,11 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, NoReturn
 
-from ..core.installed import Door, Registry
-from ..core.near import did_you_mean
-from ..core.requirements import NEEDED
-from .ending import CONTINUES, ended, exit_status
-from .entry import Entry, say
-from .parser import Parser
+from ..core.dependencies import NEEDED
+from ..core.entry_points import Door, Registry
+from ..core.errors import did_you_mean
+from .arguments import Parser
+from .entry import CONTINUES, Entry, ended, exit_status, say
 
 COMMAND = "noisy-world"
 
@@ -206,7 +205,7 @@ def groups_text() -> str:
 
 
 def _version() -> str:
-    from ..core.shipped import package_version
+    from ..core.dependencies import package_version
 
     return f"{COMMAND} {package_version()}"
 

@@ -1,37 +1,76 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""`generate`: make the dataset that a preset describes."""
+"""`generate`: make the dataset that a preset describes, in a folder, at an address, or as a video."""
 
 import argparse
+import tempfile
+from collections.abc import Callable, Iterator
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..core.extras import need
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.atomic_files import ELSEWHERE, storage_errors
+from ..core.dependencies import need
+from ..core.errors import StorageError
+from ..images.image_reading import read_pixels
+from ..images.video_files import WRITTEN, write_video
 from .arguments import (
+    Parser,
     add_executor_options,
     add_preset_options,
     add_progress_option,
     out_address,
     out_folder,
+    planned,
     positive,
     preset_words,
     settled,
 )
 from .command import Command
-from .entry import Entry
+from .entry import Entry, blender_lacks, blender_problem, work_on
 from .listing import HELD, KNOWN, list_known, list_plan, print_plan
-from .missing import blender_lacks, blender_problem
-from .outcome import tell_outcome
-from .parser import Parser
-from .part import planned
-from .running import work_on
 
 if TYPE_CHECKING:
     from pathlib import Path
     from threading import Event
 
-    from ..core.planning.plan import Plan
     from ..core.progress import Progress
-    from ..pipeline.report import Report
+    from ..dataset.plan import Plan
+    from ..dataset.run import Destination
+    from ..dataset.run_report import Report
+    from ..dataset.sequence import PlannedSequence
+
+
+# The outcome of a run in one line, for people and for programs.
+
+
+def tell_outcome(report: "Report", options: argparse.Namespace) -> None:
+    """Print the figures of a run, and send them to a program that listens."""
+    from .entry import machine_listener
+
+    print(figures(report))
+    if options.progress == "json":
+        machine_listener().tell({"result": figures(report)})
+
+
+def figures(report: "Report") -> str:
+    """Return the figures of a run in one line."""
+    parts = [f"{report.frames_rendered} frames rendered"]
+    if report.frames_kept:
+        parts.append(f"{report.frames_kept} kept")
+    if report.frames_per_s is not None:
+        parts.append(f"{report.frames_per_s:.2f} frames/s")
+        parts.append(f"loading {report.loading_s:.1f} s")
+    if report.rays_per_px is not None:
+        parts.append(f"{report.rays_per_px:.2f} rays a pixel")
+    if report.decoding_share is not None:
+        parts.append(f"decoding {100 * report.decoding_share:.0f} % of the processor's time")
+    parts.append(f"{report.total_s:.1f} s in all")
+    if report.peak_memory_bytes is not None:
+        parts.append(f"peak memory {report.peak_memory_bytes / 1e6:.0f} MB")
+    return ", ".join(parts)
 
 
 def _generate_options(parser: Parser) -> None:
@@ -66,7 +105,7 @@ def _settle_generate(parser: Parser, options: argparse.Namespace) -> argparse.Na
 def _generate(options: argparse.Namespace, entry: Entry) -> int:
     """Carry out the options."""
     if options.worker:
-        from .shard_tasks import ready_for_shards
+        from .shard_workers import ready_for_shards
 
         return work_on(ready_for_shards)
     if options.list in KNOWN:
@@ -83,9 +122,8 @@ def _generate(options: argparse.Namespace, entry: Entry) -> int:
 
 def generate(plan: "Plan", options: argparse.Namespace, entry: Entry) -> int:
     """Make the dataset, and print the outcome."""
-    from .as_video import is_video
-    from .running import listener
-    from .shard_tasks import make_dataset
+    from .entry import listener
+    from .shard_workers import make_dataset
 
     progress, stop = listener(options.progress)
     if (address := out_address(options)) is None and is_video(out_folder(options)):
@@ -107,8 +145,7 @@ def generate_videos(
     plan: "Plan", options: argparse.Namespace, entry: Entry, progress: "Progress", stop: "Event"
 ) -> int:
     """Make videos of the sequences' colour, and print the outcome."""
-    from .as_video import make_videos, videos_of
-    from .shard_tasks import make_dataset
+    from .shard_workers import make_dataset
 
     out = out_folder(options)
     videos = videos_of(plan, out, overwrite=options.overwrite)
@@ -149,19 +186,19 @@ def _without_blender(plan: "Plan") -> str:
 def need_packages(plan: "Plan", options: argparse.Namespace, entry: Entry) -> None:
     """Raise NoisyWorldError where a package, a library or memory that a run needs is missing. Starts nothing."""
     from ..core.errors import MissingDependencyError
-    from ..core.planning.memory import check_memory
+    from ..dataset.estimate import check_memory
 
     if options.ray is None:
         check_memory(plan)
     if plan.needs_blender and (problem := blender_lacks(entry)):
         raise MissingDependencyError(problem + _without_blender(plan))
     if "embree" in plan.engines:
-        from ..rays.embree import embree_version
+        from ..render.embree import embree_version
 
         embree_version()
     if (address := out_address(options)) is not None:
-        from ..storage.frame_table import need_writer
-        from ..storage.open_store import open_store
+        from ..dataset.packing import need_writer
+        from ..dataset.store import open_store
 
         need_writer(open_store(address))
     if options.ray is not None:
@@ -192,3 +229,92 @@ GENERATE = Command(
     run=_generate,
     again=_again,
 )
+
+
+# Where a command's dataset goes: the folder or the address that its options name.
+
+
+def destination_of(
+    plan: "Plan", options: argparse.Namespace, *, folder: Path | None = None, put_by_workers: bool = False
+) -> "Destination":
+    """Return where a plan's dataset goes. folder: where, if not where the options say.
+
+    put_by_workers: whether workers on other machines put shards to an address themselves. Raises InputError where
+    frames have no pose, which a packed dataset's table has for each, StorageError where an address is to be overwritten
+    or has no meaning.
+    """
+    from ..dataset.run import Destination
+
+    address = out_address(options)
+    if folder is not None or address is None:
+        return Destination(plan, folder or out_folder(options))
+    from ..core.errors import StorageError
+    from ..dataset.address_run import AddressDestination
+    from ..dataset.store import open_store
+
+    if vars(options).get("overwrite"):
+        remedy = "choose another address with --out, or remove a shard's .json there"
+        raise StorageError(f"--overwrite replaces datasets and shards in folders; {remedy}")
+    for scene in plan.scenes:
+        if not (scene.source.capabilities.any_pose or scene.path.known.all()):
+            message = "frames without a pose cannot be at an address, whose table of frames has one for each"
+            raise scene.place.error(message, "write the dataset into a folder")
+    return AddressDestination(plan, open_store(address), options.scratch, put_by_workers=put_by_workers)
+
+
+# `generate --out walk.mp4`: the colour of a dataset as a video to look at, without keeping the dataset.
+
+
+def is_video(out: Path) -> bool:
+    """Tell whether a place for a dataset names a video."""
+    return out.suffix.lower() in WRITTEN and not out.is_dir()
+
+
+def videos_of(plan: "Plan", out: Path, *, overwrite: bool) -> dict[str, Path]:
+    """Return the video of each sequence by its folder: one of the name given; of several, one with each's name.
+
+    Raises StorageError where one is there already, and where there is no colour.
+    """
+    if "rgb" not in plan.format.modalities:
+        raise StorageError("a video shows colour, and output.modalities leaves it out", file=out)
+    if plan.format.of_light:
+        raise StorageError("a video shows colour, and output.image exr is light", file=out, remedy="set it to png")
+    made = [sequence for sequence in plan.sequences if sequence.frames]
+    videos = {item.folder: out if len(made) == 1 else _named(out, item) for item in made}
+    there = next((path for path in videos.values() if path.exists()), None)
+    if there is not None and not overwrite:
+        raise StorageError("is there already", file=there, remedy="--overwrite replaces it")
+    return videos
+
+
+def make_videos(plan: "Plan", videos: dict[str, Path], make: Callable[[Path], object]) -> None:
+    """Make the dataset in a folder beside the videos, write these, and remove it. make: makes it in a folder."""
+    beside = next(iter(videos.values())).parent
+    with storage_errors(beside, ELSEWHERE):
+        beside.mkdir(parents=True, exist_ok=True)
+        folder = tempfile.TemporaryDirectory(prefix=".noisy_world-", dir=beside)
+    with folder as name:
+        out = Path(name) / "dataset"
+        make(out)
+        for render in plan.renders:
+            stamps = render.scene.source.frame_stamps
+            gaps_s = np.diff(stamps.rgb.seconds)
+            rate_hz = 1 / float(np.median(gaps_s)) if gaps_s.size else 30.0
+            for sequence in (item for item in render.sequences if item.folder in videos):
+                names = [out / sequence.folder / plan.format.names(stamps).rgb(frame) for frame in sequence.frames]
+                video = videos[sequence.folder]
+                made = Path(name) / video.name  # moved when it is whole
+                write_video(made, _colours(names), rate_hz)
+                with storage_errors(video, ELSEWHERE):
+                    made.replace(video)
+
+
+def _colours(files: list[Path]) -> Iterator[NDArray[np.uint8]]:
+    import cv2
+
+    for file in files:
+        yield np.asarray(read_pixels(file, cv2.IMREAD_COLOR_RGB), np.uint8)
+
+
+def _named(out: Path, sequence: "PlannedSequence") -> Path:
+    return out.with_name(f"{out.stem}-{sequence.folder.replace('/', '-')}{out.suffix}")

@@ -1,15 +1,26 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Listing what a preset may say, from keys to perturbations, the presets that are shipped, and what a preset holds."""
+"""`list`, `status`: what a preset may say, what it holds, and how far its dataset has come."""
 
-from collections.abc import Iterator, Sequence
+import argparse
+import json
+import re
+import shutil
+import sys
+import time
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from ..core.progress import duration_text
-from .shipped import shipped_presets
+from .arguments import Parser, add_part_options, frame_slice, part_words, place, shipped_presets
+from .command import Command, run
+from .entry import Entry
 
 if TYPE_CHECKING:
-    from ..core.planning.plan import Plan, Render
+    from ..dataset.plan import Plan, Render
+    from ..dataset.status import Pace, SequenceStatus, Status
+
 
 HELD = ("scenes", "settings", "sequences")  # what a preset holds
 MOST_RENDERS = 20  # that a dry run lists one by one
@@ -46,7 +57,7 @@ def list_sources() -> None:
 
 def list_channels() -> None:
     """List what a camera gives for a frame, and how its files hold it."""
-    from ..core.channels import CHANNELS
+    from ..channels import CHANNELS
 
     width = max(map(len, CHANNELS))
     for name, item in CHANNELS.items():
@@ -55,8 +66,8 @@ def list_channels() -> None:
 
 def list_cameras() -> None:
     """List the real cameras that a preset may name as `device`: what they stand for, and where the figures are from."""
-    from ..core.camera_devices import CAMERA_DEVICES
-    from ..core.schema import yaml_text
+    from ..core.schema import schema_yaml_text as yaml_text
+    from ..preset.camera_devices import CAMERA_DEVICES
 
     for name, device in CAMERA_DEVICES.items():
         print(f"{name}  {device.label}: {device.meaning}")
@@ -72,8 +83,8 @@ def list_layouts() -> None:
 
     Then those of recordings that are read alone, and the files that each is told by.
     """
-    from ..core.datasets.layouts import EVERY, LAYOUTS, RECORDED
-    from ..core.presets.output import OutputSpec
+    from ..layouts import EVERY, LAYOUTS, RECORDED
+    from ..preset.keys import OutputSpec
 
     for layout in LAYOUTS.values():
         print(f"{layout.name}  {layout.label}, {layout.meaning}{EVERY.origin(layout.name)}")
@@ -88,7 +99,7 @@ def list_layouts() -> None:
 
 def list_trajectory_formats() -> None:
     """List the formats of files of poses, and how the content of a file tells each."""
-    from ..core.trajectories.files import TRAJECTORY_FORMATS
+    from ..trajectories.formats import TRAJECTORY_FORMATS
 
     for name, item in TRAJECTORY_FORMATS.items():
         print(f"{name}  {item.label}: {item.meaning}{TRAJECTORY_FORMATS.origin(name)}")
@@ -97,8 +108,8 @@ def list_trajectory_formats() -> None:
 
 def list_metrics() -> None:
     """List every metric, of paths by protocol strict and of maps: name, heading, unit, which way is better, meaning."""
-    from ..evaluation.maps.names import MAP_METRICS, MAP_PREFIX
-    from ..evaluation.metrics import METRICS
+    from ..evaluate.map_metrics import MAP_METRICS, MAP_PREFIX
+    from ..evaluate.metrics import METRICS
 
     for prefix, metrics in (("", METRICS), (MAP_PREFIX, MAP_METRICS)):
         for name, metric in metrics.items():
@@ -113,9 +124,9 @@ def list_perturbations() -> None:
 
     Parameters are listed with their ranges and their values at severities 1 to 5.
     """
-    from ..core.perturbing.kinds import kind_name
     from ..core.schema import list_keys
     from ..perturbations import registry
+    from ..perturbations.kinds import kind_name
 
     for item in registry().values():
         origin = f"; from {item.distribution}" if item.distribution else ""
@@ -164,9 +175,8 @@ def list_plan(plan: "Plan", what: str) -> int:
 def print_plan(plan: "Plan", out: Path | str) -> None:
     """Print what a run would do."""
     from ..core.machine import free_memory_bytes
-    from ..core.planning.estimate import estimate, size_text
-    from ..core.planning.memory import memory_bytes
-    from ..core.planning.plan_notes import plan_notes
+    from ..dataset.estimate import estimate, memory_bytes, size_text
+    from ..dataset.plan import plan_notes
 
     guess = estimate(plan)
     print(f"preset     {plan.preset.path} (SHA-256 {plan.preset.sha256[:12]})")
@@ -220,3 +230,245 @@ def enumerated(settings: list[str]) -> str:
     if len(settings) <= MOST_SETTINGS:
         return f"settings {', '.join(settings)}"
     return f"{len(settings)} settings {', '.join(settings[:4])}, ... {settings[-1]}"
+
+
+# `list`: the keys of presets and what is shipped, or what a preset holds; the same as `generate --list`.
+
+
+def _list_options(parser: Parser) -> None:
+    parser.add_argument(
+        "what",
+        metavar="WHAT",
+        choices=[*KNOWN, *HELD],
+        help=f"{', '.join(KNOWN)}: what there is; {', '.join(HELD)}: what a preset holds",
+    )
+    parser.add_argument("preset", metavar="PRESET", nargs="?", help=f"the preset, for {', '.join(HELD)}")
+    add_part_options(parser)
+
+
+def _settle_list(parser: Parser, options: argparse.Namespace) -> argparse.Namespace:
+    if options.what in HELD and options.preset is None:
+        parser.error(f"{options.what}: name a preset, presets/demo.yaml for instance")
+    return options
+
+
+def _list(options: argparse.Namespace, entry: Entry) -> int:
+    named = [] if options.preset is None else [options.preset]
+    return run("generate", [*named, "--list", options.what, *part_words(options)], entry)
+
+
+LIST = Command(
+    name="list",
+    group="look at what there is",
+    help="list what a preset may say and what is shipped, or what a preset holds",
+    description="List the keys of presets, or what a preset holds.",
+    options=_list_options,
+    settle=_settle_list,
+    run=_list,
+    needs=(),
+)
+
+
+# What `status` prints: a table of settings and scenes, and lines on what is wrong and how long the rest takes.
+
+
+LONGEST_TABLE = 40  # rows; with more settings than that, the severities of one share a row
+NAMED = 5  # files that are named of those that are lost or damaged; --json names all
+
+
+def format_status(status: "Status", *, every_setting: bool = False) -> str:
+    """Return a status as text. every_setting: each setting has a row of its own, however many there are."""
+    lines = [_summary(status), "", *_table(status.sequences, every_setting), ""]
+    lines += [*status.notes]
+    for what, names in (("lost", status.lost), ("damaged", status.damaged)):
+        if names:
+            more = f" and {len(names) - NAMED:,} more" if len(names) > NAMED else ""
+            lines.append(f"{what:<8} {_count(len(names), 'file')}: {', '.join(names[:NAMED])}{more}")
+    if not (status.lost or status.damaged):
+        checked = (
+            "every file is as it was written"
+            if status.checked
+            else "none that was finished is lost; --check reads them all"
+        )
+        lines.append(f"files    {checked}")
+    if shards := _shards(status):
+        lines.append(f"shards   {shards}")
+    lines.append(f"time     {_time(status)}")
+    return "\n".join(lines)
+
+
+def content(status: "Status") -> dict[str, Any]:
+    """Return a status as JSON values."""
+    return {
+        "out": str(status.out),
+        "whole": status.whole,
+        "ended": status.ended,
+        "checked": status.checked,
+        "frames_done": status.done,
+        "frames": status.of,
+        "sequences": {
+            f"{item.setting}/{item.scene}": {"frames_done": item.inventory.done, "frames": item.of}
+            for item in status.sequences
+        },
+        "lost": list(status.lost),
+        "damaged": list(status.damaged),
+        "pace": asdict(status.pace) | {"silent": status.pace.silent},
+        "total_s": status.total_s,
+        "shards": {
+            "merged": list(status.shards.merged),
+            "finished": status.shards.finished,
+            "unfinished": status.shards.unfinished,
+        },
+        "notes": list(status.notes),
+    }
+
+
+def _summary(status: "Status") -> str:
+    settings = len({item.setting for item in status.sequences})
+    scenes = len({item.scene for item in status.sequences})
+    parts = f"{_count(settings, 'setting')}, {_count(scenes, 'scene')}, {_count(len(status.sequences), 'sequence')}"
+    total = "an unknown number of" if status.of is None else f"{status.of:,}"
+    share = f" ({_percent(status.done, status.of)} %)" if status.of else ""
+    end = "" if status.ended else "; its run has not come to its end"
+    return f"{status.out}: {parts}, {status.done:,} of {total} frames{share}{end}"
+
+
+def _percent(done: int, of: int) -> int:
+    return 100 * done // of  # rounded down, so that 100 means all
+
+
+def _count(count: int, what: str) -> str:
+    return f"{count:,} {what}{'' if count == 1 else 's'}"
+
+
+# --- the table ---
+
+
+def _table(sequences: Iterable["SequenceStatus"], every_setting: bool) -> list[str]:
+    """Return a row for each setting, or for those of one family, and a column for each scene."""
+    items = list(sequences)
+    names = list(dict.fromkeys(item.setting for item in items))
+    grouped = len(names) > LONGEST_TABLE and not every_setting
+    family = {name: family_of(name) if grouped else name for name in names}
+    cells: dict[str, dict[str, list[SequenceStatus]]] = {}
+    for item in items:
+        cells.setdefault(family[item.setting], {}).setdefault(item.scene, []).append(item)
+    counts = dict.fromkeys(cells, 0)
+    for name in names:
+        counts[family[name]] += 1
+    labels = {row: row if counts[row] == 1 else f"{row} ({counts[row]})" for row in cells}
+    scenes = list(dict.fromkeys(item.scene for item in items))
+    return _laid_out(
+        labels, {row: {scene: cell(found.get(scene, ())) for scene in scenes} for row, found in cells.items()}
+    )
+
+
+def family_of(setting: str) -> str:
+    """Return a setting's name without severity and mode: fog for fog_s3_dynamic."""
+    return re.sub(r"_s[0-9.]+(_dynamic)?$", "", setting)
+
+
+def cell(items: Iterable["SequenceStatus"]) -> str:
+    """Return how far sequences have come together: "done", "-", "812/2000"; with "!3" where three files are wrong."""
+    found = list(items)
+    if not found:
+        return ""
+    done = sum(item.inventory.done for item in found)
+    wrong = sum(len(item.inventory.lost) + len(item.inventory.damaged) for item in found)
+    of = "?" if any(item.of is None for item in found) else str(sum(item.of or 0 for item in found))
+    text = "done" if all(item.whole for item in found) else "-" if not done else f"{done}/{of}"
+    return f"{text} !{wrong}" if wrong else text
+
+
+def _laid_out(labels: dict[str, str], cells: dict[str, dict[str, str]]) -> list[str]:
+    """Return the lines of a table, its columns in blocks that fit the terminal."""
+    first = max(len("setting"), *map(len, labels.values()))
+    scenes = list(next(iter(cells.values())))
+    widths = {scene: max(len(scene), *(len(row[scene]) for row in cells.values())) for scene in scenes}
+    room = shutil.get_terminal_size((120, 0)).columns - first
+    blocks: list[list[str]] = [[]]
+    for scene in scenes:
+        if blocks[-1] and sum(widths[name] + 2 for name in (*blocks[-1], scene)) > room:
+            blocks.append([])
+        blocks[-1].append(scene)
+    lines: list[str] = []
+    for block in blocks:
+        lines += [""] if lines else []
+        lines.append("  ".join([f"{'setting':<{first}}", *(f"{scene:>{widths[scene]}}" for scene in block)]))
+        for row, label in labels.items():
+            lines.append("  ".join([f"{label:<{first}}", *(f"{cells[row][name]:>{widths[name]}}" for name in block)]))
+    return lines
+
+
+def _shards(status: "Status") -> str:
+    """Return what becomes of the shards; "" where there are none."""
+    shards = status.shards
+    parts = [f"{len(shards.merged):,} merged"] if shards.merged else []
+    parts += [f"{len(shards.finished):,} finished and to be merged"] if shards.finished else []
+    if shards.unfinished:
+        name, last_s = max(shards.unfinished.items(), key=lambda item: item[1])
+        ago = duration_text(max(0.0, time.time() - last_s))
+        parts.append(f"{len(shards.unfinished):,} begun, of which {name} was written to {ago} ago")
+    return ", ".join(parts)
+
+
+# --- time ---
+
+
+def _time(status: "Status") -> str:
+    if status.ended:
+        took = "" if status.total_s is None else f"; its last run took {duration_text(status.total_s)}"
+        return f"the last run has come to its end{took}"
+    return _of_pace(status.pace)
+
+
+def _of_pace(pace: "Pace") -> str:
+    if pace.last_s is None:
+        return "unknown: no frame is written yet"
+    last = f"the last frame was written {duration_text(pace.last_s)} ago"
+    if pace.frames_per_s is None:
+        return f"{last}; time left unknown: too few frames are written to tell the pace"
+    rate = f"{pace.frames_per_s:.3g} frames/s over {duration_text(pace.window_s)}"
+    left = "time left unknown" if pace.left_s is None else f"about {duration_text(pace.left_s)} left"
+    if pace.silent:
+        return f"{last}, so no run seems to go on; {left} at the pace before that, {rate}"
+    return f"{left} at the present pace, {rate}; {last}"
+
+
+# `status`: how far a dataset has come, what is missing or damaged, and how long the rest will take.
+
+
+def _status_options(parser: Parser) -> None:
+    parser.add_argument("out", metavar="OUT", type=place, help="the dataset's folder or address")
+    parser.add_argument("--check", action="store_true", help="read every file and compare its SHA-256")
+    parser.add_argument("--frames", metavar="A:B", type=frame_slice, help="ask for frames A to B-1 of each path alone")
+    parser.add_argument(
+        "--all",
+        action="store_true",
+        help=f"a row for each setting, also where there are more than {LONGEST_TABLE}; else severities share a row",
+    )
+    parser.add_argument("--json", action="store_true", help="print one JSON object instead")
+
+
+def _tell_status(options: argparse.Namespace, _: Entry) -> int:
+    """Print it; return 0, or 1 where files are lost or damaged."""
+    from ..core.progress import SilentProgress
+    from ..dataset.status import read_status
+    from ..perturbations import registry
+    from .entry import text_listener
+
+    listener = text_listener(sys.stderr) if options.check else SilentProgress()  # without it, looking takes seconds
+    status = read_status(options.out, registry(), listener, chosen=options.frames, check=options.check)
+    print(json.dumps(content(status), indent=1) if options.json else format_status(status, every_setting=options.all))
+    return 1 if status.lost or status.damaged else 0
+
+
+STATUS = Command(
+    name="status",
+    group="look at what there is",
+    help="say how far a dataset has come, and what of it is missing or damaged",
+    description="Say how far a dataset has come, while a run makes it or after that: a table of settings and "
+    "scenes, what is lost or damaged, and how long the rest takes at the present pace. Nothing is changed.",
+    options=_status_options,
+    run=_tell_status,
+)

@@ -1,15 +1,161 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The errors that a user can cause and mend.
+"""What a user can mend: errors in one line, messages in parts, suggestions for misspelt names, exit statuses.
+
+The errors that a user can cause and mend.
 
 On the command line each becomes a single line and a non-zero exit status, in the add-on a report in the status bar. Any
 other exception is a bug and keeps its traceback.
 """
 
-from collections.abc import Iterator
+import difflib
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
+from enum import Enum
 from pathlib import Path
+from typing import Any, TypeAlias
 
-from .messages import Message, Part, Remedy, Subject, either
+# Messages in parts: keys and commands are named by the command line here, and by the panel in `ui`.
+
+
+class Action(Enum):
+    """What a user may do; the value is the command line's wording."""
+
+    OTHER_FOLDER = "choose another folder with --out"
+    OTHER_NAME = "give it another name"
+    OVERWRITE = "replace the dataset with --overwrite"
+    RUN_AGAIN = "run the same command again"
+    NAME_CAMERA = "name one of its cameras"
+    OTHER_CAMERA = "name another camera"
+    GIVE_CAMERA = "give the preset's camera, which then holds"
+    OTHER_FRAMES = "choose frames"
+
+    def __str__(self) -> str:
+        return self.value
+
+
+@dataclass(frozen=True)
+class CommandLineOnly:
+    """What a user of the command line alone may do; other places leave it out of a remedy."""
+
+    text: str
+
+    def __str__(self) -> str:
+        return self.text
+
+
+@dataclass(frozen=True)
+class PresetKey:
+    """A key of a preset, by its whole path or its end. value: what it is to be set to, "" for no such thing."""
+
+    path: str
+    value: str = ""
+
+    def __str__(self) -> str:
+        return f"{self.path}: {self.value}" if self.value else self.path
+
+
+@dataclass(frozen=True)
+class Subject:
+    """What a message is about, at its beginning: a file or a place, and where in it, such as the key of a preset."""
+
+    file: str
+    where: str = ""
+
+    def __str__(self) -> str:
+        return f"{self.file}: {self.where}: " if self.where else f"{self.file}: "
+
+
+class Message(str):
+    """A text made of parts. As a text it is what the command line says."""
+
+    parts: "tuple[Part, ...]"
+
+    def __new__(cls, *parts: "Part") -> "Message":
+        """Join parts; those of a message among them stay what they are, and what says nothing is left out."""
+        flat = [inner for part in parts for inner in parts_of(part) if str(inner)]
+        made = super().__new__(cls, "".join(f"; {part}" if isinstance(part, Remedy) else str(part) for part in flat))
+        made.parts = tuple(flat)
+        return made
+
+    def __reduce__(self) -> "tuple[type[Message], tuple[Part, ...]]":
+        return Message, self.parts
+
+
+@dataclass(frozen=True)
+class Remedy:
+    """What to do about it, at the end of a message. ways: one of them is enough."""
+
+    ways: tuple[Message, ...]
+
+    def __str__(self) -> str:
+        return one_of(self.ways)
+
+
+Part: TypeAlias = str | Action | CommandLineOnly | PresetKey | Subject | Remedy
+
+
+def either(*ways: Part) -> Remedy:
+    """Return a remedy of one way, or of several of which one is enough; "" is none."""
+    return Remedy(tuple(Message(way) for way in ways if way))
+
+
+def one_of(ways: Sequence[str]) -> str:
+    """Return ways of which one is enough in words: "a, b, or c"; "" for none."""
+    *others, last = ways or ("",)
+    return f"{', '.join(others)}, or {last}" if others else last
+
+
+def parts_of(text: Part) -> tuple[Part, ...]:
+    """Return the parts of a message; of anything else itself."""
+    return text.parts if isinstance(text, Message) else (text,)
+
+
+def offers(message: str, action: Action) -> bool:
+    """Tell whether an action is among the ways of a message's remedy."""
+    remedies = (part for part in parts_of(message) if isinstance(part, Remedy))
+    return any(action in way.parts for remedy in remedies for way in remedy.ways)
+
+
+# --- between processes ---
+
+
+def to_content(part: Part) -> Any:
+    """Return a part of a message, or a message, as JSON has it."""
+    match part:
+        case Message():
+            return [to_content(inner) for inner in part.parts]
+        case Action():
+            return {"action": part.name}
+        case CommandLineOnly(text):
+            return {"command_line": text}
+        case PresetKey(path, value):
+            return {"key": [path, value]}
+        case Subject(file, where):
+            return {"subject": [file, where]}
+        case Remedy(ways):
+            return {"ways": [to_content(way) for way in ways]}
+        case str():
+            return part
+
+
+def from_content(content: Any) -> Any:
+    """Return the part or the message that `to_content` gave as JSON."""
+    match content:
+        case list():
+            return Message(*map(from_content, content))
+        case {"action": name}:
+            return Action[name]
+        case {"command_line": text}:
+            return CommandLineOnly(text)
+        case {"key": [path, value]}:
+            return PresetKey(path, value)
+        case {"subject": [file, where]}:
+            return Subject(file, where)
+        case {"ways": ways}:
+            return Remedy(tuple(map(from_content, ways)))
+        case _:
+            return content
 
 
 class NoisyWorldError(Exception):
@@ -103,3 +249,41 @@ def _is_opencvs(error: Exception) -> bool:
 
 class InterruptedRunError(NoisyWorldError):
     """The user stopped the run; the message says how to continue it."""
+
+
+# Suggestions for misspelt names: keys, commands, options, presets, perturbations, folders.
+
+
+LONGEST = 60  # characters of a name that are compared: the time grows with their square
+LEAST = 0.5  # likeness, from 0 to 1; difflib's own limit of 0.6 misses short names with one wrong letter
+
+
+def nearest(name: str, known: Iterable[str]) -> str | None:
+    """Return the known name that is most like a name; None where none is like it."""
+    near = difflib.get_close_matches(name[:LONGEST], list(known), n=1, cutoff=LEAST)
+    return near[0] if near else None
+
+
+def did_you_mean(name: str, known: Iterable[str]) -> str:
+    """Return a question that gives the nearest known name; "" where none is like it."""
+    near = nearest(name, known)
+    return "" if near is None else f"did you mean {near!r}?"
+
+
+# Exit statuses of commands.
+
+
+DONE = 0
+USERS_ERROR = 1  # a line on standard error says what to mend
+REFUSED = 3  # of a worker on a machine that could not do any task as the others do
+BUSY = 75  # of one whose task another process does; EX_TEMPFAIL of sysexits.h
+INTERRUPTED = 130  # 128 + SIGINT (2): the exit status that shells give a program ended by Ctrl-C
+KILLED = 9  # the signal that nothing hears: the system's, where memory is short
+READER_GONE = 141  # 128 + SIGPIPE (13): that of a program whose output nobody reads any more
+
+
+def how_it_ended(status: int) -> str:
+    """Return in words how a process ended that did not mean to. status: negative where a signal ended it."""
+    if status >= 0:
+        return f"ended with status {status}"
+    return f"was ended by signal {-status}{', perhaps for want of memory' if status == -KILLED else ''}"

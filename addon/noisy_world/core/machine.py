@@ -1,13 +1,18 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Facts about the machine and this process."""
+"""The machine's processors and memory, and work spread over threads."""
 
 import ctypes
 import os
 import sys
+from collections import deque
+from collections.abc import Callable, Generator, Iterable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
 from functools import cache
+from itertools import islice
 from pathlib import Path
+from typing import TypeVar
 
-from .regular_files import read_text
+from .file_access import read_text
 
 _MAPPED_ONLY_BYTES = 10**9  # measured: stacks and arenas of threads, which count as address space and take no memory
 _M_TRIM_THRESHOLD, _M_TOP_PAD, _M_MMAP_THRESHOLD = -1, -2, -3  # malloc.h of glibc
@@ -15,7 +20,7 @@ _M_TRIM_THRESHOLD, _M_TOP_PAD, _M_MMAP_THRESHOLD = -1, -2, -3  # malloc.h of gli
 
 def processor_features() -> list[str]:
     """Return the instruction sets by which numpy chooses its loops; float32 exp, log and sin differ between them."""
-    from numpy._core._multiarray_umath import __cpu_features__  # noqa: PLC0415 - as numpy.show_runtime does
+    from numpy._core._multiarray_umath import __cpu_features__  # as numpy.show_runtime does
 
     return sorted(name for name, there in __cpu_features__.items() if there)
 
@@ -28,7 +33,7 @@ def peak_memory_bytes() -> int | None:
     if status.exists():  # on Linux, getrusage includes the process that started this one
         (line,) = [line for line in read_text(status).splitlines() if line.startswith("VmHWM:")]
         return int(line.split()[1]) * 1024
-    import resource  # noqa: PLC0415 - not on Windows
+    import resource  # not on Windows
 
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     return peak if sys.platform == "darwin" else peak * 1024
@@ -101,7 +106,7 @@ def limit_process(processor_s: int) -> None:
     where the system has no such limits.
     """
     try:
-        import resource  # noqa: PLC0415 - not on Windows
+        import resource  # not on Windows
     except ImportError:
         return
     _lower_limit(resource.RLIMIT_CPU, processor_s)
@@ -113,7 +118,7 @@ def limit_process(processor_s: int) -> None:
 def allow_processor(further_s: int) -> None:
     """Allow this process so many more seconds of a processor, where it has a limit that it may raise."""
     try:
-        import resource  # noqa: PLC0415 - not on Windows
+        import resource  # not on Windows
     except ImportError:
         return
     soft, hard = resource.getrlimit(resource.RLIMIT_CPU)
@@ -124,7 +129,7 @@ def allow_processor(further_s: int) -> None:
 
 def _lower_limit(which: int, limit: int) -> None:
     if sys.platform != "win32":
-        import resource  # noqa: PLC0415 - not on Windows
+        import resource  # not on Windows
 
         soft, hard = resource.getrlimit(which)
         known = [value for value in (soft, hard) if value != resource.RLIM_INFINITY]
@@ -160,7 +165,7 @@ def _machine_free_bytes(system: Path) -> int | None:
 def _address_space_free_bytes(system: Path) -> int | None:
     if sys.platform == "win32":
         return None
-    import resource  # noqa: PLC0415 - not on Windows
+    import resource  # not on Windows
 
     limit = resource.getrlimit(resource.RLIMIT_AS)[0]
     if limit == resource.RLIM_INFINITY:
@@ -209,3 +214,47 @@ def _lines(path: Path) -> list[str]:
         return read_text(path).splitlines()
     except (OSError, UnicodeError):
         return []
+
+
+# Processes items in threads, a few ahead of the consumer, and yields results in order.
+
+
+Item = TypeVar("Item")
+Result = TypeVar("Result")
+
+
+def done_ahead(
+    work: Callable[[Item], Result], items: Iterable[Item], *, threads: int, ahead: int, name: str
+) -> Generator[tuple[Item, Result]]:
+    """Yield each item with what `work` makes of it, in their order.
+
+    ahead: how many items are begun before the first of them is asked for, so that memory does not grow with their
+    number. name: of the threads. An error of `work` is raised where its item would be yielded. When nothing more is
+    asked for, items that are not begun are dropped, and those that are begun are waited for.
+    """
+    waiting: deque[tuple[Item, Future[Result]]] = deque()
+    pool = ThreadPoolExecutor(threads, thread_name_prefix=name)
+    try:
+        for item in items:
+            waiting.append((item, pool.submit(work, item)))
+            if len(waiting) > ahead:
+                done, future = waiting.popleft()
+                yield done, future.result()
+        while waiting:
+            done, future = waiting.popleft()
+            yield done, future.result()
+    finally:
+        pool.shutdown(wait=True, cancel_futures=True)
+
+
+# Batches of an iterable, which Python's itertools has from 3.12.
+
+
+T = TypeVar("T")
+
+
+def batched(values: Iterable[T], size: int) -> Iterator[tuple[T, ...]]:
+    """Yield the values, in their order, `size` at a time; the last time those that are left."""
+    left = iter(values)
+    while batch := tuple(islice(left, size)):
+        yield batch

@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable
 from typing import Any, Protocol, TextIO
 
-from .messages import Message, from_content, to_content
+from .errors import Message, from_content, to_content
 
 # Begins each message to another process, which tells messages from other output on the stream, such as Blender's.
 MARK = "@noisy-world "

@@ -20,16 +20,9 @@ import warnings
 from collections.abc import Callable, Sequence
 from typing import IO, Any, Self
 
-from ..core.errors import NoisyWorldError
-from ..core.exit_statuses import DONE, INTERRUPTED, how_it_ended
-from ..core.machine import (
-    available_threads,
-    end_opencv_threads_before_forks,
-    limit_threads,
-    thread_variables,
-)
-from .jobs import Job, TaskMessage, TaskOutcome, TaskQueue
-from .worker import QUESTION
+from ..core.errors import DONE, INTERRUPTED, NoisyWorldError, how_it_ended
+from ..core.machine import available_threads, end_opencv_threads_before_forks, limit_threads, thread_variables
+from .jobs import QUESTION, Job, TaskMessage, TaskOutcome, TaskQueue
 from .worker_process import Heard, Started, WorkerProcess, started
 
 

@@ -17,14 +17,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ..core.datasets.storage import sha256_of_file
-from ..core.errors import MissingDependencyError, NoisyWorldError
-from ..core.exit_statuses import DONE, INTERRUPTED, REFUSED, USERS_ERROR
-from ..core.extras import install_command
+from ..core.atomic_files import sha256_of_file
+from ..core.dependencies import install_command, package_version
+from ..core.errors import DONE, INTERRUPTED, REFUSED, USERS_ERROR, MissingDependencyError, NoisyWorldError
 from ..core.machine import thread_variables
-from ..core.shipped import package_version
 from .jobs import Job, TaskMessage, TaskOutcome
-from .node import NodeTask, carried, in_ray
+from .worker_process import NodeTask, carried, in_ray
 
 ANSWER_S = 10.0  # for a cluster to answer; chosen
 RETRIES = 3  # of a task whose process, worker or node was lost

@@ -11,11 +11,11 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import cache, cached_property
 
+from ..core.dependencies import check_opencv
+from ..core.entry_points import Door, collected
 from ..core.errors import NoisyWorldError
-from ..core.installed import Door, collected
-from ..core.opencv import check_opencv
-from ..core.perturbing.kinds import KINDS, Perturbation, propagation_key
 from . import shipped
+from .kinds import KINDS, Perturbation, propagation_key
 
 DOOR = Door[Perturbation]("noisy_world.perturbations", "perturbation", "PERTURBATION", KINDS)
 

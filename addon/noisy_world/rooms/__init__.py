@@ -5,16 +5,15 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ..core.scenes.mesh import Mesh
+from ..scenes.polygon_mesh import Mesh
 from .bedroom import bedroom
 from .corridor import corridor
-from .decor import decor
 from .furniture import furniture
 from .l_shape import l_shape
 from .light import Lighting, lit
+from .living_room import INTERIOR_MAX_M, INTERIOR_MIN_M, LIGHTING, decor, shell
 from .meeting_room import meeting_room
 from .open_office import open_office
-from .shell import INTERIOR_MAX_M, INTERIOR_MIN_M, LIGHTING, shell
 from .small_office import small_office
 from .surfaces import Piece
 from .two_rooms import two_rooms

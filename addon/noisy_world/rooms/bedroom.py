@@ -1,19 +1,15 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Room 1: a bedroom of 4.4 x 4.0 m in blue and rose, with one window to the west."""
 
-from . import patterns as pt
-from . import pictures as pic
-from .books import stack
+from . import finishes as pic
+from . import surfaces as pt
 from .building import Coat, Wall, ceiling, closed_door, door_hole, enclosed, glazed, ground, lining, skirting, walls
-from .finishes import boards, facets, joints, plaster
-from .furniture import cabinet
-from .household import armchair, basket, bed, drawers, radiator, table_lamp, wall_shelf, wardrobe
+from .finishes import boards, facets, joints, plaster, quilt, wandering
+from .furniture import armchair, basket, bed, cabinet, drawers, radiator, table_lamp, wall_shelf, wardrobe
 from .light import Lighting
-from .papers import quilt, wandering
-from .plants import flowers, trailing_plant
+from .openings import garden_from
 from .surfaces import Piece, joined, placed, shadeless
-from .things import clock, floor_lamp, framed, mug, pendant, rug
-from .views import garden_from
+from .things import clock, floor_lamp, flowers, framed, mug, pendant, rug, stack, trailing_plant
 
 _HEIGHT_M = 2.5
 _CORNERS_M = ((-2.2, 2.0), (2.2, 2.0), (2.2, -2.0), (-2.2, -2.0))

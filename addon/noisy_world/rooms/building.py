@@ -12,7 +12,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from . import patterns as pt
+from . import surfaces as pt
 from .light import Window
 from .openings import CURTAIN_CODES, REVEAL_M, TRIM, Hole, Outlook, curtains, door, outdoors, window
 from .surfaces import Array, Painter, Piece, Point, box, joined, placed, rect, shadeless

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Room 3: a corridor of 9.0 x 1.9 m in an old house that opens into a hall of 2.9 x 3.8 m, with five doors."""
 
-from . import patterns as pt
-from . import pictures as pic
+from . import finishes as pic
+from . import surfaces as pt
 from .building import (
     Coat,
     Wall,
@@ -18,15 +18,12 @@ from .building import (
     surface,
     walls,
 )
-from .finishes import cement_tiles, joints, plaster, tiles
-from .household import basket, bench, chest, coat_rack, mirror_table, radiator, table_lamp
+from .finishes import cement_tiles, joints, noticeboard, plaster, poster, tiles, world_map
+from .furniture import basket, bench, chest, coat_rack, mirror_table, radiator, table_lamp
 from .light import Lighting
-from .openings import Hole
-from .papers import noticeboard, poster, world_map
-from .plants import flowers, potted_palm, trailing_plant
+from .openings import Hole, city, garden_from
 from .surfaces import Piece, joined, placed
-from .things import clock, framed, open_carton, pendant, rug
-from .views import city, garden_from
+from .things import clock, flowers, framed, open_carton, pendant, potted_palm, rug, trailing_plant
 
 _HEIGHT_M = 2.9
 _CORNERS_M = ((-4.5, 0.95), (1.6, 0.95), (1.6, 2.85), (4.5, 2.85), (4.5, -0.95), (-4.5, -0.95))

@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Room 2: living and dining in an L of 7.2 x 6.2 m, in sage and terracotta, with windows to the north and west."""
 
-from . import patterns as pt
-from . import pictures as pic
-from .books import Shelf, bookshelf, stack
+from . import finishes as pic
+from . import surfaces as pt
 from .building import (
     Coat,
     Wall,
@@ -18,15 +17,41 @@ from .building import (
     solid,
     walls,
 )
-from .finishes import PARQUET_M, ferns, joints, parquet, plaster, stones
-from .furniture import cabinet, chair, coffee_table, dining_table, sofa, television
-from .household import armchair, basket, radiator, wall_shelf
+from .finishes import PARQUET_M, ferns, joints, parquet, plaster, poster, stones, wandering
+from .furniture import (
+    armchair,
+    basket,
+    cabinet,
+    chair,
+    coffee_table,
+    dining_table,
+    radiator,
+    sofa,
+    television,
+    wall_shelf,
+)
 from .light import Lighting
-from .papers import poster, wandering
-from .plants import flowers, potted_palm, trailing_plant
+from .openings import garden_from
 from .surfaces import Piece, box, joined, placed, shadeless
-from .things import clock, floor_lamp, framed, fruit_bowl, mug, open_carton, pendant, place_setting, pouf, rug, toys
-from .views import garden_from
+from .things import (
+    Shelf,
+    bookshelf,
+    clock,
+    floor_lamp,
+    flowers,
+    framed,
+    fruit_bowl,
+    mug,
+    open_carton,
+    pendant,
+    place_setting,
+    potted_palm,
+    pouf,
+    rug,
+    stack,
+    toys,
+    trailing_plant,
+)
 
 _HEIGHT_M = 2.8
 _CORNERS_M = ((-3.6, 3.1), (3.6, 3.1), (3.6, -0.2), (0.4, -0.2), (0.4, -3.1), (-3.6, -3.1))

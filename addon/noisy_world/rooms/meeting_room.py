@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Room 7: a meeting room of 6.4 x 4.6 m with an alcove of 2.8 x 1.6 m for coffee, in oak, felt and concrete."""
 
-from . import patterns as pt
-from . import pictures as pic
+from . import finishes as pic
+from . import surfaces as pt
 from .building import (
     Coat,
     Wall,
@@ -17,17 +17,25 @@ from .building import (
     solid,
     walls,
 )
-from .finishes import concrete, joints, plaster, slats, stones, tiles
-from .furniture import cabinet, television
-from .household import armchair, radiator, stool
-from .kitchen import TOP_M, clutter, units, wall_units
+from .finishes import concrete, joints, plaster, poster, slats, stones, tiles
+from .fittings import (
+    DESK_M,
+    TOP_M,
+    board,
+    clutter,
+    conference_table,
+    laptop,
+    papers,
+    swivel_chair,
+    tube_light,
+    units,
+    wall_units,
+)
+from .furniture import armchair, cabinet, radiator, stool, television
 from .light import Lighting
-from .office import DESK_M, board, conference_table, laptop, papers, swivel_chair, tube_light
-from .papers import poster
-from .plants import flowers, potted_palm, trailing_plant
+from .openings import city
 from .surfaces import Piece, Point, joined, placed, rounded_box, shadeless
-from .things import clock, framed, fruit_bowl, mug, pouf
-from .views import city
+from .things import clock, flowers, framed, fruit_bowl, mug, potted_palm, pouf, trailing_plant
 
 _HEIGHT_M = 2.9
 _CORNERS_M = (

@@ -1,15 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Room 5: an open office of 9.0 x 7.0 m with a pillar, two islands of desks and a band of windows to the south."""
 
-from . import patterns as pt
-from . import pictures as pic
-from .books import Shelf, bookshelf
+from . import finishes as pic
+from . import surfaces as pt
 from .building import Coat, Wall, ceiling, closed_door, door_hole, enclosed, glazed, ground, lining, skirting, walls
-from .finishes import carpet_tiles, concrete, joints, mineral, plaster, slats
-from .furniture import coffee_table, sofa
-from .household import radiator
-from .light import Lighting
-from .office import (
+from .finishes import carpet_tiles, concrete, joints, mineral, plaster, poster, slats
+from .fittings import (
     bin_,
     board,
     cabinet_row,
@@ -20,11 +16,11 @@ from .office import (
     water_cooler,
     workplace,
 )
-from .papers import poster
-from .plants import flowers, potted_palm, trailing_plant
+from .furniture import coffee_table, radiator, sofa
+from .light import Lighting
+from .openings import city
 from .surfaces import Piece, box, joined, placed
-from .things import clock, framed, mug, pouf
-from .views import city
+from .things import Shelf, bookshelf, clock, flowers, framed, mug, potted_palm, pouf, trailing_plant
 
 _HEIGHT_M = 3.0
 _CORNERS_M = ((-4.5, 3.5), (4.5, 3.5), (4.5, -3.5), (-4.5, -3.5))

@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Room 6: a small office of 4.4 x 4.0 m for two, in white brick and cork, with one window to the north."""
 
-from . import patterns as pt
-from . import pictures as pic
-from .books import Shelf, bookshelf
+from . import finishes as pic
+from . import surfaces as pt
 from .building import (
     Coat,
     Wall,
@@ -18,16 +17,13 @@ from .building import (
     skirting,
     walls,
 )
-from .finishes import concrete, plaster
-from .furniture import cabinet
-from .household import radiator, stool, wall_shelf
+from .finishes import concrete, plaster, poster, wandering, world_map
+from .fittings import bin_, board, cabinet_row, swivel_chair, tube_light, workplace
+from .furniture import cabinet, radiator, stool, wall_shelf
 from .light import Lighting
-from .office import bin_, board, cabinet_row, swivel_chair, tube_light, workplace
-from .papers import poster, wandering, world_map
-from .plants import potted_palm, trailing_plant
+from .openings import city
 from .surfaces import Piece, joined, placed
-from .things import clock, floor_lamp, framed, mug, open_carton, rug
-from .views import city
+from .things import Shelf, bookshelf, clock, floor_lamp, framed, mug, open_carton, potted_palm, rug, trailing_plant
 
 _HEIGHT_M = 2.75
 _CORNERS_M = ((-2.2, 2.0), (2.2, 2.0), (2.2, -2.0), (-2.2, -2.0))

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What makes a room lived in: rug, frames, lamps, clock, tableware, toys. Each about its own origin."""
+"""Small things that make a room lived in: lamps, tableware, toys, books, vases, plants."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from . import patterns as pt
-from . import pictures as pic
+from . import finishes as pic
+from . import surfaces as pt
 from .surfaces import (
     Array,
     Painter,
@@ -15,6 +15,7 @@ from .surfaces import (
     ball,
     box,
     disc,
+    grid,
     joined,
     lathe,
     placed,
@@ -265,3 +266,278 @@ def pouf(codes: list[str] = POUF_CODES) -> Piece:
     )
     lid = disc((0, 0, 0.3765), 0.062, 0.012, pt.plain(codes[2], 871))
     return shadeless(joined([body, lid])) + Piece((), (((-0.22, -0.22, 0.0), (0.22, 0.22, 0.33)),))
+
+
+# Books, one by one, in rows and in stacks; vases; shelves full of both.
+
+
+OAK = pt.wood("#c9a06c", "#94683c", 501)
+SHELF_BACK = pt.wood("#a9794b", "#6f4a2b", 540)
+
+
+def _spine(width_m: float, height_m: float, seed: int) -> Painter:
+    """The back of a book: ground, bands, and a title of little marks."""
+    grounds = (
+        "#7d2e2a",
+        "#274a63",
+        "#d9c9a3",
+        "#3f5d45",
+        "#c98f3c",
+        "#54345a",
+        "#b7563a",
+        "#1f2d3a",
+        "#8fa7a3",
+        "#e7dcc4",
+        "#6b4a33",
+        "#a33b4b",
+        "#3c7a80",
+        "#d8b23f",
+    )
+    inks = ("#e9cf86", "#f3ead6", "#2a2523")
+    number = int(pt.pick(seed, 7, 0, len(grounds)))
+    ground = pt.colour(grounds[number])
+    ink = pt.colour(inks[2] if number in (2, 9, 13) else inks[seed % 2])
+    style = seed // 3 % 4
+
+    def paint(u: Array, v: Array) -> Array:
+        wear = 0.88 + 0.2 * pt.hash01(np.floor(u / 0.006), np.floor(v / 0.012), seed)
+        rgb = ground * wear[..., None]
+        h = v / height_m
+        bands = (abs(h - 0.90) < 0.018) | (abs(h - 0.10) < 0.018)
+        if style == 1:
+            bands |= (abs(h - 0.82) < 0.012) | (abs(h - 0.18) < 0.012)
+        if style == 2:
+            bands = (h > 0.66) & (h < 0.86)
+        rgb = np.where(bands[..., None], ink, rgb)
+        inside = (u > 0.22 * width_m) & (u < 0.78 * width_m)
+        title = (
+            inside & (h > 0.3) & (h < 0.62) & (pt.hash01(np.floor(u / 0.007), np.floor(v / 0.0085), seed + 1) > 0.42)
+        )
+        return np.where(title[..., None], ink, rgb)
+
+    return paint
+
+
+def book(width_m: float, height_m: float, depth_m: float, seed: int) -> Piece:
+    """An upright book on the origin with its spine at y = 0 and its pages behind."""
+    spine = _spine(width_m, height_m, seed)
+    cover_rgb = spine(np.full((1, 1), 0.001), np.full((1, 1), 0.5 * height_m))[0, 0]
+
+    def bound(u: Array, v: Array) -> Array:
+        return cover_rgb * np.ones_like(u + v)[..., None]
+
+    pages = pt.plain("#e3d6b8", seed, grain=0.1, patch=0.0)
+    back = rect((0, 0, 0), (width_m, 0, 0), (0, 0, height_m), 0.009, spine)
+    sides = box((0, 0, 0), (width_m, depth_m, height_m), 0.4, bound, skip="yYzZ")
+    top = rect((0, 0, height_m - 0.003), (width_m, 0, 0), (0, depth_m, 0), 0.016, pages)
+    return shadeless(joined([back, sides, top]))
+
+
+def book_row(length_m: float, room_m: float, seed: int) -> Piece:
+    """Books from x = 0 on, the last one leaning, in a shelf room_m high."""
+    parts: list[Piece] = []
+    x, k = 0.004, 0
+    while True:
+        number = seed * 40 + k
+        width = pt.pick(number, 1, 0.018, 0.052)
+        height = min(pt.pick(number, 2, 0.17, 0.30), room_m - 0.025)
+        if x + width > length_m - 0.075:
+            break
+        parts.append(placed(book(width, height, 0.19, number), (x, pt.pick(number, 3, 0.0, 0.03), 0.0)))
+        x += width + 0.0022
+        k += 1
+    last = placed(tilted(book(0.026, 0.215, 0.18, seed * 40 + 39), 1, -13.0), (x + 0.001, 0.01, 0.0062))
+    return joined([*parts, last])
+
+
+def stack(count: int, seed: int, yaw_deg: float = 0.0) -> Piece:
+    """Books lying on each other, spines to the front."""
+    parts, z = [], 0.0
+    for k in range(count):
+        number = seed * 40 + k
+        thick, long_ = pt.pick(number, 1, 0.022, 0.045), pt.pick(number, 2, 0.2, 0.27)
+        flat = placed(tilted(book(thick, long_, 0.17, number), 1, 90.0), (-long_ / 2, 0.0, thick))
+        parts.append(placed(flat, (0.0, 0.0, z), yaw_deg + pt.pick(number, 3, -8, 8)))
+        z += thick + 0.001
+    return joined(parts)
+
+
+def vase(seed: int, height_m: float, paint: Painter) -> Piece:
+    """A vase on the origin; seed decides how wide it is."""
+    h = height_m
+    wide = 0.3 + 0.1 * (seed % 3)
+    outline = [(0.18 * h, 0), (wide * h, 0.35 * h), (wide * 0.85 * h, 0.6 * h), (0.12 * h, 0.85 * h), (0.17 * h, h)]
+    return lathe((0, 0, 0), outline, 28, paint, cell_m=0.009)
+
+
+_GLAZES = (
+    pt.terrazzo("#e8dcc4", ["#c9714e", "#35525f", "#e0b14e"], 530, chip_m=0.028),
+    pt.stripes(["#3d6470", "#e9dfc9", "#3d6470", "#c25a3c"], [0.02, 0.02, 0.02, 0.02], 531),
+    pt.checks(["#c25a3c", "#b4553a", "#d98b5f", "#8a3f2c"], 0.02, 532),
+)
+
+
+@dataclass(frozen=True)
+class Shelf:
+    """A bookshelf against the wall at y = 0: its size, and how many compartments it has beside and above each other."""
+
+    width_m: float = 2.46
+    height_m: float = 2.22
+    depth_m: float = 0.32
+    bays: int = 3
+    levels: int = 6
+    timber: Painter = OAK
+    back: Painter = SHELF_BACK
+    seed: int = 600
+    odd: tuple[tuple[int, int], ...] = ((1, 0), (6, 1), (8, 2), (10, 1), (15, 2), (17, 0))  # compartment, what it holds
+
+
+def _shelf_fill(shelf: Shelf, number: int, width_m: float, room_m: float) -> Piece:
+    """The content of one compartment; the origin is its lower left front corner."""
+    odd = dict(shelf.odd)
+    if number not in odd:
+        return book_row(width_m, room_m, shelf.seed + number)
+    kind = odd[number]
+    things = [placed(vase(number, 0.21, _GLAZES[kind]), (0.14, 0.14, 0.0))]
+    things.append(placed(book_row(width_m - 0.30, room_m, shelf.seed + 40 + number), (0.29, 0.0, 0.0)))
+    if kind == 2:
+        things[1] = placed(stack(5, shelf.seed + 60 + number), (0.46, 0.04, 0.0))
+    return joined(things)
+
+
+def bookshelf(shelf: Shelf) -> Piece:
+    """A bookshelf full of books, its back at y = 0."""
+    t, w, h, d, timber = 0.024, shelf.width_m, shelf.height_m, shelf.depth_m, shelf.timber
+    parts = [rect((-w / 2, -0.012, 0), (w, 0, 0), (0, 0, h), 0.035, shelf.back)]
+    bay = (w - t) / shelf.bays
+    for k in range(shelf.bays + 1):
+        x = -w / 2 + k * bay
+        parts.append(box((x, -d, 0.0), (x + t, -0.013, h), 0.03, timber, skip="zY"))
+    gap = (h - 0.08 - t) / shelf.levels
+    for level in range(shelf.levels + 1):
+        z = 0.08 + level * gap
+        for k in range(shelf.bays):
+            x = -w / 2 + k * bay + t
+            parts.append(box((x, -d + 0.004, z), (x + bay - t, -0.013, z + t), 0.03, timber, skip="xXY"))
+            if level < shelf.levels:
+                fill = _shelf_fill(shelf, k + shelf.bays * level, bay - t, gap - t)
+                parts.append(placed(fill, (x, -d + 0.035, z + t)))
+                block = ((x + 0.01, -d + 0.06, z + t), (x + bay - t - 0.08, -0.03, z + 0.7 * gap))
+                parts.append(Piece((), (block,)))
+    plinth = box((-w / 2 + t, -d + 0.03, 0.0), (w / 2 - t, -d + 0.045, 0.08), 0.02, timber, skip="xXzZ")
+    return joined([*parts, shadeless(plinth)])
+
+
+# A palm, trailing pot plants and tulips: many thin leaves, each a small sheet.
+
+
+def _blade(base_m: Array, along: Array, size_m: tuple[float, float, float], paint: Painter) -> Piece:
+    """A narrow leaf from base_m in the direction along, bending down towards its tip; size_m: length, width, droop."""
+    length_m, width_m, droop_m = size_m
+    t = np.arange(8) / 7.0
+    spine = base_m + along * (length_m * t)[:, None] - np.array([0, 0, 1.0]) * (droop_m * t * t)[:, None]
+    aside = np.array([-along[1], along[0], 0.0])
+    aside = aside / max(float(np.sqrt((aside * aside).sum())), 1e-6)
+    half = 0.5 * width_m * np.maximum(4 * t * (1 - t), 0.07) + 0.0005
+    s = np.array([-1.0, 0.0, 1.0])
+    points = spine[:, None] + aside * (half[:, None] * s)[..., None]
+    points = points - np.array([0, 0, 0.25]) * (half[:, None] * abs(s))[..., None]
+    u, v = grid(s * width_m, t * length_m)
+    return Piece((sheet(points, paint(u + base_m[0], v + base_m[2])),))
+
+
+def _palm(fronds: int, height_m: float, seed: int) -> Piece:
+    """Arching fronds with two rows of narrow leaves, out of the origin."""
+    parts: list[Piece] = []
+    leaf = [
+        pt.plain(c, seed + k, grain=0.16, patch=0.0) for k, c in enumerate(("#4f8a4a", "#3b7040", "#6fa354", "#2f5f3a"))
+    ]
+    stem = pt.plain("#8aa05a", seed + 9, grain=0.1, patch=0.0)
+    for k in range(fronds):
+        yaw = 2.399963 * k + 0.3 * pt.pick(k, seed)
+        rise = height_m * pt.pick(k, seed + 1, 0.55, 1.0)
+        reach = pt.pick(k, seed + 2, 0.22, 0.52) * (1.25 - 0.5 * rise / height_m)
+        out = np.array([np.cos(yaw), np.sin(yaw), 0.0])
+        t = np.arange(15) / 14.0
+        line = (
+            out * (reach * t * t)[:, None]
+            + np.array([0, 0, 1.0]) * (rise * (1.25 * t - 0.3 * t**3))[:, None]
+            + out * 0.03
+        )
+        parts.append(tube([tuple(p) for p in line], 0.0055 - 0.0035 * t, 5, stem))
+        for j in range(5, 15):
+            ahead = line[j] - line[j - 1]
+            ahead = ahead / np.sqrt((ahead * ahead).sum())
+            for side in (-1.0, 1.0):
+                across = np.array([-out[1], out[0], 0.0]) * side
+                along = 0.62 * ahead + 0.78 * across
+                length = 0.21 * (1 - 0.05 * abs(j - 9)) * pt.pick(j * 2 + int(side > 0), seed + k, 0.85, 1.1)
+                parts.append(_blade(line[j], along, (length, 0.022, 0.07), leaf[(j + k) % 4]))
+    return joined(parts)
+
+
+def potted_palm() -> Piece:
+    """A palm, 1.5 m with its banded clay pot, standing on the origin."""
+    pot = pt.stripes(["#c9714e", "#c9714e", "#f0e2c8", "#2f5a55", "#f0e2c8"], [0.16, 0.03, 0.014, 0.024, 0.014], 790)
+
+    def rings(u: Array, v: Array) -> Array:
+        return pot(v, u)
+
+    outline = [(0.12, 0.0), (0.165, 0.24), (0.185, 0.33), (0.192, 0.345), (0.18, 0.35), (0.17, 0.33)]
+    body = lathe((0, 0, 0), outline, 40, rings, cell_m=0.012)
+    soil = disc((0, 0, 0.325), 0.172, 0.016, pt.plain("#4a3524", 791, grain=0.5))
+    blocker = Piece((), (((-0.15, -0.15, 0.0), (0.15, 0.15, 0.33)),))
+    return shadeless(joined([body, soil, placed(_palm(16, 1.15, 792), (0, 0, 0.32))])) + blocker
+
+
+def trailing_plant() -> Piece:
+    """A small pot whose shoots hang down in front (-y)."""
+    parts = [
+        lathe(
+            (0, 0, 0), [(0.055, 0), (0.08, 0.13), (0.07, 0.13)], 24, pt.plain("#e8e0cf", 800, grain=0.08), cell_m=0.01
+        )
+    ]
+    parts.append(disc((0, 0, 0.127), 0.0715, 0.012, pt.plain("#4a3524", 806, grain=0.5)))
+    leaf = [pt.plain(c, 801 + k, grain=0.14, patch=0.0) for k, c in enumerate(("#5f9a50", "#86b565", "#427a44"))]
+    stem = pt.plain("#6b8a48", 805, patch=0.0)
+    for k in range(11):
+        yaw = -np.pi / 2 + 0.27 * (k - 5)
+        out = np.array([np.cos(yaw), np.sin(yaw), 0.0])
+        fall = pt.pick(k, 806, 0.15, 0.62)
+        t = np.arange(13) / 12.0
+        line = (
+            out * (0.02 + 0.16 * np.minimum(1.0, 2.2 * t))[:, None]
+            + np.array([0, 0, 1.0]) * (0.13 + 0.05 * t - fall * t * t)[:, None]
+        )
+        parts.append(tube([tuple(p) for p in line], 0.002, 4, stem))
+        for j in range(2, 13):
+            side = np.array([np.cos(yaw + 1.3 * (-1) ** j), np.sin(yaw + 1.3 * (-1) ** j), 0.1])
+            parts.append(_blade(line[j], side, (0.075, 0.05, 0.02), leaf[(j + k) % 3]))
+    return joined(parts)
+
+
+def flowers() -> Piece:
+    """A jug of tulips."""
+    jug = pt.terrazzo("#f0e8d6", ["#3d6470", "#7fa0a8"], 820, chip_m=0.022)
+    parts = [
+        lathe((0, 0, 0), [(0.05, 0), (0.075, 0.06), (0.07, 0.13), (0.04, 0.19), (0.055, 0.22)], 28, jug, cell_m=0.008)
+    ]
+    green = pt.plain("#5f8f48", 821, grain=0.12)
+    codes = ("#d9482f", "#e8b13c", "#e07a8c", "#f3e6d0", "#c23b5a")
+    for k in range(11):
+        yaw, reach, top = 2.4 * k, pt.pick(k, 822, 0.03, 0.17), pt.pick(k, 823, 0.34, 0.48)
+        x, y = reach * float(np.cos(yaw)), reach * float(np.sin(yaw))
+        parts.append(tube([(0.15 * x, 0.15 * y, 0.18), (0.5 * x, 0.5 * y, 0.3), (x, y, top)], 0.003, 5, green))
+        petal = pt.stripes([codes[k % 5], codes[(k + 1) % 5]], [0.014, 0.004], 824 + k)
+        parts.append(
+            lathe(
+                (x, y, top - 0.01),
+                [(0.008, 0), (0.024, 0.014), (0.026, 0.035), (0.014, 0.056)],
+                10,
+                petal,
+                cell_m=0.008,
+            )
+        )
+        out = np.array([np.cos(yaw + 1), np.sin(yaw + 1), 0.9])
+        parts.append(_blade(np.array([0, 0, 0.2]), out * 0.7, (0.2, 0.03, 0.05), green))
+    return joined(parts)

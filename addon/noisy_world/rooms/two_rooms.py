@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Room 4: a kitchen of 4.2 x 4.2 m and a study of 3.8 x 4.2 m, joined by a wide doorway of 1.5 m."""
 
-from . import patterns as pt
-from . import pictures as pic
-from .books import Shelf, bookshelf, stack
+from . import finishes as pic
+from . import surfaces as pt
 from .building import (
     Coat,
     Wall,
@@ -19,17 +18,28 @@ from .building import (
     solid,
     walls,
 )
-from .finishes import boards, cement_tiles, joints, plaster, stones
-from .furniture import chair, dining_table
-from .household import armchair, easel, radiator, stool, wall_shelf
-from .kitchen import TOP_M, clutter, fridge, splashback, units, wall_units
+from .finishes import boards, cement_tiles, joints, plaster, stones, world_map
+from .fittings import TOP_M, bin_, clutter, desk, fridge, keyboard, monitor, papers, splashback, units, wall_units
+from .furniture import armchair, chair, dining_table, easel, radiator, stool, wall_shelf
 from .light import Lighting
-from .office import bin_, desk, keyboard, monitor, papers
-from .papers import world_map
-from .plants import flowers, potted_palm, trailing_plant
+from .openings import city, garden_from
 from .surfaces import Piece, joined, placed, shadeless
-from .things import clock, floor_lamp, framed, fruit_bowl, mug, open_carton, pendant, rug
-from .views import city, garden_from
+from .things import (
+    Shelf,
+    bookshelf,
+    clock,
+    floor_lamp,
+    flowers,
+    framed,
+    fruit_bowl,
+    mug,
+    open_carton,
+    pendant,
+    potted_palm,
+    rug,
+    stack,
+    trailing_plant,
+)
 
 _HEIGHT_M = 2.7
 _KITCHEN_M = ((-4.3, 2.1), (-0.1, 2.1), (-0.1, -2.1), (-4.3, -2.1))

@@ -9,13 +9,13 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import fields
 from typing import Any, TypeVar
 
-from ..core.installed import Door, Registry
-from ..core.planning.scene import FoundScene, Scene, SceneEntry, SourceKind
-from ..core.presets.preset import Preset, PresetSpec
-from ..core.presets.scene_keys import SceneKeys
-from ..core.presets.selection import selected
+from ..core.entry_points import Door, Registry
 from ..core.schema import ConfigPath, KeyInfo, describe, list_keys, list_leaves, parse, unknown_name
-from . import blend, mesh, recording, replica, video
+from ..preset.keys import Preset, PresetSpec
+from ..preset.names import selected
+from ..preset.scene_keys import SceneKeys
+from . import blend, mesh, recording, replica_scenes, video
+from .scene_kinds import FoundScene, Scene, SceneEntry, SourceKind
 
 __all__ = ["SOURCES", "find_scenes", "preset_keys", "preset_leaves", "read_scenes"]
 
@@ -42,7 +42,7 @@ def _problem(kind: SourceKind[Any]) -> str:
 DOOR = Door[SourceKind[Any]]("noisy_world.sources", "source", "SOURCE", (SourceKind,), _problem)
 
 SOURCES = Registry[SourceKind[Any]](
-    DOOR, lambda: (mesh.SOURCE, replica.SOURCE, recording.SOURCE, video.SOURCE, blend.SOURCE)
+    DOOR, lambda: (mesh.SOURCE, replica_scenes.SOURCE, recording.SOURCE, video.SOURCE, blend.SOURCE)
 )
 """Every source by the key that names it in a preset's scene, ours and those of installed packages."""
 

@@ -5,19 +5,18 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
-from ..core.messages import Message, PresetKey, either
-from ..core.planning.scene import SceneEntry
-from ..core.planning.source import OwnRendering, Source
-from ..core.presets.frame_range import LAST_POSSIBLE, FrameRange, frame_range_problem
-from ..core.presets.preset import CameraSpec, Preset
-from ..core.presets.scene_keys import PathKeys, check_trajectory
+from ..core.errors import Message, PresetKey, either
 from ..core.schema import ConfigPath, key
-from .bending import check_light_lens
-from .path_files import path_file_of, read_path
-from .scene_files import FileSource
+from ..preset.keys import CameraSpec, Preset
+from ..preset.names import LAST_POSSIBLE, FrameRange, frame_range_problem
+from ..preset.scene_keys import PathKeys, check_trajectory
+from ..render.source import OwnRendering, Source
+from .renderers import check_light_lens
+from .scene_files import FileSource, path_file_of, read_path
+from .scene_kinds import SceneEntry
 
 if TYPE_CHECKING:
-    from ..core.scenes.own_scene import OwnScene
+    from ..scenes.blend_scene import OwnScene
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -97,8 +96,8 @@ def blend_scene(entry: SceneEntry[BlendKeys], path: Path, parts: tuple[str, ...]
 
     Raises InputError where a file is missing or wrong, MissingDependencyError where there is no Blender.
     """
-    from .blend_inspection import inspect_blend
-    from .blend_source import BlendSource
+    from .blender_process import inspect_blend
+    from .lit_scene import BlendSource
 
     preset, place, spec = entry.preset, entry.place, entry.keys
     given = preset.spec.camera

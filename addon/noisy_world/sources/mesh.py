@@ -7,14 +7,14 @@ from functools import partial
 from pathlib import Path
 from typing import ClassVar, Literal
 
-from ..core.messages import Message, Part, PresetKey
-from ..core.planning.scene import FoundScene, SceneEntry
-from ..core.planning.source import Source
-from ..core.presets.scene_keys import PathKeys, check_trajectory
-from ..core.scenes.embedded import EMBEDDED_ROOM, MEANT, ROOMS, is_embedded, room_name, room_seeds
+from ..core.errors import Message, Part, PresetKey
 from ..core.schema import ConfigPath, key
-from .mesh_source import MeshSource, mesh_scene
+from ..preset.scene_keys import PathKeys, check_trajectory
+from ..render.source import Source
+from ..scenes.polygon_mesh import EMBEDDED_ROOM, MEANT, ROOMS, is_embedded, room_name, room_seeds
+from .rendered_mesh import MeshSource, mesh_scene
 from .scene_files import FileSource, check_one_name, named
+from .scene_kinds import FoundScene, SceneEntry
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -82,7 +82,7 @@ class MeshKind(FileSource[MeshKeys]):
         plain = _plain(entry, name, path, parts)
         if entry.keys.light == "none":
             return plain
-        from .lit_mesh import lit_mesh
+        from .lit_scene import lit_mesh
 
         return lit_mesh(entry.preset, plain)
 

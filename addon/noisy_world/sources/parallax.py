@@ -16,13 +16,13 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.datasets.images import as_bytes
-from ..core.datasets.registration import Registration
-from ..core.datasets.stored import StoredSequence
+from ..core.errors import Message, Part, PresetKey
 from ..core.geometry import Intrinsics, invert_pose
 from ..core.lens import straightened
-from ..core.messages import Message, Part, PresetKey
-from ..core.trajectories.trajectory import Axes, Direction, convert_convention
+from ..core.trajectory import Axes, Direction, convert_convention
+from ..images.measured_depth import Registration
+from ..images.pixels import as_bytes
+from ..layouts.stored_recording import StoredSequence
 
 Float64: TypeAlias = NDArray[np.float64]
 

@@ -12,30 +12,26 @@ from typing import Any, ClassVar, Literal, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.channels import COLOUR_AND_DEPTH
-from ..core.datasets.image_files import WholeFile
-from ..core.datasets.layouts import Modality, OutputFormat, PosePolicy, find_sequence, known_recordings, recognising
-from ..core.datasets.storage import sha256_of_file
-from ..core.datasets.stored import SCALES_PER_M, StoredFrame, StoredSequence, same_camera
-from ..core.datasets.unmeasured import VOID_CHOICES, VOID_MEANING, MeasuredDepth, Void
+from ..channels import COLOUR_AND_DEPTH
+from ..core.atomic_files import sha256_of_file
+from ..core.errors import Message, Part, PresetKey
+from ..core.frame_request import FrameRequest, SensorPaths
 from ..core.geometry import Intrinsics
+from ..core.lens import Optics
 from ..core.machine import keep_freed_memory
-from ..core.messages import Message, Part, PresetKey
-from ..core.optics import Optics
-from ..core.planning.scene import Lack, SceneEntry
-from ..core.planning.simple_source import SimpleSource
-from ..core.planning.source import ColourAndDepth, RenderOptions, Source, SourceCapabilities
-from ..core.presets.distortion import DistortionSpec, check_distortion, sound_lens
-from ..core.presets.scene_keys import SceneKeys
 from ..core.schema import Choice, ConfigPath, key
-from ..core.trajectories.frame_request import FrameRequest
-from ..core.trajectories.sensor_paths import SensorPaths
-from ..core.trajectories.stamps import FrameStamps
-from ..core.trajectories.trajectory import Trajectory
+from ..core.trajectory import FrameStamps, Trajectory
+from ..images.image_files import WholeFile
+from ..images.measured_depth import VOID_CHOICES, VOID_MEANING, MeasuredDepth, Void
+from ..layouts import Modality, OutputFormat, PosePolicy, find_sequence, known_recordings, recognising
+from ..layouts.stored_recording import SCALES_PER_M, StoredFrame, StoredSequence, same_camera
+from ..preset.scene_keys import SceneKeys
+from ..preset.sensor_keys import DistortionSpec, check_distortion, sound_lens
+from ..render.source import ColourAndDepth, RenderOptions, SimpleSource, Source, SourceCapabilities
 from .parallax import parallax_remark
-from .path_files import sha256_of_path
-from .rectification import Rectification
-from .scene_files import FileSource
+from .renderers import Rectification
+from .scene_files import FileSource, sha256_of_path
+from .scene_kinds import Lack, SceneEntry
 
 ReadAs: TypeAlias = Literal["auto", "images"]
 RECORDED = "a recording has nothing between its frames"
@@ -403,7 +399,7 @@ class RecordingKind(FileSource[RecordingKeys]):
     def open_file(self, entry: SceneEntry[RecordingKeys], name: str, path: Path, parts: tuple[str, ...]) -> Source:
         """Return the source of a folder."""
         del name, parts
-        from .image_source import holds_images, read_images
+        from .footage import holds_images, read_images
 
         keys = entry.keys
         if keys.layout == "images":

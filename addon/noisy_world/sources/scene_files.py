@@ -1,20 +1,78 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Sources whose scenes are files or folders, which wildcards may stand for, as a preset's entries name them."""
+"""Scenes that are files or folders, as a preset names them, and the files of their paths."""
 
 import glob
+import hashlib
+import re
 from abc import abstractmethod
 from collections.abc import Iterable
+from dataclasses import replace
+from fnmatch import fnmatchcase
 from functools import partial
 from pathlib import Path
 from typing import ClassVar
 
-from ..core.home import check_utf8, located, path_in
-from ..core.messages import CommandLineOnly
-from ..core.planning.scene import FoundScene, K, SceneEntry, SourceKind
-from ..core.planning.source import Source
-from ..core.presets.preset import Preset
+import numpy as np
+
+from ..core.atomic_files import sha256_of_file
+from ..core.errors import CommandLineOnly, Message
+from ..core.file_access import check_utf8, located, path_in
+from ..core.geometry import Intrinsics
 from ..core.schema import ConfigPath, shown
-from .wildcards import matched_parts
+from ..core.trajectory import MOST_POSES, Trajectory, resample, subsample
+from ..preset.keys import Preset
+from ..preset.scene_keys import TrajectorySpec
+from ..render.source import Source
+from ..trajectories.formats import read_trajectory_file
+from ..trajectories.matrix_poses import numbered_files
+from .scene_kinds import FoundScene, K, SceneEntry, SourceKind
+
+# What the wildcards of a glob pattern matched.
+
+
+_PIECE = re.compile(r"\*+|\[!?+\]?+[^\]]*\]|.", re.DOTALL)  # stars, a set of letters in brackets, or one letter
+
+_PLAIN = re.compile(r"\*+|.", re.DOTALL)
+
+
+def matched_parts(pattern: str, path: str) -> tuple[str, ...]:
+    """Return what each wildcard of a glob pattern matched in a path that it matches; the stem where ** is in it."""
+    found: list[str] = []
+    of_pattern, of_path = Path(pattern).parts, Path(path).parts
+    for names in zip(of_pattern, of_path, strict=False):
+        parts = _parts_of_name(*names)
+        if parts is None or len(of_pattern) != len(of_path):
+            return (Path(path).stem,)
+        found += parts
+    return tuple(found)
+
+
+def _parts_of_name(pattern: str, name: str) -> list[str] | None:
+    """Return what each wildcard matched in a name, the first ones as little as they can; None if it does not match.
+
+    Only the latest star is ever tried again, one letter longer, so the time is at most pattern times name.
+    """
+    sets_end = pattern.rfind("]") + 1  # behind it, every [ is a letter, and need not look for its end
+    pieces = _PIECE.findall(pattern[:sets_end]) + _PLAIN.findall(pattern[sets_end:])
+    taken: list[int] = []  # how many letters each piece has matched so far
+    star = -1
+    while True:
+        at, piece = sum(taken), len(taken)
+        if piece == len(pieces) and at == len(name):
+            return [
+                name[sum(taken[:number]) :][: taken[number]]
+                for number, each in enumerate(pieces)
+                if each[0] in "*?" or len(each) > 1
+            ]
+        if piece < len(pieces) and pieces[piece].startswith("*"):
+            star = piece
+            taken.append(0)
+        elif piece < len(pieces) and at < len(name) and fnmatchcase(name[at], pieces[piece]):
+            taken.append(1)
+        elif star < 0 or sum(taken[: star + 1]) >= len(name):
+            return None
+        else:
+            taken[star:] = [taken[star] + 1]
 
 
 class FileSource(SourceKind[K]):
@@ -91,3 +149,51 @@ def filled(template: str, parts: tuple[str, ...], place: ConfigPath) -> str:
     for part in parts:
         template = template.replace("*", part, 1)
     return template
+
+
+# The path of a scene from a file of poses, as a preset's `trajectory` names it.
+
+
+def path_file_of(preset: Preset, place: ConfigPath, spec: TrajectorySpec, parts: tuple[str, ...]) -> Path:
+    """Return the file of poses that a trajectory names. parts: what the entry's wildcards matched."""
+    text = spec.file or ""
+    return found_path(preset, place, filled(text, parts, place) if "*" in text else text, folder=None)
+
+
+def read_path(
+    path: Path, spec: TrajectorySpec, place: ConfigPath, camera: Intrinsics
+) -> tuple[Trajectory, TrajectorySpec]:
+    """Read and select the poses of a file; return also the keys with the conventions that it was read with.
+
+    camera: the preset's; a file that states another gets a note. Raises InputError.
+    """
+    found = read_trajectory_file(
+        path, format=spec.format, direction=spec.pose, axes=spec.axes, rate_hz=spec.rate_hz, stamp_unit=spec.stamp_unit
+    )
+    chosen = selected_poses(found.trajectory, spec, place)
+    difference = "" if found.camera is None else found.camera.difference(camera)
+    notes = [Message(f"{path.name}: ", note) for note in (*chosen.notes, difference) if note]
+    return replace(chosen, notes=tuple(notes)), replace(spec, pose=found.direction, axes=found.axes)
+
+
+def selected_poses(trajectory: Trajectory, spec: TrajectorySpec, place: ConfigPath) -> Trajectory:
+    """Resample and subsample a trajectory as the preset says. Raises InputError where no pose is left, or too many."""
+    if spec.resample_hz is not None:
+        try:
+            trajectory = resample(trajectory, spec.resample_hz)
+        except ValueError as error:
+            span_s = float(np.ptp(trajectory.stamps_s))
+            remedy = f"at most {0.99 * MOST_POSES / span_s:.2g} Hz, or mend the stamps"
+            raise place.at("resample_hz").error(str(error), remedy) from error
+    try:
+        return subsample(trajectory, spec.start, spec.stop, spec.every)
+    except ValueError as error:
+        raise place.error(str(error)) from error
+
+
+def sha256_of_path(path: Path) -> str | None:
+    """Return the hash of a file of poses; of a folder's files, that of their names and hashes."""
+    if path.is_file():
+        return sha256_of_file(path)
+    listed = "".join(f"{sha256_of_file(file)} {file.name}\n" for file in numbered_files(path))
+    return hashlib.sha256(listed.encode(errors="surrogateescape")).hexdigest()

@@ -6,15 +6,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
 
-from ..core.datasets.layouts.recorded import MILLIMETRES
-from ..core.datasets.stored import SCALES_PER_M
-from ..core.datasets.unmeasured import VOID_CHOICES, VOID_MEANING, Void
-from ..core.messages import Message, Part, PresetKey
-from ..core.planning.scene import Lack, SceneEntry
-from ..core.planning.source import Source
-from ..core.presets.scene_keys import SceneKeys
+from ..core.errors import Message, Part, PresetKey
 from ..core.schema import ConfigPath, key
+from ..images.measured_depth import VOID_CHOICES, VOID_MEANING, Void
+from ..layouts.layout import MILLIMETRES
+from ..layouts.stored_recording import SCALES_PER_M
+from ..preset.scene_keys import SceneKeys
+from ..render.source import Source
 from .scene_files import FileSource, filled, found_path
+from .scene_kinds import Lack, SceneEntry
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,7 +62,7 @@ class VideoKind(FileSource[VideoKeys]):
     def open_file(self, entry: SceneEntry[VideoKeys], name: str, path: Path, parts: tuple[str, ...]) -> Source:
         """Return the source of a file."""
         del name
-        from .video_source import read_video_source
+        from .footage import read_video_source
 
         beside, where = None, entry.place.at("depth")
         if entry.keys.depth is not None:

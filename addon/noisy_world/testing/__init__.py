@@ -12,14 +12,9 @@ An author calls one from a test of his own; ours are held to the same.
 Each raises AssertionError with a sentence that names what was checked and which rule it breaks. None needs Blender.
 """
 
-from .channels import check_channel
-from .layouts import check_layout
-from .map_metrics import check_map_metric
-from .metrics import check_metric
-from .perturbations import check_perturbation
-from .sources import check_source
-from .systems import check_system
-from .trajectory_formats import check_trajectory_format
+from .dataset_contracts import check_layout, check_source, check_trajectory_format
+from .evaluation_contracts import check_map_metric, check_metric, check_system
+from .frame_contracts import check_channel, check_perturbation
 
 __all__ = [
     "check_channel",

@@ -8,12 +8,12 @@ import pytest
 from refusals import refused
 from cases import cases
 
-from noisy_world.core.datasets.association import associate, associate_frames, StampedFiles
-from noisy_world.core.datasets.layouts import LAYOUTS, find_sequence
-from noisy_world.core.datasets.layouts.layout import OutputFormat
-from noisy_world.core.trajectories.stamps import Stamps
-from noisy_world.core.trajectories.trajectory import Trajectory, evenly_stamped
-from noisy_world.testing.layouts import write_sequence
+from noisy_world.layouts.association import associate, associate_frames, StampedFiles
+from noisy_world.layouts import LAYOUTS, find_sequence
+from noisy_world.layouts.layout import OutputFormat
+from noisy_world.core.trajectory import Stamps
+from noisy_world.core.trajectory import Trajectory, evenly_stamped
+from noisy_world.testing.dataset_contracts import write_sequence
 
 
 def as_published(first, second, within):

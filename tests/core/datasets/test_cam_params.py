@@ -9,7 +9,7 @@ import pytest
 from refusals import refused
 from cases import cases
 
-from noisy_world.core.datasets.layouts import find_sequence
+from noisy_world.layouts import find_sequence
 from noisy_world.core.geometry import Intrinsics
 
 CAMERA = {"w": 8, "h": 6, "fx": 4.5, "fy": 4.25, "cx": -1.25, "cy": 2.0, "scale": 2000.0}

@@ -8,15 +8,9 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from noisy_world.core.datasets.depth_range import (
-    DepthRange,
-    OutOfRange,
-    RangeLoss,
-    range_loss,
-    scale_that_holds,
-)
-from noisy_world.core.datasets.images import out_of_range, quantise_depth
-from noisy_world.core.datasets.records import FrameRecord, joined_records, read_records
+from noisy_world.core.depth_range import DepthRange, OutOfRange, RangeLoss, range_loss, scale_that_holds
+from noisy_world.images.pixels import out_of_range, quantise_depth
+from noisy_world.core.frame_table import FrameRecord, joined_records, read_records
 
 INF = math.inf
 

@@ -4,19 +4,19 @@
 import hashlib
 import threading
 
-from noisy_world.core.datasets import hashing
-from noisy_world.core.datasets.hashing import BATCH, Hasher
+from noisy_world.core import atomic_files
+from noisy_world.core.atomic_files import BATCH, Hasher
 
 
 def test_digests_come_in_order_and_linked_files_are_read_once(tmp_path, monkeypatch):
-    count, read, lock, real = 5 * BATCH + 3, [], threading.Lock(), hashing.read_sha256
+    count, read, lock, real = 5 * BATCH + 3, [], threading.Lock(), atomic_files.read_sha256
 
     def noted(path):
         with lock:
             read.append(path)
         return real(path)
 
-    monkeypatch.setattr(hashing, "read_sha256", noted)
+    monkeypatch.setattr(atomic_files, "read_sha256", noted)
     wanted, paths = [], []
     for number in range(count):
         content = b"%d" % number * (number % 7)

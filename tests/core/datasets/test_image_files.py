@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from refusals import refused
 
-from noisy_world.core.datasets.image_files import damage
-from noisy_world.core.datasets.stored import StoredFrame
+from noisy_world.images.image_files import damage
+from noisy_world.layouts.stored_recording import StoredFrame
 
 RNG = np.random.default_rng(3)
 COLOUR = cv2.GaussianBlur(RNG.integers(0, 256, (12, 17, 3), dtype=np.uint8), (0, 0), 3)

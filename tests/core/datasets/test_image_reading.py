@@ -16,9 +16,9 @@ import numpy as np
 import pytest
 from refusals import refused
 
-from noisy_world.core.datasets.image_files import check_whole, read_header, whole_image
-from noisy_world.core.datasets.image_header import LARGEST_PIXELS
-from noisy_world.core.datasets.image_reading import read_colour, read_steps
+from noisy_world.images.image_files import check_whole, read_header, whole_image
+from noisy_world.images.image_header import LARGEST_PIXELS
+from noisy_world.images.image_reading import read_colour, read_steps
 
 RNG = np.random.default_rng(11)
 WIDE, HIGH = 21, 19

@@ -13,7 +13,7 @@ import pytest
 from cases import cases
 from refusals import refused
 
-from noisy_world.core.datasets.images import (
+from noisy_world.images.pixels import (
     decode_png,
     decode_steps,
     encode_colour,
@@ -22,7 +22,7 @@ from noisy_world.core.datasets.images import (
     quantise_depth,
     rgb_bytes,
 )
-from noisy_world.core.datasets.layouts import LAYOUTS
+from noisy_world.layouts import LAYOUTS
 
 
 @pytest.mark.parametrize("scale", [6553.5, 5000.0])

@@ -3,7 +3,7 @@ from pathlib import Path
 
 import pytest
 
-from noisy_world.core.datasets.journal import MOST_OPEN, Journal
+from noisy_world.core.frame_table import MOST_OPEN, Journal
 
 OPEN_FILES = Path("/proc/self/fd")
 

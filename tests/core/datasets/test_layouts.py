@@ -11,16 +11,16 @@ from stored_sequences import write_euroc, write_vslamlab
 
 from worlds import ROOT
 
-from noisy_world.core.datasets.layouts import LAYOUTS, SequenceFacts, find_sequence
-from noisy_world.core.datasets.layouts.asl import stamp_text
+from noisy_world.layouts import LAYOUTS, SequenceFacts, find_sequence
+from noisy_world.layouts.asl import stamp_text
 from noisy_world.core.geometry import Intrinsics
-from noisy_world.core.presets.output import OutputSpec
-from noisy_world.core.presets.preset import check_document
+from noisy_world.preset.keys import OutputSpec
+from noisy_world.preset.keys import check_document
 from noisy_world.core.schema import Choice, ConfigPath, key, list_keys, parse
-from noisy_world.core.trajectories.rig import Rig, Sensor
-from noisy_world.core.trajectories.sensor_paths import SensorPaths
-from noisy_world.core.trajectories.stamps import nanoseconds
-from noisy_world.core.trajectories.trajectory import Trajectory
+from noisy_world.trajectories.rig import Rig, Sensor
+from noisy_world.core.frame_request import SensorPaths
+from noisy_world.core.trajectory import nanoseconds
+from noisy_world.core.trajectory import Trajectory
 
 REPLICA_POSE = "1 0 0 {} 0 1 0 0 0 0 1 0 0 0 0 1"
 

@@ -8,10 +8,10 @@ import OpenEXR
 import pytest
 from refusals import refused
 
-from noisy_world.core.datasets.float_files import decode_light, encode_exr, encode_light
-from noisy_world.core.datasets.image_files import read_header
-from noisy_world.core.datasets.image_reading import read_colour, read_light
-from noisy_world.core.datasets.layouts import LAYOUTS, OutputFormat
+from noisy_world.images.pixels import decode_light, encode_exr, encode_light
+from noisy_world.images.image_files import read_header
+from noisy_world.images.image_reading import read_colour, read_light
+from noisy_world.layouts import LAYOUTS, OutputFormat
 from noisy_world.core.errors import NoisyWorldError
 
 

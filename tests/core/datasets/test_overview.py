@@ -6,8 +6,8 @@ import os
 import cv2
 import numpy as np
 
-from noisy_world.core.datasets.overview import GAP_PX, LABEL_PX, draw_overview
-from noisy_world.core.presets.output import OutputSpec
+from noisy_world.dataset.overview import GAP_PX, LABEL_PX, draw_overview
+from noisy_world.preset.keys import OutputSpec
 
 FORMAT = OutputSpec("replica", "png").format
 STAMPS_S = np.arange(8) / 20

@@ -10,8 +10,8 @@ import pytest
 from refusals import refused
 from recorded_layouts import FRAMES, HALF_M, WRITERS, WRITTEN, image, poses, scannet, text_of
 
-from noisy_world.core.datasets.layouts import LAYOUTS, RECORDED, find_sequence
-from noisy_world.core.optics import Distortion
+from noisy_world.layouts import LAYOUTS, RECORDED, find_sequence
+from noisy_world.core.lens import Distortion
 
 
 def seen_twice(stored, frames, scale_per_m):

@@ -8,7 +8,7 @@ import numpy as np
 from refusals import refused
 from cases import cases
 
-from noisy_world.core.datasets.layouts import find_sequence
+from noisy_world.layouts import find_sequence
 from noisy_world.core.schema import ConfigPath
 from noisy_world.sources.recording import read_recording
 

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Unfinished files: of runs that ended, and of files that were given a second name."""
 
-from noisy_world.core.datasets.removal import remove_unfinished
-from noisy_world.core.datasets.storage import Mover, link_or_copy
+from noisy_world.dataset.folder_state import remove_unfinished
+from noisy_world.core.atomic_files import Mover, link_or_copy
 
 
 def test_of_unfinished_files_only_those_of_runs_are_removed(tmp_path):

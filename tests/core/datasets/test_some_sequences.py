@@ -3,8 +3,8 @@
 
 import pytest
 
-from noisy_world.core.datasets.dataset_state import journal_folders
-from noisy_world.core.datasets.place import check_no_links
+from noisy_world.dataset.folder_state import journal_folders
+from noisy_world.dataset.folder_state import check_no_links
 from noisy_world.core.errors import StorageError
 
 OWN, OTHER = "clean/hall", "clean/attic"

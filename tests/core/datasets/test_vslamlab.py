@@ -6,8 +6,8 @@ import pytest
 from refusals import refused
 from stored_sequences import STAMPS_NS, write_vslamlab
 
-from noisy_world.core.datasets.layouts import LAYOUTS, find_sequence
-from noisy_world.core.trajectories.stamps import FrameStamps, Stamps
+from noisy_world.layouts import LAYOUTS, find_sequence
+from noisy_world.core.trajectory import FrameStamps, Stamps
 
 
 def test_as_its_own_files_are(tmp_path):

@@ -10,11 +10,11 @@ from inertial_paths import circle, integrated, lively_path, overlapping_allan_va
 
 from noisy_world.core.errors import NoisyWorldError
 from noisy_world.core.geometry import pose, rotation_from_euler_deg, rotation_from_rotvec, rotvec_from_rotation
-from noisy_world.core.inertial.devices import DEVICES, ImuModel
-from noisy_world.core.inertial.imu import Imu, ImuErrors, digital, imu_motion, measure
+from noisy_world.trajectories.rig import DEVICES, ImuModel
+from noisy_world.trajectories.rig import Imu, ImuErrors, digital, imu_motion, measure
 from noisy_world.core.streams import stream
-from noisy_world.core.trajectories.curve import MountedCurve, motion_of
-from noisy_world.core.trajectories.trajectory import Trajectory, evenly_stamped
+from noisy_world.core.curve import MountedCurve, motion_of
+from noisy_world.core.trajectory import Trajectory, evenly_stamped
 
 ARM = pose(rotation_from_euler_deg(20, -30, 40), [0.3, -0.2, 0.1])
 

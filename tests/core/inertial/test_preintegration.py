@@ -6,9 +6,9 @@ import pytest
 from cases import cases
 from inertial_paths import lively_path
 
-from noisy_world.core.inertial.devices import ImuModel
-from noisy_world.core.inertial.imu import Imu, imu_motion, measure
-from noisy_world.core.trajectories.trajectory import evenly_stamped
+from noisy_world.trajectories.rig import ImuModel
+from noisy_world.trajectories.rig import Imu, imu_motion, measure
+from noisy_world.core.trajectory import evenly_stamped
 
 gtsam = pytest.importorskip("gtsam", reason="gtsam is not installed")
 

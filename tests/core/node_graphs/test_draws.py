@@ -1,9 +1,9 @@
 """Written groups in two: what chains of one stream draw alike, and the rest."""
 
 import pytest
-from noisy_world.core.node_graphs.chain import build_written
-from noisy_world.core.node_graphs.draws import divided
-from noisy_world.core.perturbing.reading import parse_steps
+from noisy_world.nodes.chain import build_written
+from noisy_world.nodes.chain import divided
+from noisy_world.perturbations.parsing import parse_steps
 from noisy_world.core.schema import ConfigPath
 from noisy_world.perturbations import registry
 

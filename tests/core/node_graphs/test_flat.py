@@ -3,10 +3,10 @@
 
 import pytest
 
-from noisy_world.core.node_graphs.chain import build_written
-from noisy_world.core.node_graphs.flat import REPEATED, flat
-from noisy_world.core.node_graphs.graph import Graph, GroupInput
-from noisy_world.core.perturbing.reading import parse_steps
+from noisy_world.nodes.chain import build_written
+from noisy_world.core.node_graph import REPEATED, flat
+from noisy_world.core.node_graph import Graph, GroupInput
+from noisy_world.perturbations.parsing import parse_steps
 from noisy_world.core.schema import ConfigPath
 from noisy_world.perturbations import registry
 

@@ -9,7 +9,7 @@ import pytest
 from refusals import refused
 from cases import cases
 
-from noisy_world.core.node_graphs.graph import INTERFACE, Graph, GroupInput, BroughtImage, Socket
+from noisy_world.core.node_graph import INTERFACE, Graph, GroupInput, BroughtImage, Socket
 
 # Blender's manual on the Math and the Vector Math node, operation by operation.
 OPERATIONS = {

@@ -11,7 +11,7 @@ from refusals import refused
 from cases import cases
 
 from noisy_world.core.errors import NoisyWorldError
-from noisy_world.core.node_graphs.chain import (
+from noisy_world.nodes.chain import (
     build_chain,
     build_written,
     capacity_of,
@@ -20,12 +20,12 @@ from noisy_world.core.node_graphs.chain import (
     socket_values,
     step_node,
 )
-from noisy_world.core.node_graphs.graph import INTERFACE, Graph, GroupInput, Socket
-from noisy_world.core.node_graphs.group_inputs import OVERRIDE_PANEL
-from noisy_world.core.node_graphs.groups import Canvas, build_group
-from noisy_world.core.node_graphs.node_layout import arrange
-from noisy_world.core.perturbing.kinds import ColourPerturbation
-from noisy_world.core.perturbing.reading import parse_steps
+from noisy_world.core.node_graph import INTERFACE, Graph, GroupInput, Socket
+from noisy_world.perturbations.groups import OVERRIDE_PANEL
+from noisy_world.perturbations.groups import Canvas, build_group
+from noisy_world.core.node_graph import arrange
+from noisy_world.perturbations.kinds import ColourPerturbation
+from noisy_world.perturbations.parsing import parse_steps
 from noisy_world.core.schema import ConfigPath, key
 from noisy_world.perturbations import registry
 

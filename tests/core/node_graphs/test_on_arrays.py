@@ -2,8 +2,8 @@
 
 import numpy as np
 import pytest
-from noisy_world.core.node_graphs.graph import Graph, GroupInput
-from noisy_world.core.node_graphs.on_arrays import BAND_ROWS, carried_out, image_of
+from noisy_world.core.node_graph import Graph, GroupInput
+from noisy_world.core.graph_arrays import BAND_ROWS, carried_out, image_of
 
 EXTEND = {"Extension X": "Extend", "Extension Y": "Extend"}
 

@@ -4,7 +4,7 @@
 import pytest
 from refusals import refused
 
-from noisy_world.core.node_graphs.graph import Graph, GroupInput, Socket
+from noisy_world.core.node_graph import Graph, GroupInput, Socket
 
 
 @pytest.fixture

@@ -10,22 +10,12 @@ import pytest
 from refusals import refused
 
 from noisy_world.core.errors import NoisyWorldError
-from noisy_world.core.perturbing.execution import (
-    chosen_poses,
-    drawn_motion,
-    move,
-    paired_depth,
-    take_poses,
-)
-from noisy_world.core.perturbing.exposing import SceneAround
-from noisy_world.core.perturbing.exposures import expose
-from noisy_world.core.perturbing.kinds import (
-    ExposurePerturbation,
-    MotionPerturbation,
-    PairingPerturbation,
-)
-from noisy_world.core.trajectories.frame_request import Shutter
-from noisy_world.core.trajectories.trajectory import evenly_stamped
+from noisy_world.perturbations.execution import chosen_poses, drawn_motion, move, paired_depth, take_poses
+from noisy_world.perturbations.kinds import SceneAround
+from noisy_world.perturbations.execution import expose
+from noisy_world.perturbations.kinds import ExposurePerturbation, MotionPerturbation, PairingPerturbation
+from noisy_world.core.frame_request import Shutter
+from noisy_world.core.trajectory import evenly_stamped
 
 # --- exposure ---
 

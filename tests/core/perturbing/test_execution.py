@@ -11,7 +11,7 @@ from refusals import refused
 
 from noisy_world.core.errors import NoisyWorldError
 from noisy_world.core.geometry import Intrinsics
-from noisy_world.core.perturbing.execution import (
+from noisy_world.perturbations.execution import (
     ColourWork,
     chosen_poses,
     move,
@@ -21,15 +21,13 @@ from noisy_world.core.perturbing.execution import (
     split_motion,
     take_poses,
 )
-from noisy_world.core.perturbing.kinds import (
-    SequenceContext,
-)
-from noisy_world.core.perturbing.reading import parse_steps
-from noisy_world.core.perturbing.steps import Setting
+from noisy_world.perturbations.kinds import SequenceContext
+from noisy_world.perturbations.parsing import parse_steps
+from noisy_world.perturbations.steps import Setting
 from noisy_world.core.schema import ConfigPath, key
 from noisy_world.core.streams import stream
-from noisy_world.core.trajectories.motion import CameraMotion
-from noisy_world.core.trajectories.trajectory import Trajectory, evenly_stamped
+from noisy_world.core.camera_motion import CameraMotion
+from noisy_world.core.trajectory import Trajectory, evenly_stamped
 
 # --- colour ---
 

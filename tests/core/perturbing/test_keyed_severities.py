@@ -4,10 +4,10 @@
 import pytest
 from refusals import refused
 
-from noisy_world.core.datasets.differences import _step as difference
-from noisy_world.core.datasets.recorded_setting import RecordedStep
-from noisy_world.core.perturbing.kinds import FrameContext
-from noisy_world.core.perturbing.reading import parse_steps
+from noisy_world.dataset.differences import _step as difference
+from noisy_world.dataset.identity import RecordedStep
+from noisy_world.perturbations.kinds import FrameContext
+from noisy_world.perturbations.parsing import parse_steps
 from noisy_world.core.schema import ConfigPath
 from noisy_world.perturbations import registry
 

@@ -9,9 +9,9 @@ from cases import cases
 from many_settings import SETTINGS
 from worlds import write_world
 
-from noisy_world.core.planning.shards import Shard, render_of, seconds_of, shards_of
-from noisy_world.core.presets.preset import read_preset
-from noisy_world.planning import make_plan
+from noisy_world.dataset.shards import Shard, render_of, seconds_of, shards_of
+from noisy_world.preset.keys import read_preset
+from noisy_world.dataset.plan import make_plan
 
 
 @pytest.fixture
@@ -52,7 +52,7 @@ def test_shards_take_equally_long(plan):
 def test_any_costs_are_cut_into_pieces_that_are_not_empty(plan, monkeypatch):
     import numpy as np
 
-    from noisy_world.core.planning import shards as module
+    from noisy_world.dataset import shards as module
 
     rng = random.Random(4)
     for _ in range(200):

@@ -9,10 +9,10 @@ from written import run
 
 from noisy_world.cli.command import main
 from noisy_world.core.errors import OutOfMemoryError, memory_errors
-from noisy_world.core.planning import memory
-from noisy_world.core.planning.memory import check_memory, memory_bytes
-from noisy_world.core.presets.preset import read_preset
-from noisy_world.planning import make_plan
+from noisy_world.dataset import estimate
+from noisy_world.dataset.estimate import check_memory, memory_bytes
+from noisy_world.preset.keys import read_preset
+from noisy_world.dataset.plan import make_plan
 
 COLOUR_AND_DEPTH = 3 * 4 + 4  # bytes of a pixel, as float32
 
@@ -35,18 +35,18 @@ def test_what_a_plan_takes_grows_with_its_pixels_and_with_what_is_done_to_them(t
 def test_a_plan_beyond_what_is_there_names_its_key_and_makes_nothing(tmp_path, monkeypatch, capsys):
     preset = write_world(tmp_path, frames=2, render={"engine": "embree", "backend": "reference"})
     needed = memory_bytes(make_plan(read_preset(preset)))
-    monkeypatch.setattr(memory, "held_memory_bytes", lambda: 0)
-    monkeypatch.setattr(memory, "free_memory_bytes", lambda: needed - 1)
+    monkeypatch.setattr(estimate, "held_memory_bytes", lambda: 0)
+    monkeypatch.setattr(estimate, "free_memory_bytes", lambda: needed - 1)
     assert main(["generate", str(preset), "--dry-run"]) == 1
     assert f"{preset}: camera: " in capsys.readouterr().err
     with pytest.raises(OutOfMemoryError):
         run(preset, tmp_path / "out")
     assert not (tmp_path / "out").exists()
-    monkeypatch.setattr(memory, "free_memory_bytes", lambda: 2 * needed)
+    monkeypatch.setattr(estimate, "free_memory_bytes", lambda: 2 * needed)
     check_memory(make_plan(read_preset(preset)), 2)
     with pytest.raises(OutOfMemoryError, match="jobs"):
         check_memory(make_plan(read_preset(preset)), 3)
-    monkeypatch.setattr(memory, "free_memory_bytes", lambda: None)
+    monkeypatch.setattr(estimate, "free_memory_bytes", lambda: None)
     check_memory(make_plan(read_preset(preset)))  # a system that does not tell refuses nothing
 
 

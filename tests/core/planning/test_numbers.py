@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from test_sequence import sequence
 
-from noisy_world.core.planning.numbers import ListedNumbers, array_of, numbers_of, taken, union
+from noisy_world.dataset.sequence import ListedNumbers, array_of, numbers_of, taken, union
 
 LISTS = [[], [4], [0, 1, 2], [3, 6, 9], [5, 5, 5], [9, 4, -1], [0, 1, 2, 2], [0, 2, 3], [7, 6, 5]]
 

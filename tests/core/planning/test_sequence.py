@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from refusals import refused
 
-from noisy_world.core.perturbing.kinds import MotionPerturbation
-from noisy_world.core.perturbing.reading import parse_steps
-from noisy_world.core.perturbing.steps import Setting
-from noisy_world.core.planning.sequence import Shown, lay_out, written_paths
+from noisy_world.perturbations.kinds import MotionPerturbation
+from noisy_world.perturbations.parsing import parse_steps
+from noisy_world.perturbations.steps import Setting
+from noisy_world.dataset.sequence import Shown, lay_out, written_paths
 from noisy_world.core.schema import ConfigPath, key
-from noisy_world.core.trajectories.sensor_paths import SensorPaths
-from noisy_world.core.trajectories.trajectory import Trajectory
+from noisy_world.core.frame_request import SensorPaths
+from noisy_world.core.trajectory import Trajectory
 from noisy_world.perturbations import registry
 
 NAMES = (7, "room", "setting")

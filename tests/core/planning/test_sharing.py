@@ -5,10 +5,10 @@ from itertools import product
 
 import pytest
 
-from noisy_world.core.perturbing.reading import parse_settings
-from noisy_world.core.planning.sequence import lay_out
-from noisy_world.core.planning.sharing import parts_made
-from noisy_world.core.presets.settings import SettingSpec, SweepSpec
+from noisy_world.perturbations.parsing import parse_settings
+from noisy_world.dataset.sequence import lay_out
+from noisy_world.dataset.sequence import parts_made
+from noisy_world.preset.keys import SettingSpec, SweepSpec
 from noisy_world.core.schema import ConfigPath
 from noisy_world.perturbations import registry
 

@@ -4,9 +4,9 @@
 import pytest
 from worlds import ROOT
 
-from noisy_world.core.planning.estimate import estimate
-from noisy_world.core.presets.preset import read_preset
-from noisy_world.planning import make_plan
+from noisy_world.dataset.estimate import estimate
+from noisy_world.preset.keys import read_preset
+from noisy_world.dataset.plan import make_plan
 
 # Megabytes of the images, links counted once, of these frames: made with engine embree and summed over the files.
 MADE = {

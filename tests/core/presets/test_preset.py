@@ -7,8 +7,8 @@ import yaml
 from cases import cases
 from worlds import write_box_ply, write_world
 
-from noisy_world.planning import make_plan
-from noisy_world.core.presets.preset import read_preset
+from noisy_world.dataset.plan import make_plan
+from noisy_world.preset.keys import read_preset
 from noisy_world.sources import preset_keys, read_scenes
 
 MINIMAL = "scenes: [{mesh: a.ply, trajectory: b.txt}]\n"

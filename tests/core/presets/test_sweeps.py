@@ -6,8 +6,8 @@ from itertools import product
 from refusals import refused
 from cases import cases
 
-from noisy_world.core.perturbing.reading import parse_settings
-from noisy_world.core.presets.preset import read_preset
+from noisy_world.perturbations.parsing import parse_settings
+from noisy_world.preset.keys import read_preset
 from noisy_world.perturbations import registry
 
 HEAD = "scenes: [{mesh: a.ply, trajectory: b.txt}]\n"

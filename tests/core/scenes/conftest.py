@@ -4,7 +4,7 @@
 import pytest
 from refusals import refusal
 
-from noisy_world.core.scenes.ply import read_ply
+from noisy_world.scenes.ply import read_ply
 
 
 @pytest.fixture(scope="session")

@@ -7,7 +7,7 @@ import refusals
 import rooms_in_formats as rooms
 from cases import cases
 
-from noisy_world.core.scenes.gltf_file import read_gltf_header
+from noisy_world.scenes.gltf import read_gltf_header
 
 HUGE = 10**30
 

@@ -7,8 +7,8 @@ import struct
 import refusals
 from cases import cases
 
-from noisy_world.core.scenes.mesh_files import check_mesh, imported_format
-from noisy_world.core.scenes.ply import check_ply
+from noisy_world.scenes.mesh_files import check_mesh, imported_format
+from noisy_world.scenes.ply import check_ply
 
 GLB = struct.pack("<4sIIII", b"glTF", 2, 36, 16, 0x4E4F534A) + b'{"asset":{"version":"2.0"}}'
 GLTF = json.dumps({"asset": {"version": "2.0"}, "scenes": []}, indent=2).encode()

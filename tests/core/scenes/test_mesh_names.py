@@ -10,8 +10,8 @@ from refusals import refused
 import refusals
 from cases import cases
 
-from noisy_world.core.scenes.beside import link_notes, place_inside
-from noisy_world.core.scenes.mesh_files import check_mesh, files_beside, imported_format
+from noisy_world.scenes.mesh_formats import link_notes, place_inside
+from noisy_world.scenes.mesh_files import check_mesh, files_beside, imported_format
 
 LONG = "n" * 300
 AWAY = [

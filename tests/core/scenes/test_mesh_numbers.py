@@ -9,7 +9,7 @@ import refusals
 from cases import cases
 
 from noisy_world.core.errors import InputError
-from noisy_world.core.scenes.mesh_files import check_mesh, check_numbers, declared_faces, odd_number
+from noisy_world.scenes.mesh_files import check_mesh, check_numbers, declared_faces, odd_number
 
 FACET = "facet normal 0 0 1\n outer loop\n  vertex {} 0 0\n  vertex 1 0 0\n  vertex 0 1 0\n endloop\nendfacet\n"
 

@@ -12,8 +12,8 @@ from cases import cases
 from rooms_in_formats import black_png
 
 from noisy_world.core.errors import InputError
-from noisy_world.core.scenes.picture_size import header_size_px
-from noisy_world.core.scenes.textures import read_picture
+from noisy_world.scenes.textures import header_size_px
+from noisy_world.scenes.textures import read_picture
 
 PIXELS = np.random.default_rng(3).integers(0, 256, (37, 300, 3), np.uint8)
 

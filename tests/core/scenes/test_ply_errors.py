@@ -8,7 +8,7 @@ from refusals import refused
 from cases import cases
 from ply_files import BINARY, ENCODINGS, MIXED, POINTS, QUADS, TRIANGLES, XYZ, assert_is, face, ply, vertex
 
-from noisy_world.core.scenes.ply import read_ply
+from noisy_world.scenes.ply import read_ply
 
 
 class TestErrors:

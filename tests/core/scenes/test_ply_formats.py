@@ -28,8 +28,8 @@ from ply_files import (
     vertex,
 )
 
-from noisy_world.core.scenes.mesh import Mesh
-from noisy_world.core.scenes.ply import read_ply
+from noisy_world.scenes.polygon_mesh import Mesh
+from noisy_world.scenes.ply import read_ply
 
 REAL_ROOM = Path(__file__).resolve().parents[3].parent / "shared" / "data" / "real_room"
 

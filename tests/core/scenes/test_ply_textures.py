@@ -11,7 +11,7 @@ from refusals import refused
 from cases import cases
 from ply_files import BYTES, ENCODINGS, INDICES, MIXED, POINTS, QUADS, RGB, XYZ, as_bytes, face, ply, polygons, vertex
 
-from noisy_world.core.scenes.ply import check_ply, read_ply, texture_files
+from noisy_world.scenes.ply import check_ply, read_ply, texture_files
 
 TEXCOORD = "list uchar float texcoord"
 PIXELS = np.arange(4 * 5 * 3, dtype=np.uint8).reshape(4, 5, 3) * 4  # RGB

@@ -11,9 +11,9 @@ from cases import cases
 from ply_files import BYTES, MIXED, NORMAL, POINTS, QUADS, RGB, TRIANGLES, XYZ, assert_is, face, ply, polygons, vertex
 
 from noisy_world.core.errors import StorageError
-from noisy_world.core.scenes.mesh import Mesh
-from noisy_world.core.scenes.ply import read_ply
-from noisy_world.core.scenes.ply_writer import write_ply
+from noisy_world.scenes.polygon_mesh import Mesh
+from noisy_world.scenes.ply import read_ply
+from noisy_world.scenes.ply_writer import write_ply
 
 
 def take_apart(path):

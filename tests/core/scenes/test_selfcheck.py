@@ -6,8 +6,8 @@ from cases import cases
 from analytic import box_depth, look_at
 
 from noisy_world.core.geometry import Intrinsics
-from noisy_world.core.scenes.mesh import Mesh
-from noisy_world.core.scenes.selfcheck import reprojection_problem, share_in_front
+from noisy_world.scenes.polygon_mesh import Mesh
+from noisy_world.sources.rendered_mesh import reprojection_problem, share_in_front
 
 CAMERA = Intrinsics(160, 120, 90.0, 80.0, 70.0, 65.0)
 LOW, HIGH = np.array([-2.0, -1.5, 0.0]), np.array([2.5, 1.5, 2.5])

@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 
 from noisy_world.core.errors import StorageError
-from noisy_world.core.scenes.mesh import Mesh, Texture
-from noisy_world.core.scenes.ply import read_ply
-from noisy_world.core.scenes.ply_textured import write_textured_ply
+from noisy_world.scenes.polygon_mesh import Mesh, Texture
+from noisy_world.scenes.ply import read_ply
+from noisy_world.scenes.ply_writer import write_textured_ply
 
 
 def textured(rng):

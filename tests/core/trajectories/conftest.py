@@ -4,7 +4,7 @@ from functools import partial
 import pytest
 from refusals import refusal
 
-from noisy_world.core.trajectories.files import read_trajectory
+from noisy_world.trajectories.formats import read_trajectory
 
 
 @pytest.fixture

@@ -13,13 +13,13 @@ from scipy.spatial.transform import Rotation
 
 from noisy_world.core.errors import NoisyWorldError
 from noisy_world.core.geometry import pose
-from noisy_world.core.trajectories.curve import MountedCurve, NaturalSpline, WarpedCurve, motion_of
-from noisy_world.core.trajectories.deviation import DeviatingCurve, Pulses, Sines
-from noisy_world.core.trajectories.frame_request import FrameRequest, Shutter
-from noisy_world.core.trajectories.rig import Sensor, sensor_trajectory
-from noisy_world.core.trajectories.rotation_spline import RotationSpline
-from noisy_world.core.trajectories.sensor_paths import SensorPaths
-from noisy_world.core.trajectories.trajectory import Trajectory, evenly_stamped, resample, subsample
+from noisy_world.core.curve import MountedCurve, NaturalSpline, WarpedCurve, motion_of
+from noisy_world.core.camera_motion import DeviatingCurve, Pulses, Sines
+from noisy_world.core.frame_request import FrameRequest, Shutter
+from noisy_world.trajectories.rig import Sensor, sensor_trajectory
+from noisy_world.core.curve import RotationSpline
+from noisy_world.core.frame_request import SensorPaths
+from noisy_world.core.trajectory import Trajectory, evenly_stamped, resample, subsample
 
 GENERATOR = np.random.default_rng(5)
 KNOTS = np.cumsum(GENERATOR.uniform(0.3, 2.0, 12))

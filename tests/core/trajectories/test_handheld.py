@@ -10,8 +10,8 @@ from cases import cases
 
 from noisy_world.core.errors import NoisyWorldError
 from noisy_world.core.geometry import rotation_angle_rad, rotation_error
-from noisy_world.core.trajectories.handheld import handheld_path
-from noisy_world.core.scenes.mesh import Mesh
+from noisy_world.trajectories.handheld import handheld_path
+from noisy_world.scenes.polygon_mesh import Mesh
 
 ROOM = ((0.0, 0.0, 0.0), (6.0, 4.0, 2.6))
 PILLAR = ((2.5, 0.0, 0.0), (3.0, 2.2, 2.6))  # leaves a passage of 1.8 m

@@ -7,7 +7,7 @@ import time
 import numpy as np
 import pytest
 
-from noisy_world.core.trajectories.files import read_trajectory
+from noisy_world.trajectories.formats import read_trajectory
 
 LONG = 100_000
 POSE = "0 0 0 0 0 0 0 1\n"

@@ -10,7 +10,7 @@ from cases import cases
 from pose_texts import NS, blocks, expected, is_expected
 
 from noisy_world.core.geometry import Intrinsics
-from noisy_world.core.trajectories.files import detect_format, read_trajectory, read_trajectory_file
+from noisy_world.trajectories.formats import detect_format, read_trajectory, read_trajectory_file
 
 
 # --- four lines a pose ---

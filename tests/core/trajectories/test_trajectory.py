@@ -9,7 +9,7 @@ from scipy.interpolate import CubicSpline
 from cases import cases
 
 from noisy_world.core.geometry import pose, rotation_angle_rad, rotation_error, rotation_from_euler_deg
-from noisy_world.core.trajectories.trajectory import Trajectory, convert_convention, evenly_stamped, resample, subsample
+from noisy_world.core.trajectory import Trajectory, convert_convention, evenly_stamped, resample, subsample
 
 
 def turning(angles_deg, positions_m=None):

@@ -16,10 +16,10 @@ from noisy_world.core.geometry import (
     rotation_error,
     rotation_from_euler_deg,
 )
-from noisy_world.core.trajectories.trajectory import Trajectory, evenly_stamped, subsample
-from noisy_world.core.trajectories.files import detect_format, read_trajectory
-from noisy_world.core.trajectories.matrix_poses import replica_text
-from noisy_world.core.trajectories.stamped_poses import tum_text
+from noisy_world.core.trajectory import Trajectory, evenly_stamped, subsample
+from noisy_world.trajectories.formats import detect_format, read_trajectory
+from noisy_world.trajectories.matrix_poses import replica_text
+from noisy_world.trajectories.stamped_poses import tum_text
 
 REAL_ROOM = Path(__file__).parents[4] / "shared/data/real_room"
 

@@ -6,9 +6,9 @@ from refusals import refused
 from cases import cases
 from pose_texts import EUROC_HEADER, NS, QUATS, blocks, expected, is_expected, rows
 
-from noisy_world.core.trajectories.files import detect_format, read_trajectory
-from noisy_world.core.trajectories.stamped_poses import tum_text
-from noisy_world.core.trajectories.trajectory import Trajectory
+from noisy_world.trajectories.formats import detect_format, read_trajectory
+from noisy_world.trajectories.stamped_poses import tum_text
+from noisy_world.core.trajectory import Trajectory
 
 # --- EuRoC ---
 
@@ -184,7 +184,7 @@ def test_arguments_that_do_not_exist(write, wrong):
 
 
 def test_notes_stay_with_a_path_that_is_selected():
-    from noisy_world.core.trajectories.trajectory import resample, subsample
+    from noisy_world.core.trajectory import resample, subsample
 
     path = Trajectory(np.tile(np.eye(4), (3, 1, 1)), [0.0, 1.0, 2.0], ("said",))
     assert subsample(path, 1).notes == resample(path, 2.0).notes == ("said",)

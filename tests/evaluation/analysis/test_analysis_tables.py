@@ -10,8 +10,8 @@ import pandas as pd
 import pytest
 from scipy import stats
 
-from noisy_world.evaluation.analysis import CAPTIONS, analyse
-from noisy_world.evaluation.metrics import resilience_rate
+from noisy_world.evaluate.analyses import CAPTIONS, analyse
+from noisy_world.evaluate.metrics import resilience_rate
 
 SETTINGS = (
     ("clean", "clean", "", None),

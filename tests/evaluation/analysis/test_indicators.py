@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from refusals import refused
 
-from noisy_world.evaluation.analysis import picture
-from noisy_world.evaluation.analysis.indicators import AGAINST_CLEAN, INDICATORS, indicators_of
-from noisy_world.evaluation.analysis.motion import motion_of
-from noisy_world.evaluation.analysis.sequences_table import depth_distribution, motion_distribution
-from noisy_world.recipes.opening import open_path
+from noisy_world.evaluate import indicators
+from noisy_world.evaluate.indicators import AGAINST_CLEAN, INDICATORS, indicators_of
+from noisy_world.evaluate.indicators import motion_of
+from noisy_world.evaluate.analyses import depth_distribution, motion_distribution
+from noisy_world.dataset.opening import open_path
 
 WIDTH, HEIGHT = 160, 120
 
@@ -71,36 +71,36 @@ def test_motion_of_uneven_stamps_and_of_few_poses():
 def test_noise_of_an_image_is_estimated_without_a_clean_one():
     rng = np.random.default_rng(1)
     ramp = np.add.outer(np.arange(240) * 0.2, np.arange(320) * 0.3) + 50.0
-    assert picture.image_noise(np.full((240, 320), 7, np.uint8)) == 0.0
+    assert indicators.image_noise(np.full((240, 320), 7, np.uint8)) == 0.0
     for sigma in (5.0, 20.0):
         noisy = np.rint(ramp + rng.normal(0.0, sigma, ramp.shape)).clip(0, 255).astype(np.uint8)
-        assert picture.image_noise(noisy) == pytest.approx(sigma, rel=0.03)
-    assert picture.image_noise(np.zeros((2, 2), np.uint8)) == 0.0
+        assert indicators.image_noise(noisy) == pytest.approx(sigma, rel=0.03)
+    assert indicators.image_noise(np.zeros((2, 2), np.uint8)) == 0.0
 
 
 def test_noise_of_depth_is_nothing_on_any_plane():
     x, y = np.meshgrid(np.arange(320) - 159.5, np.arange(240) - 119.5)
     plane = (1.0 / (0.4 + 0.001 * x - 0.0007 * y)).astype(np.float32)
     assert plane.max() > 2.0 * plane.min()
-    assert picture.depth_noise_m(plane) < 1e-5
+    assert indicators.depth_noise_m(plane) < 1e-5
     noisy = plane + np.random.default_rng(2).normal(0.0, 0.02, plane.shape).astype(np.float32)
-    assert picture.depth_noise_m(noisy) == pytest.approx(0.02, rel=0.05)
+    assert indicators.depth_noise_m(noisy) == pytest.approx(0.02, rel=0.05)
     holes = noisy.copy()
     holes[np.random.default_rng(3).random(holes.shape) < 0.1] = 0.0
-    assert picture.depth_noise_m(holes) == pytest.approx(0.02, rel=0.07)
-    assert picture.depth_missing(holes) == pytest.approx(0.1, abs=0.005)
+    assert indicators.depth_noise_m(holes) == pytest.approx(0.02, rel=0.07)
+    assert indicators.depth_missing(holes) == pytest.approx(0.1, abs=0.005)
     nothing = np.zeros((6, 8), np.float32)
-    assert picture.depth_missing(nothing) == 1.0
-    assert np.isnan([picture.depth_noise_m(nothing), picture.median_depth_m(nothing)]).all()
-    assert np.isnan(picture.depth_error_m(nothing, nothing))
+    assert indicators.depth_missing(nothing) == 1.0
+    assert np.isnan([indicators.depth_noise_m(nothing), indicators.median_depth_m(nothing)]).all()
+    assert np.isnan(indicators.depth_error_m(nothing, nothing))
 
 
 def test_likeness_of_two_images():
     first = texture(4)
     second = np.clip(first.astype(int) + 10, 0, 255).astype(np.uint8)
     expected = np.sqrt(np.mean((first.astype(float) - second) ** 2))
-    assert picture.rmse(first, second) == pytest.approx(expected, rel=1e-6)
-    assert picture.ssim(first, first) == pytest.approx(1.0)
+    assert indicators.rmse(first, second) == pytest.approx(expected, rel=1e-6)
+    assert indicators.ssim(first, first) == pytest.approx(1.0)
     # Wang et al.'s formula in float64, inside, where no border counts.
     a, b = first.astype(np.float64), texture(5).astype(np.float64)
     offsets = np.arange(-5, 6)
@@ -115,15 +115,15 @@ def test_likeness_of_two_images():
     saa, sbb, sab = mean(a * a) - ma**2, mean(b * b) - mb**2, mean(a * b) - ma * mb
     c1, c2 = (0.01 * 255.0) ** 2, (0.03 * 255.0) ** 2
     whole = np.mean((2 * ma * mb + c1) * (2 * sab + c2) / ((ma**2 + mb**2 + c1) * (saa + sbb + c2)))
-    assert picture.ssim(first, texture(5)) == pytest.approx(whole, abs=0.01)
+    assert indicators.ssim(first, texture(5)) == pytest.approx(whole, abs=0.01)
 
 
 def test_features_are_tracked_as_by_brute_force():
     scene = texture(6, 340, 250)
     first, second = (
-        picture.features_of(np.ascontiguousarray(scene[y : y + 240, x : x + 320])) for x, y in ((0, 0), (7, 4))
+        indicators.features_of(np.ascontiguousarray(scene[y : y + 240, x : x + 320])) for x, y in ((0, 0), (7, 4))
     )
-    orb = cv2.ORB.create(nfeatures=picture.FEATURES)
+    orb = cv2.ORB.create(nfeatures=indicators.FEATURES)
     found = [
         orb.detectAndCompute(np.ascontiguousarray(scene[y : y + 240, x : x + 320]), None)[1]
         for x, y in ((0, 0), (7, 4))
@@ -133,12 +133,12 @@ def test_features_are_tracked_as_by_brute_force():
     alike = first.signs[:60] @ second.signs.T
     assert np.array_equal(alike, 256.0 - 2.0 * distance)
     assert np.array_equal(alike.argmax(axis=1), nearest)
-    assert picture.tracked_features(first, second) > 0.5 * len(first)
-    assert picture.tracked_features(first, first) > 0.9 * len(first)
-    empty = picture.features_of(np.full((HEIGHT, WIDTH), 100, np.uint8))
+    assert indicators.tracked_features(first, second) > 0.5 * len(first)
+    assert indicators.tracked_features(first, first) > 0.9 * len(first)
+    empty = indicators.features_of(np.full((HEIGHT, WIDTH), 100, np.uint8))
     assert len(empty) == 0
-    assert picture.tracked_features(first, empty) == picture.tracked_features(empty, first) == 0
-    assert picture.tracked_features(first, picture.features_of(texture(99, 320, 240))) < 0.05 * len(first)
+    assert indicators.tracked_features(first, empty) == indicators.tracked_features(empty, first) == 0
+    assert indicators.tracked_features(first, indicators.features_of(texture(99, 320, 240))) < 0.05 * len(first)
 
 
 def test_indicators_of_a_folder(tmp_path):

@@ -6,7 +6,7 @@ import pytest
 from interval_coverage import coverage, geometric_coverage, here_coverage, quantile_coverage, ratio_coverage
 from scipy import stats
 
-from noisy_world.evaluation.analysis.intervals import (
+from noisy_world.evaluate.intervals import (
     Interval,
     bootstrap_interval,
     difference_here_interval,

@@ -7,14 +7,14 @@ import pytest
 from scipy import stats
 
 from noisy_world.core.streams import stream
-from noisy_world.evaluation.analysis.prediction import (
+from noisy_world.evaluate.prediction import (
     auc,
     auc_interval,
     fit_failure_model,
     held_out_predictions,
     prediction_tables,
 )
-from noisy_world.evaluation.analysis.run_table import tidy_runs, tidy_sequences
+from noisy_world.evaluate.run_tables import tidy_runs, tidy_sequences
 
 
 def data(count=200, seed=10):

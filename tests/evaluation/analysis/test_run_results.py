@@ -5,10 +5,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from noisy_world.evaluation.analysis import analyse
-from noisy_world.evaluation.analysis.log_scale import geometric_deviation, geometric_mean
-from noisy_world.evaluation.analysis.run_results import complete_runs, with_results
-from noisy_world.evaluation.analysis.run_table import errors_of, tidy_runs
+from noisy_world.evaluate.analyses import analyse
+from noisy_world.evaluate.run_tables import geometric_deviation, geometric_mean
+from noisy_world.evaluate.run_tables import complete_runs, with_results
+from noisy_world.evaluate.run_tables import errors_of, tidy_runs
 
 # The estimate of room a holds 15 % of the frames, so its error is small.
 RUNS = [

@@ -6,8 +6,8 @@ import pandas as pd
 import pytest
 from scipy import stats
 
-from noisy_world.evaluation.analysis.run_table import tidy_runs
-from noisy_world.evaluation.analysis.significance import holm, against_clean_table, welch, wilcoxon
+from noisy_world.evaluate.run_tables import tidy_runs
+from noisy_world.evaluate.spread import holm, against_clean_table, welch, wilcoxon
 
 
 def test_welch_agrees_with_scipy_and_statsmodels():

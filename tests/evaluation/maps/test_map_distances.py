@@ -8,14 +8,14 @@ from refusals import refused
 pytest.importorskip("scipy")
 
 from noisy_world.core.geometry import pose, rotation_from_euler_deg
-from noisy_world.evaluation.maps.culling import Culling
-from noisy_world.evaluation.maps.distances import squared_distances
-from noisy_world.evaluation.maps.icp import lay
-from noisy_world.evaluation.maps.names import MAP_METRICS
-from noisy_world.evaluation.maps.samples import corners_of, draw
-from noisy_world.evaluation.maps.score import score_map
-from noisy_world.evaluation.maps.truth import TrueMap
-from noisy_world.evaluation.maps.views import NoViews
+from noisy_world.evaluate.true_maps import Culling
+from noisy_world.evaluate.true_maps import squared_distances
+from noisy_world.evaluate.map_metrics import lay
+from noisy_world.evaluate.map_metrics import MAP_METRICS
+from noisy_world.evaluate.true_maps import corners_of, draw
+from noisy_world.evaluate.map_metrics import score_map
+from noisy_world.evaluate.true_maps import TrueMap
+from noisy_world.evaluate.true_maps import NoViews
 from seen_shapes import sphere_mesh, triangle_mesh, wall
 
 SAMPLES = 4_000

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 from refusals import refused
 
-from noisy_world.evaluation.maps.fusing import fuse
-from noisy_world.evaluation.maps.volume import ColourVolume
+from noisy_world.evaluate.map_fusion import fuse
+from noisy_world.evaluate.map_fusion import ColourVolume
 from seen_shapes import CAMERA, around, looking, sphere_view
 
 RADIUS_M = 0.5

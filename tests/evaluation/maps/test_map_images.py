@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from refusals import refused
 
-from noisy_world.evaluation.maps.perceptual import Perceptual
-from noisy_world.evaluation.maps.renders import psnr_db, ssim
+from noisy_world.evaluate.map_metrics import Perceptual
+from noisy_world.evaluate.map_metrics import psnr_db, ssim
 from onnx_files import mean_difference
 
 

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 import trajectory_pairs
 
-from noisy_world.core.trajectories.trajectory import Trajectory
-from noisy_world.evaluation.estimate import Estimate
-from noisy_world.evaluation.metrics import Alignment
-from noisy_world.evaluation.metrics.score import score_trajectory
-from noisy_world.evaluation.metrics.alignment import aligned_poses
-from noisy_world.evaluation.association import associate_poses
-from noisy_world.evaluation.metrics.errors import consecutive_pairs, pairs_apart, relative_errors, travelled_m
+from noisy_world.core.trajectory import Trajectory
+from noisy_world.evaluate.estimates import Estimate
+from noisy_world.evaluate.metrics import Alignment
+from noisy_world.evaluate.trajectory_scores import score_trajectory
+from noisy_world.evaluate.pose_errors import aligned_poses
+from noisy_world.evaluate.estimates import associate_poses
+from noisy_world.evaluate.pose_errors import consecutive_pairs, pairs_apart, relative_errors, travelled_m
 
 pytest.importorskip("evo", reason="evo is not installed")
 

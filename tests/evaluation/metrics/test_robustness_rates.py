@@ -4,7 +4,7 @@
 import pytest
 from refusals import refused
 
-from noisy_world.evaluation.metrics import corruption_error, resilience_rate
+from noisy_world.evaluate.metrics import corruption_error, resilience_rate
 
 
 def test_resilience_is_the_mean_over_perturbations():

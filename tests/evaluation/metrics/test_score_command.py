@@ -12,11 +12,11 @@ from pose_texts import kitti_text
 from trajectory_pairs import moved, path, rotation
 from worlds import ROOT
 
-from noisy_world.cli import command, score_command
-from noisy_world.core.trajectories.matrix_poses import replica_text
-from noisy_world.core.trajectories.stamped_poses import tum_text
-from noisy_world.core.trajectories.trajectory import Trajectory
-from noisy_world.evaluation.metrics import METRICS, PROTOCOLS, Alignment
+from noisy_world.cli import command, scoring
+from noisy_world.trajectories.matrix_poses import replica_text
+from noisy_world.trajectories.stamped_poses import tum_text
+from noisy_world.core.trajectory import Trajectory
+from noisy_world.evaluate.metrics import METRICS, PROTOCOLS, Alignment
 
 COUNT = 24
 
@@ -131,8 +131,8 @@ def test_options(files, capsys):
     assert values(capsys, estimate, true, "--monocular")["alignment"] == "sim3"
     assert values(capsys, estimate, true, "--alignment", "none")["values"]["ate_rmse_m"] > 1.0
     assert values(capsys, estimate, true, "--max-difference-s", 0)["max_difference_s"] == 0.0
-    assert tuple(PROTOCOLS) == score_command.PROTOCOLS
-    assert tuple(Alignment) == score_command.ALIGNMENTS
+    assert tuple(PROTOCOLS) == scoring.PROTOCOLS
+    assert tuple(Alignment) == scoring.ALIGNMENTS
 
 
 @pytest.mark.parametrize(

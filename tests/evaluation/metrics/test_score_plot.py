@@ -10,11 +10,11 @@ pytest.importorskip("matplotlib", reason="the extra evaluate is not installed")
 from matplotlib.figure import Figure
 
 from noisy_world.cli import command
-from noisy_world.core.trajectories.stamped_poses import tum_text
-from noisy_world.core.trajectories.trajectory import Trajectory
-from noisy_world.evaluation.estimate import Estimate
-from noisy_world.evaluation.metrics.score import score_trajectory
-from noisy_world.evaluation.report.figures.scored_path import ScoredPath, draw_scored_path, plane_of
+from noisy_world.trajectories.stamped_poses import tum_text
+from noisy_world.core.trajectory import Trajectory
+from noisy_world.evaluate.estimates import Estimate
+from noisy_world.evaluate.trajectory_scores import score_trajectory
+from noisy_world.evaluate.run_figures import ScoredPath, draw_scored_path, plane_of
 
 COUNT, LOST = 30, (10, 11, 12)
 
@@ -104,7 +104,7 @@ def test_what_cannot_be_drawn_is_one_line(files, capsys, monkeypatch):
     said = capsys.readouterr()
     assert said.out == ""
     assert said.err.count("\n") == 1
-    monkeypatch.setattr("noisy_world.core.extras.missing_packages", list)
+    monkeypatch.setattr("noisy_world.core.dependencies.missing_packages", list)
     assert score(files / "estimate.txt", files / "truth.txt", "--plot", files / "plot.png") == 1
     said = capsys.readouterr()
     assert said.err.count("\n") == 1

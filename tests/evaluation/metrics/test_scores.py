@@ -10,12 +10,12 @@ from cases import cases
 from trajectory_pairs import moved, path, rotation
 from worlds import ROOT
 
-from noisy_world.core.trajectories.trajectory import Trajectory
-from noisy_world.evaluation.estimate import Estimate
-from noisy_world.evaluation.metrics import METRICS, PAPER_METRICS, PROTOCOLS, Alignment
-from noisy_world.evaluation.metrics.score import FAILURES, score_trajectory
-from noisy_world.evaluation.association import associate_poses
-from noisy_world.evaluation.metrics.errors import pairs_apart
+from noisy_world.core.trajectory import Trajectory
+from noisy_world.evaluate.estimates import Estimate
+from noisy_world.evaluate.metrics import METRICS, PAPER_METRICS, PROTOCOLS, Alignment
+from noisy_world.evaluate.trajectory_scores import FAILURES, score_trajectory
+from noisy_world.evaluate.estimates import associate_poses
+from noisy_world.evaluate.pose_errors import pairs_apart
 
 ERRORS = [name for name in METRICS if name.startswith(("ate_", "rpe_"))]
 

@@ -8,15 +8,15 @@ import trajectory_pairs
 
 from noisy_world.core.errors import InputError
 from noisy_world.core.geometry import quat_wxyz_from_rotation
-from noisy_world.core.trajectories.trajectory import Trajectory
-from noisy_world.evaluation.estimate import Estimate
-from noisy_world.evaluation.metrics.score import score_trajectory
-from noisy_world.evaluation.metrics.reading import read_poses_to_compare
-from noisy_world.evaluation.outcome import Outcome
-from noisy_world.evaluation.systems.definition import Writes
-from noisy_world.evaluation.systems.estimate_file import estimate_text, read_estimate_file
-from noisy_world.evaluation.systems.normalising import normalised
-from noisy_world.evaluation.estimates.whole_text import check_whole
+from noisy_world.core.trajectory import Trajectory
+from noisy_world.evaluate.estimates import Estimate
+from noisy_world.evaluate.trajectory_scores import score_trajectory
+from noisy_world.evaluate.scored_poses import read_poses_to_compare
+from noisy_world.evaluate.run_files import Outcome
+from noisy_world.evaluate.systems import Writes
+from noisy_world.evaluate.run_files import estimate_text, read_estimate_file
+from noisy_world.evaluate.system_runs import normalised
+from noisy_world.evaluate.estimate_formats.pose_texts import check_whole
 
 PAIR = trajectory_pairs.random_pair(3)
 FIXED = [f"{0.05 * k:.2f} {k:.1f} 2.0 3.0 0.000000 0.000000 0.600000 {0.8 + 1e-6 * k:.6f}" for k in range(4)]

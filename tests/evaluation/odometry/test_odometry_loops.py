@@ -5,11 +5,11 @@ import numpy as np
 import pytest
 
 from noisy_world.core.geometry import pose, rotation_from_euler_deg
-from noisy_world.evaluation.odometry.agreement import agreement
-from noisy_world.evaluation.odometry.alignment import Aligner
-from noisy_world.evaluation.odometry.features import Recogniser
-from noisy_world.evaluation.odometry.loops import near_keyframes
-from noisy_world.evaluation.odometry.tracking_history import Edge
+from noisy_world.evaluate.frame_tracking import agreement
+from noisy_world.evaluate.odometry_views import Aligner
+from noisy_world.evaluate.loop_closure import Recogniser
+from noisy_world.evaluate.loop_closure import near_keyframes
+from noisy_world.evaluate.frame_tracking import Edge
 
 
 def view_at(aligner, c2w):
@@ -66,7 +66,7 @@ def ring(count):
 
 def test_a_loop_spreads_the_drift_over_the_ring():
     pytest.importorskip("gtsam")
-    from noisy_world.evaluation.odometry.pose_graph import optimised
+    from noisy_world.evaluate.loop_closure import optimised
 
     true = ring(41)
     drift = pose(rotation_from_euler_deg(0.0, 0.1, 0.3), [0.002, 0.003, 0.001])
@@ -84,7 +84,7 @@ def test_a_loop_spreads_the_drift_over_the_ring():
 
 def test_one_wrong_loop_among_right_ones_is_outvoted():
     pytest.importorskip("gtsam")
-    from noisy_world.evaluation.odometry.pose_graph import optimised
+    from noisy_world.evaluate.loop_closure import optimised
 
     true = ring(41)
     edges = [Edge(n, n + 1, np.linalg.inv(true[n]) @ true[n + 1]) for n in range(40)]
@@ -102,8 +102,8 @@ def test_near_keyframes_are_those_that_look_the_same_way_long_before():
 
 def test_a_path_that_returns_closes_its_loop(tmp_path):
     pytest.importorskip("gtsam")
-    from noisy_world.evaluation.odometry.frames import read_index
-    from noisy_world.evaluation.odometry.running import Options, run
+    from noisy_world.evaluate.odometry_views import read_index
+    from noisy_world.evaluate.odometry import Options, run
 
     there = box_room.path(18, turn_deg=70.0)
     noise = np.random.default_rng(5)

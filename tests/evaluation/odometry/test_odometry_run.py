@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 
 from noisy_world.core.errors import InputError
-from noisy_world.core.scenes.ply import read_ply
-from noisy_world.evaluation.odometry.__main__ import main
-from noisy_world.evaluation.odometry.frames import read_index
-from noisy_world.evaluation.odometry.running import Options, run
-from noisy_world.evaluation.odometry.tracking import State
+from noisy_world.scenes.ply import read_ply
+from noisy_world.evaluate.odometry import main
+from noisy_world.evaluate.odometry_views import read_index
+from noisy_world.evaluate.odometry import Options, run
+from noisy_world.evaluate.frame_tracking import State
 
 ADDON = Path(__file__).parents[3] / "addon"
 POSES = box_room.path(30, turn_deg=40.0)
@@ -80,7 +80,7 @@ def test_files_say_state_and_pose_of_each_frame(index_file, clean, tmp_path):
 
 
 def test_as_a_program(index_file, tmp_path):
-    command = [sys.executable, "-m", "noisy_world.evaluation.odometry", str(index_file), str(tmp_path / "out")]
+    command = [sys.executable, "-m", "noisy_world.evaluate.odometry", str(index_file), str(tmp_path / "out")]
     environment = os.environ | {"PYTHONPATH": str(ADDON)}
     done = subprocess.run(command, capture_output=True, text=True, check=False, env=environment)
     assert (done.returncode, "30 of 30" in done.stdout) == (0, True), done.stderr
@@ -154,7 +154,7 @@ def test_the_map_is_the_walls_of_the_room(index_file, tmp_path):
 
 
 def test_without_gtsam_loops_stay_open_and_a_line_says_so(index_file, clean, monkeypatch, capsys, tmp_path):
-    monkeypatch.setattr("noisy_world.evaluation.odometry.running.can_optimise", lambda: False)
+    monkeypatch.setattr("noisy_world.evaluate.odometry.can_optimise", lambda: False)
     assert main([str(index_file), str(tmp_path)]) == 0
     assert "loops are not closed, as gtsam is missing" in capsys.readouterr().err
     assert len(np.loadtxt(tmp_path / "estimate.txt")) == len(clean.frames)

@@ -6,8 +6,8 @@ import box_room
 import numpy as np
 import pytest
 
-from noisy_world.evaluation.odometry.__main__ import main
-from noisy_world.evaluation.systems.registry import find_system
+from noisy_world.evaluate.odometry import main
+from noisy_world.evaluate.systems import find_system
 
 POSES = box_room.path(30, turn_deg=40.0)
 

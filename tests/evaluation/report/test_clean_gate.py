@@ -14,10 +14,10 @@ pytest.importorskip("jinja2", reason="the extra evaluate is not installed")
 pytest.importorskip("matplotlib", reason="the extra evaluate is not installed")
 pytest.importorskip("scipy", reason="the extra evaluate is not installed")
 
-from noisy_world.evaluation.report import write_report
-from noisy_world.evaluation.report.clean_gate import MARK, clean_gate
-from noisy_world.evaluation.report.evaluated import opening
-from noisy_world.evaluation.report.reading import read_results
+from noisy_world.evaluate.report import write_report
+from noisy_world.evaluate.findings import MARK, clean_gate
+from noisy_world.evaluate.report_sections import opening
+from noisy_world.evaluate.report_input import read_results
 
 WANTED = {"digest": "d", "repeatable": False, "expects_clean": {"ate_m": 0.01, "scale_off": 0.01}}
 OF_ITS_OWN_SCALE = {**WANTED, "expects_clean": {"ate_m": 0.01, "scale_off": None}}

@@ -13,12 +13,12 @@ pytest.importorskip("jinja2", reason="the extra evaluate is not installed")
 pytest.importorskip("matplotlib", reason="the extra evaluate is not installed")
 pytest.importorskip("scipy", reason="the extra evaluate is not installed")
 
-from noisy_world.evaluation.analysis import tables as analysis_tables
-from noisy_world.evaluation.csv_cells import cell_of, text_of
-from noisy_world.evaluation.report import write_report
-from noisy_world.evaluation.report.escaping import latex, markdown
-from noisy_world.evaluation.report.templating import FOLDER
-from noisy_world.evaluation.study.tables import csv_text
+from noisy_world.evaluate import analyses as analysis_tables
+from noisy_world.evaluate.cases import cell_of, text_of
+from noisy_world.evaluate.report import write_report
+from noisy_world.evaluate.report_tables import latex, markdown
+from noisy_world.evaluate.report_tables import FOLDER
+from noisy_world.evaluate.study_tables import csv_text
 
 FIELDS = (
     *("scene", "setting", "perturbation", "system", "mode", "outcome", "failure", "version", "version name"),

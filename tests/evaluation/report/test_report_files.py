@@ -17,15 +17,15 @@ pytest.importorskip("scipy", reason="the extra evaluate is not installed")
 
 from noisy_world.cli import command
 from noisy_world.core.errors import StorageError
-from noisy_world.evaluation.analysis import tables as analysis_tables
-from noisy_world.evaluation.analysis import analyse
-from noisy_world.evaluation.report import write_report
-from noisy_world.evaluation.report.found_thresholds import threshold_text
-from noisy_world.evaluation.report.per_setting import settings_table
-from noisy_world.evaluation.report.reading import read_results
-from noisy_world.evaluation.study.results import ResultsFolder as StudyResults
-from noisy_world.evaluation.study.tables import write_tables
-from noisy_world.evaluation.thresholds.trials import FORMAT, KIND
+from noisy_world.evaluate import analyses as analysis_tables
+from noisy_world.evaluate.analyses import analyse
+from noisy_world.evaluate.report import write_report
+from noisy_world.evaluate.threshold_table import threshold_text
+from noisy_world.evaluate.findings import settings_table
+from noisy_world.evaluate.report_input import read_results
+from noisy_world.evaluate.study_results import ResultsFolder as StudyResults
+from noisy_world.evaluate.study_tables import write_tables
+from noisy_world.evaluate.thresholds import FORMAT, KIND
 
 # A name that HTML, LaTeX, Markdown and matplotlib would each take for something else.
 HOSTILE = "a<b>&\"'|_$%#{~^`*[x](y)\\frac"

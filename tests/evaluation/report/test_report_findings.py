@@ -10,16 +10,16 @@ pytest.importorskip("jinja2", reason="the extra evaluate is not installed")
 pytest.importorskip("matplotlib", reason="the extra evaluate is not installed")
 pytest.importorskip("scipy", reason="the extra evaluate is not installed")
 
-from noisy_world.evaluation.analysis.over_clean import over_clean_table
-from noisy_world.evaluation.analysis.run_table import SETTING, tidy_runs
-from noisy_world.evaluation.analysis.tables import analyse
-from noisy_world.evaluation.report.analysed import curves_of, table_of, with_interval
-from noisy_world.evaluation.report.evaluated import opening
-from noisy_world.evaluation.report.figures.ranking import numbered_decades
-from noisy_world.evaluation.report.findings import found_of, ranking_picture, sentences
-from noisy_world.evaluation.report.headline import headline_table
-from noisy_world.evaluation.report.reading import read_results
-from noisy_world.evaluation.report.tables import markdown_table
+from noisy_world.evaluate.run_tables import over_clean_table
+from noisy_world.evaluate.run_tables import SETTING, tidy_runs
+from noisy_world.evaluate.analyses import analyse
+from noisy_world.evaluate.report_sections import curves_of, table_of, with_interval
+from noisy_world.evaluate.report_sections import opening
+from noisy_world.evaluate.figures import numbered_decades
+from noisy_world.evaluate.findings import found_of, ranking_picture, sentences
+from noisy_world.evaluate.findings import headline_table
+from noisy_world.evaluate.report_input import read_results
+from noisy_world.evaluate.report_tables import markdown_table
 
 FAILED = ("", "", "crashed", "no_poses")
 NOTHING_TOLD = ", so nothing tells what noise did: its largest ATE is"

@@ -11,16 +11,16 @@ from results_made import SCENES, SETTINGS, make_results
 
 pytest.importorskip("pandas", reason="the extra evaluate is not installed")
 
-from noisy_world.evaluation.analysis import analyse
-from noisy_world.evaluation.report.paper_comparison import paper_comparison, paper_conditions
-from noisy_world.evaluation.report.escaping import latex, markdown
-from noisy_world.evaluation.report.paper_tables import paper_tables
-from noisy_world.evaluation.report.per_setting import endings, settings_table
-from noisy_world.evaluation.report.picks import picked_runs, picked_sequences
-from noisy_world.evaluation.report.published import published
-from noisy_world.evaluation.report.reading import read_results, records
-from noisy_world.evaluation.report.tables import shown
-from noisy_world.evaluation.report.paper_conditions import paper_condition
+from noisy_world.evaluate.analyses import analyse
+from noisy_world.evaluate.paper_comparison import paper_comparison, paper_conditions
+from noisy_world.evaluate.report_tables import latex, markdown
+from noisy_world.evaluate.paper_comparison import paper_tables
+from noisy_world.evaluate.findings import endings, settings_table
+from noisy_world.evaluate.report_input import picked_runs, picked_sequences
+from noisy_world.evaluate.paper_comparison import published
+from noisy_world.evaluate.report_input import read_results, records
+from noisy_world.evaluate.report_tables import shown
+from noisy_world.evaluate.paper_comparison import paper_condition
 
 
 @pytest.fixture(scope="module")

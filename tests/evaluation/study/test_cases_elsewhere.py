@@ -8,7 +8,7 @@ from study_tools import evaluate, small_world, told, write_systems
 
 from noisy_world.executors import ray_cluster
 from noisy_world.executors.jobs import TaskOutcome
-from noisy_world.executors.node import carry_out
+from noisy_world.executors.worker_process import carry_out
 
 pytest.importorskip("embreex", reason="embreex comes with an extra")
 pytest.importorskip("tabulate", reason="tabulate comes with an extra")

@@ -8,7 +8,7 @@ import sys
 import pytest
 from study_tools import FRAMES, SETTINGS, evaluate, rows_of, small_world, told, write_systems
 
-from noisy_world.core import extras
+from noisy_world.core import dependencies
 
 pytest.importorskip("embreex", reason="embreex comes with an extra")
 pytest.importorskip("tabulate", reason="tabulate comes with an extra")
@@ -75,13 +75,13 @@ def test_what_is_missing_is_said_before_anything_is_done(tmp_path, monkeypatch, 
         with monkeypatch.context() as patched:
             patched.setitem(sys.modules, "embreex.rtcore_scene", None)  # importing it raises ImportError
             assert evaluate(*command, *dry) == 1
-        assert "run: " + extras.install_command("embree") in capfd.readouterr().err
+        assert "run: " + dependencies.install_command("embree") in capfd.readouterr().err
         with monkeypatch.context() as patched:
-            patched.setattr(extras, "missing_packages", {"pandas"}.intersection)
+            patched.setattr(dependencies, "missing_packages", {"pandas"}.intersection)
             assert evaluate(*command, *dry, report=True) == 1
         said = capfd.readouterr()
         assert said.err.startswith("noisy-world evaluate: pandas: missing in this Python")
-        assert said.err.endswith(f"; run: {extras.install_command('evaluate')}\n")
+        assert said.err.endswith(f"; run: {dependencies.install_command('evaluate')}\n")
         assert ("missing    1 of 1 runs" in said.out) == bool(dry)
     assert evaluate(*command, "--dry-run", report=True) == 0
     assert not (tmp_path / "results").exists()
@@ -95,7 +95,7 @@ def test_it_ends_with_a_report(done):
 
 def test_the_same_command_again_runs_nothing(done, monkeypatch):
     before = told(done / "results")
-    monkeypatch.setattr("noisy_world.evaluation.study.study.run_system", None)
+    monkeypatch.setattr("noisy_world.evaluate.study.run_system", None)
     words = (done / "world/preset.yaml", "--systems", ",".join(str(done / f"systems/{kind}.yaml") for kind in KINDS))
     assert evaluate(*words, "--out", done / "results") == 0
     assert told(done / "results") == before

@@ -14,11 +14,11 @@ from study_tools import evaluate, rows_of, small_world, told, write_systems
 from worlds import ROOT
 
 from noisy_world.cli import command
-from noisy_world.core.perturbing.kinds import SEQUENCE_KINDS
-from noisy_world.core.perturbing.reading import is_sensor
-from noisy_world.evaluation.analysis import tables
-from noisy_world.evaluation.report import gathering
-from noisy_world.evaluation.report.figures.drawing import Picture
+from noisy_world.perturbations.kinds import SEQUENCE_KINDS
+from noisy_world.perturbations.parsing import is_sensor
+from noisy_world.evaluate import analyses
+from noisy_world.evaluate import report
+from noisy_world.evaluate.figures import Picture
 from noisy_world.perturbations import registry
 
 pytest.importorskip("embreex", reason="embreex comes with an extra")
@@ -126,10 +126,10 @@ def worlds(tmp_path_factory):
 @pytest.fixture
 def quick(monkeypatch):
     """A report without analyses and pictures, which take most of its time."""
-    analyse = tables.analyse
-    monkeypatch.setattr(tables, "analyse", lambda runs, sequences: analyse(runs.head(0), sequences.head(0)))
-    monkeypatch.setattr(gathering, "_run_pictures", lambda *_: [])
-    monkeypatch.setattr(gathering, "_heat_map", lambda *_: None)
+    analyse = analyses.analyse
+    monkeypatch.setattr(analyses, "analyse", lambda runs, sequences: analyse(runs.head(0), sequences.head(0)))
+    monkeypatch.setattr(report, "_run_pictures", lambda *_: [])
+    monkeypatch.setattr(report, "_heat_map", lambda *_: None)
 
 
 @pytest.mark.parametrize(("name", "killed_at"), [("all", 12), ("rig", 2)])
@@ -144,7 +144,7 @@ def test_every_setting_is_studied(worlds, name, killed_at, quick, monkeypatch):
     rows = rows_of(out)
     assert len(rows) == len(ON_A_RIG) if name == "rig" else len(settings_of_all(worlds / "all")) + 1  # a sweep of two
     with monkeypatch.context() as patched:
-        patched.setattr("noisy_world.evaluation.study.study.run_system", None)
+        patched.setattr("noisy_world.evaluate.study.run_system", None)
         before = told(out)
         assert evaluate(*words) == 0  # reads what is there, and runs nothing
     assert told(out) == before
@@ -171,7 +171,7 @@ SEARCHED = [
 @pytest.mark.parametrize(("name", "perturbation", "words"), SEARCHED, ids=[item[1] for item in SEARCHED])
 def test_a_threshold_is_searched_along_each_kind(worlds, tmp_path, monkeypatch, name, perturbation, words):  # noqa: PLR0917 - fixtures
     """One run, and the search is taken up for a second."""
-    monkeypatch.setattr("noisy_world.evaluation.thresholds.table.drawn", lambda found: Picture("", "", "", b""))
+    monkeypatch.setattr("noisy_world.evaluate.threshold_table.drawn", lambda found: Picture("", "", "", b""))
     words = ("--perturbation", perturbation, *words, "--out", tmp_path / "out")
     for most in (1, 2):
         system = ("--system", worlds / "systems/fine.yaml", "--most", most)

@@ -16,18 +16,18 @@ from slam_systems import write_recording
 from study_tools import FRAMES, small_world
 from written import run
 
-from noisy_world.cli.study_tasks import _fitting
-from noisy_world.core.datasets.recorded_setting import RecordedSetting
-from noisy_world.core.perturbing.reading import parse_steps
-from noisy_world.core.perturbing.steps import Setting
-from noisy_world.core.presets.preset import read_preset
+from noisy_world.cli.study_workers import _fitting
+from noisy_world.dataset.identity import RecordedSetting
+from noisy_world.perturbations.parsing import parse_steps
+from noisy_world.perturbations.steps import Setting
+from noisy_world.preset.keys import read_preset
 from noisy_world.core.progress import PlainProgress
 from noisy_world.core.schema import ConfigPath
-from noisy_world.evaluation.study.cases import Case, Condition
-from noisy_world.evaluation.study.made_origin import MadeOrigin
-from noisy_world.evaluation.study.order import StudyOrder
-from noisy_world.evaluation.study.study import Study
-from noisy_world.evaluation.study.results import ResultsFolder
+from noisy_world.evaluate.cases import Case, Condition
+from noisy_world.evaluate.study_sequences import MadeOrigin
+from noisy_world.evaluate.study import StudyOrder
+from noisy_world.evaluate.study import Study
+from noisy_world.evaluate.study_results import ResultsFolder
 from noisy_world.perturbations import registry
 from noisy_world.sources import read_scenes
 
@@ -73,7 +73,7 @@ def world(tmp_path_factory):
 
 def test_the_bytes_are_those_of_generate_and_each_frame_is_rendered_once(world, tmp_path, monkeypatch):
     rendered = []
-    frame = __import__("noisy_world.rays.session", fromlist=["RaySession"])
+    frame = __import__("noisy_world.render.ray_session", fromlist=["RaySession"])
     session = next(item for item in vars(frame).values() if isinstance(item, type) and hasattr(item, "serves"))
     original = session.frame
     monkeypatch.setattr(

@@ -13,7 +13,7 @@ pytest.importorskip("tabulate", reason="tabulate comes with an extra")
 pytest.importorskip("jinja2", reason="the extra evaluate is not installed")
 
 from noisy_world.cli import command
-from noisy_world.evaluation.analysis import tables as analysis_tables
+from noisy_world.evaluate import analyses as analysis_tables
 
 SETTINGS = [{"name": "clean"}, {"name": "noise", "perturb": [{"gaussian_noise": {"severity": 3}}]}]
 

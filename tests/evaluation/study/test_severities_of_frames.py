@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from noisy_world.evaluation.study.describing import severities
+from noisy_world.evaluate.study import severities
 
 
 def test_severity_of_each_step_and_frame():

@@ -37,9 +37,9 @@ def study(tmp_path_factory):
 
 def test_ended_before_any_write(study, tmp_path, monkeypatch):
     """The working folder's lock is released by the system, so the next run takes up what is there."""
-    from noisy_world.evaluation.study import results
+    from noisy_world.evaluate import study_results
 
-    write, writes = results.write_atomic, []
+    write, writes = study_results.write_atomic, []
 
     def ending(path, data, scratch):
         writes.append(path)
@@ -47,7 +47,7 @@ def test_ended_before_any_write(study, tmp_path, monkeypatch):
             raise PowerCutError
         write(path, data, scratch)
 
-    monkeypatch.setattr(results, "write_atomic", ending)
+    monkeypatch.setattr(study_results, "write_atomic", ending)
     # Within the first sequence, within the last, and at the tables.
     for number, at in enumerate((2, 9, 16)):
         ending.at = at

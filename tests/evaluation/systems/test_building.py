@@ -8,8 +8,8 @@ from refusals import refused
 
 from noisy_world.cli import command
 from noisy_world.core.errors import MissingDependencyError, StorageError
-from noisy_world.evaluation.systems import building
-from noisy_world.evaluation.systems.checking import PROGRAMS, system_versions
+from noisy_world.evaluate import system_installation
+from noisy_world.evaluate.system_runs import PROGRAMS, system_versions
 
 # Configures by writing down what it is asked for; builds a program that says what it is given.
 CMAKE = """#!/bin/sh
@@ -45,12 +45,12 @@ def tools(tmp_path, monkeypatch):
         (folder / name).chmod(0o755)
     monkeypatch.setenv("ASKED", str(tmp_path / "asked"))
     monkeypatch.setenv("PATH", f"{folder}:/usr/bin:/bin")
-    monkeypatch.setattr(building, "train", lambda: "10 6 0 0\n")
+    monkeypatch.setattr(system_installation, "train", lambda: "10 6 0 0\n")
     return folder
 
 
 def build(source, folder):
-    return building.build(building.CLONED["orb-slam2"], source, folder, lambda _: None)
+    return system_installation.build(system_installation.CLONED["orb-slam2"], source, folder, lambda _: None)
 
 
 def test_it_is_built_once_and_anew_where_its_source_differs(source, tmp_path):
@@ -113,7 +113,7 @@ def test_the_driver_is_given_settings_and_frames(source, tmp_path):
 
 def test_the_command_says_what_it_needs(source, tmp_path, monkeypatch, capfd):
     monkeypatch.setenv("NOISY_WORLD_ENVIRONMENTS", str(tmp_path / "named"))
-    monkeypatch.setattr("noisy_world.cli.missing.blender_problem", lambda entry: "")
+    monkeypatch.setattr("noisy_world.cli.entry.blender_problem", lambda entry: "")
 
     def install(*words):
         return command.main(["systems", "install", *map(str, words)]), *capfd.readouterr()

@@ -14,12 +14,12 @@ import pytest
 from refusals import refused
 import yaml
 
-from noisy_world.evaluation.systems.checking import PROGRAMS
-from noisy_world.evaluation.systems.configurations import CONFIGURATIONS
-from noisy_world.evaluation.systems.configurations.__main__ import main
-from noisy_world.evaluation.systems.configurations.given import bound_m
-from noisy_world.evaluation.systems.configurations.go_slam import working_size
-from noisy_world.evaluation.estimates import read_estimate
+from noisy_world.evaluate.system_runs import PROGRAMS
+from noisy_world.evaluate.configurations import CONFIGURATIONS
+from noisy_world.evaluate.configurations import main
+from noisy_world.evaluate.configurations import bound_m
+from noisy_world.evaluate.configurations import working_size
+from noisy_world.evaluate.estimates import read_estimate
 
 WIDE, HIGH, COUNT = 24, 18, 5
 STEPS = 2500  # 2 m
@@ -248,7 +248,7 @@ def test_a_system_is_started_in_its_checkout(tmp_path, index, checkout, capsys, 
     assert (told["torch"], told["commit"]) == ("1.10.1", "unknown")
     assert "is no index of frames" in refused_line(capsys, "nice_slam", tmp_path / "none.json", out)
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join(sys.path))
-    command = [sys.executable, "-m", "noisy_world.evaluation.systems.configurations", "nice_slam", frames, out]
+    command = [sys.executable, "-m", "noisy_world.evaluate.configurations", "nice_slam", frames, out]
     ended = subprocess.run(command, capture_output=True, text=True, check=False)
     assert ended.returncode == 0, ended.stderr
     found = read_estimate("array", out / "poses.npz", index, axes="opengl")

@@ -10,7 +10,7 @@ import pytest
 from refusals import refused
 
 from noisy_world.core.errors import InputError, NotFiniteError
-from noisy_world.evaluation.estimates import FORMATS, read_estimate
+from noisy_world.evaluate.estimates import FORMATS, read_estimate
 
 STEP_S = 0.05
 

@@ -11,7 +11,7 @@ import sys
 
 import pytest
 
-from noisy_world.evaluation.systems.watching import GUARD, LOG_BYTES
+from noisy_world.evaluate.system_isolation import GUARD, LOG_BYTES
 
 ENVIRONMENT = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
 LIMITS = {"written_bytes": 10**6, "files": 100, "processes": 100, "memory_bytes": None}
@@ -157,7 +157,7 @@ class Forbids:
         if name.partition(".")[0] in only_unix:
             raise ModuleNotFoundError(f"No module named {name!r}", name=name)
 sys.meta_path.insert(0, Forbids())
-for package in ("noisy_world.cli", "noisy_world.evaluation"):
+for package in ("noisy_world.cli", "noisy_world.evaluate"):
     top = importlib.import_module(package)
     for found in pkgutil.walk_packages(top.__path__, package + "."):
         if not {"programs", "configurations", "__main__"} & set(found.name.split(".")):

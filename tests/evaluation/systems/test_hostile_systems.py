@@ -15,12 +15,12 @@ from refusals import refused
 from slam_systems import script_system, write_recording
 
 from noisy_world.core.errors import MissingDependencyError
-from noisy_world.evaluation.systems import checking, watching
-from noisy_world.evaluation.systems.checking import system_versions
-from noisy_world.evaluation.systems.guard import LEAST_FREE_BYTES, ResourceLimits, CommandProcesses
-from noisy_world.evaluation.systems.leavings import LONGEST_SENTENCE, sentence, remove_tree
-from noisy_world.evaluation.estimates import read_estimate
-from noisy_world.evaluation.systems.running import run_system
+from noisy_world.evaluate import system_runs, system_isolation
+from noisy_world.evaluate.system_runs import system_versions
+from noisy_world.evaluate.guard import LEAST_FREE_BYTES, ResourceLimits, CommandProcesses
+from noisy_world.evaluate.system_runs import LONGEST_SENTENCE, sentence, remove_tree
+from noisy_world.evaluate.estimates import read_estimate
+from noisy_world.evaluate.system_runs import run_system
 
 GOOD = "write(''.join(line(frame, frame['index'] / 100) for frame in frames))\n"
 REMOVED = "import shutil\nout = os.path.dirname(os.path.dirname(os.getcwd()))\nshutil.rmtree(out)\n"
@@ -241,8 +241,8 @@ def test_whatever_a_system_leaves_is_a_result(tmp_path, recording, name):
 
 @linux
 def test_a_guard_that_is_stopped_is_not_waited_for(tmp_path, recording, monkeypatch):
-    monkeypatch.setattr("noisy_world.evaluation.systems.watching.OVERDUE_S", 0.2)
-    monkeypatch.setattr("noisy_world.evaluation.systems.running.GRACE_S", 0.1)
+    monkeypatch.setattr("noisy_world.evaluate.system_isolation.OVERDUE_S", 0.2)
+    monkeypatch.setattr("noisy_world.evaluate.system_runs.GRACE_S", 0.1)
     script = GOOD + "print(os.getpid()); write(str(os.getpid()), os.environ['PID'])\n"
     script += "os.kill(os.getppid(), signal.SIGSTOP)\ntime.sleep(60)"
     record = ended(
@@ -269,11 +269,11 @@ def is_running(pid):
 def test_processes_that_left_the_session_are_ended(tmp_path, recording, cgroup, monkeypatch):
     variables = [] if cgroup else ["NOISY_WORLD_TEST=1"]
     if not cgroup:  # a guard that may make no cgroup
-        source = watching.GUARD.read_text()
+        source = system_isolation.GUARD.read_text()
         (tmp_path / "guard.py").write_text(
             source.replace('folder = f"{own_cgroup()}', 'folder = f"/nowhere{own_cgroup()}')
         )
-        monkeypatch.setattr("noisy_world.evaluation.systems.watching.GUARD", tmp_path / "guard.py")
+        monkeypatch.setattr("noisy_world.evaluate.system_isolation.GUARD", tmp_path / "guard.py")
     script = GOOD + (
         "if os.fork() == 0:\n"
         "    os.setsid()\n"
@@ -316,7 +316,7 @@ def test_images_that_a_system_changes_are_its_own(tmp_path, recording):
 
 @linux
 def test_a_command_for_versions_that_never_ends(tmp_path, monkeypatch):
-    monkeypatch.setattr(checking, "VERSIONS_LIMIT_S", 0.5)
+    monkeypatch.setattr(system_runs, "VERSIONS_LIMIT_S", 0.5)
     hold = "import os, sys, time\nif os.fork() == 0:\n    os.setsid(); time.sleep(60)\n"
     for script, told in (
         (hold + "time.sleep(60)", "0.5 s"),

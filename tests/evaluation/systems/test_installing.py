@@ -9,9 +9,9 @@ from refusals import refused
 
 from noisy_world.cli import command
 from noisy_world.core.errors import MissingDependencyError, StorageError
-from noisy_world.core.shipped import shipped
-from noisy_world.evaluation.systems import environments, installing
-from noisy_world.evaluation.systems.checking import system_versions
+from noisy_world.core.dependencies import shipped
+from noisy_world.evaluate import systems as environments, system_installation
+from noisy_world.evaluate.system_runs import system_versions
 
 TEXT = "10 6 0 0\n"
 
@@ -41,11 +41,11 @@ def python(tmp_path):
 
 @pytest.fixture(autouse=True)
 def trained(monkeypatch):
-    monkeypatch.setattr(installing, "train", lambda: TEXT)
+    monkeypatch.setattr(system_installation, "train", lambda: TEXT)
 
 
 def make(folder, python=None):
-    return installing.install(folder, python, lambda _: None)
+    return system_installation.install(folder, python, lambda _: None)
 
 
 def test_an_environment_is_made_once_and_anew_where_it_is_not_whole(tmp_path, python, monkeypatch):
@@ -80,19 +80,19 @@ def test_what_is_no_environment_is_not_removed(tmp_path, python):
 
 
 def test_a_python_is_found_or_one_line_says_how_to_get_one(tmp_path, python, monkeypatch):
-    monkeypatch.setattr(installing, "PYTHONS", ("3.98", "3.99"))  # neither is on any machine
+    monkeypatch.setattr(system_installation, "PYTHONS", ("3.98", "3.99"))  # neither is on any machine
     monkeypatch.setenv("PATH", f"{tmp_path}/shims:{os.environ['PATH']}")
     names = ["uv python install 3.12", "--python", "Containerfile"]
-    refused(installing.found_python, names=names, error=MissingDependencyError)
+    refused(system_installation.found_python, names=names, error=MissingDependencyError)
     refused(make, tmp_path / "new", python, names=["--python: ", "3.12", "3.98 or 3.99"])
     refused(make, tmp_path / "new", str(tmp_path / "nowhere"), names=["--python: ", "nowhere"])
     assert not (tmp_path / "new").exists()
     of_uv = program(tmp_path / "uv/python", PYTHON.format(version="3.99"))
     program(tmp_path / "shims/python3.98", "#!/bin/sh\necho 'python3.98: command not found' >&2\nexit 127")
     program(tmp_path / "shims/uv", f'#!/bin/sh\ntest "$*" = "python find 3.99" && echo {of_uv}')
-    assert installing.found_python() == of_uv
+    assert system_installation.found_python() == of_uv
     on_path = program(tmp_path / "shims/python3.99", PYTHON.format(version="3.99"))
-    assert installing.found_python() == on_path
+    assert system_installation.found_python() == on_path
 
 
 def test_environments_lie_where_they_are_found_again(tmp_path, monkeypatch):
@@ -124,7 +124,7 @@ def asked_anew():
 @pytest.mark.usefixtures("asked_anew")
 def test_the_command_lists_and_installs(tmp_path, python, monkeypatch, capfd):
     monkeypatch.setenv("NOISY_WORLD_ENVIRONMENTS", str(tmp_path / "named"))
-    monkeypatch.setattr("noisy_world.cli.missing.blender_problem", lambda entry: "")
+    monkeypatch.setattr("noisy_world.cli.entry.blender_problem", lambda entry: "")
 
     def systems(*words):
         status = command.main(["systems", *map(str, words)])

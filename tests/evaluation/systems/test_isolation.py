@@ -9,8 +9,8 @@ from refusals import refused
 from slam_systems import script_system, write_recording
 
 from noisy_world.core.errors import MissingDependencyError
-from noisy_world.evaluation.systems.isolation import isolation_problem
-from noisy_world.evaluation.systems.running import run_system
+from noisy_world.evaluate.system_isolation import isolation_problem
+from noisy_world.evaluate.system_runs import run_system
 
 GOOD = "write(''.join(line(frame, frame['index'] / 100) for frame in frames))\n"
 
@@ -83,14 +83,14 @@ def test_isolation_that_is_not_there_is_one_line(tmp_path, recording, monkeypatc
     isolation_problem.cache_clear()
     script = script_system(tmp_path / "system", GOOD, isolate="bubblewrap")
     try:
-        monkeypatch.setattr("noisy_world.evaluation.systems.isolation.PROGRAM", "no-such-program")
+        monkeypatch.setattr("noisy_world.evaluate.system_isolation.PROGRAM", "no-such-program")
         arguments, error = (script, recording, tmp_path / "out"), MissingDependencyError
         refused(run_system, *arguments, names=["bubblewrap", "no-such-program"], error=error)
         isolation_problem.cache_clear()
         refusing = tmp_path / "refusing"
         refusing.write_text("#!/bin/sh\necho 'bwrap: No permissions to create new namespace' >&2; exit 1\n")
         refusing.chmod(0o700)
-        monkeypatch.setattr("noisy_world.evaluation.systems.isolation.PROGRAM", str(refusing))
+        monkeypatch.setattr("noisy_world.evaluate.system_isolation.PROGRAM", str(refusing))
         refused(run_system, *arguments, names="bwrap: No permissions to create new namespace", error=error)
     finally:
         isolation_problem.cache_clear()

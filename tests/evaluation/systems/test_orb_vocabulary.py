@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from noisy_world.evaluation.systems.orb_vocabulary import vocabulary_text
+from noisy_world.evaluate.system_installation import vocabulary_text
 
 PICTURES = 6
 

@@ -5,13 +5,13 @@ import pytest
 from refusals import refused
 from slam_systems import script_system, write_recording
 
-from noisy_world.evaluation.outcome import Outcome
-from noisy_world.evaluation.study.cases import Case, SystemRun
-from noisy_world.evaluation.systems.configurations import CONFIGURATIONS
-from noisy_world.evaluation.systems.definition import read_system
-from noisy_world.evaluation.systems.estimate_file import read_estimate_file
-from noisy_world.evaluation.systems.registry import find_system
-from noisy_world.evaluation.systems.running import run_system
+from noisy_world.evaluate.run_files import Outcome
+from noisy_world.evaluate.cases import Case, SystemRun
+from noisy_world.evaluate.configurations import CONFIGURATIONS
+from noisy_world.evaluate.systems import read_system
+from noisy_world.evaluate.run_files import read_estimate_file
+from noisy_world.evaluate.systems import find_system
+from noisy_world.evaluate.system_runs import run_system
 
 HEAD = "ts (ns),tx (m),ty (m),tz (m),qx,qy,qz,qw\n"
 

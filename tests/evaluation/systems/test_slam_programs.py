@@ -14,12 +14,12 @@ from refusals import refused
 
 from noisy_world.core.errors import MissingDependencyError
 from noisy_world.core.geometry import rotation_from_quat_wxyz
-from noisy_world.core.trajectories.files import read_trajectory
-from noisy_world.evaluation.outcome import Outcome
-from noisy_world.evaluation.systems.checking import PROGRAMS, check_system
-from noisy_world.evaluation.systems.estimate_file import read_estimate_file
-from noisy_world.evaluation.systems.registry import find_system
-from noisy_world.evaluation.systems.running import run_system
+from noisy_world.trajectories.formats import read_trajectory
+from noisy_world.evaluate.run_files import Outcome
+from noisy_world.evaluate.system_runs import PROGRAMS, check_system
+from noisy_world.evaluate.run_files import read_estimate_file
+from noisy_world.evaluate.systems import find_system
+from noisy_world.evaluate.system_runs import run_system
 
 EXAMPLES = Path(__file__).resolve().parents[3] / "docs" / "examples"
 FRAMES, STEP_M, DEPTH_M, FOCAL_PX = 40, 0.01, 2.0, 300.0

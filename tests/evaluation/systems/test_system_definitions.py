@@ -10,10 +10,10 @@ from refusals import refused
 import yaml
 
 from noisy_world.core.errors import MissingDependencyError
-from noisy_world.core.shipped import PACKAGE
-from noisy_world.evaluation.systems.checking import check_system
-from noisy_world.evaluation.systems.definition import ExpectedClean, filled, read_system
-from noisy_world.evaluation.systems.registry import SHIPPED, find_system, find_systems, shipped_names
+from noisy_world.core.dependencies import PACKAGE
+from noisy_world.evaluate.system_runs import check_system
+from noisy_world.evaluate.systems import ExpectedClean, filled, read_system
+from noisy_world.evaluate.systems import SHIPPED, find_system, find_systems, shipped_names
 
 LEAST = {"name": "mine", "command": ["run", "{frames}"], "writes": {"file": "poses.txt"}}
 
@@ -116,7 +116,7 @@ def test_a_system_that_cannot_run_here_is_one_line_with_its_remedy(tmp_path, mon
     missing(["mine", "nowhere/run"], command=["nowhere/run"])
     monkeypatch.setenv("NOISY_WORLD_ENVIRONMENTS", str(tmp_path))
     missing([f"{tmp_path}/.venv-other", "run: make it"], environment="other", remedy="run: make it")
-    monkeypatch.setattr("noisy_world.evaluation.systems.checking.GPU_DEVICES", ())
+    monkeypatch.setattr("noisy_world.evaluate.system_runs.GPU_DEVICES", ())
     missing(["mine", "NVIDIA GPU"], command=["sh"], gpu=True)
 
 
@@ -140,5 +140,5 @@ def test_versions_are_asked_before_anything_is_run(tmp_path, script, message):
 
 def test_systems_can_be_named_where_none_can_be_run():
     """Windows has no module `resource`, and names systems nevertheless."""
-    script = "import sys; sys.modules['resource'] = None; import noisy_world.evaluation.study.study"
+    script = "import sys; sys.modules['resource'] = None; import noisy_world.evaluate.study"
     subprocess.run([sys.executable, "-c", script], check=True, env={**os.environ, "PYTHONPATH": str(PACKAGE.parent)})

@@ -12,9 +12,9 @@ from refusals import refused
 from slam_systems import script_system, write_recording
 
 from noisy_world.core.errors import InterruptedRunError
-from noisy_world.evaluation.outcome import Outcome
-from noisy_world.evaluation.systems.estimate_file import read_estimate_file
-from noisy_world.evaluation.systems.running import run_system
+from noisy_world.evaluate.run_files import Outcome
+from noisy_world.evaluate.run_files import read_estimate_file
+from noisy_world.evaluate.system_runs import run_system
 
 GOOD = "write(''.join(line(frame, frame['index'] / 100) for frame in frames))\n"
 SHORT = {"time_limit": {"start_s": 1.0, "frame_s": 0.0}}
@@ -120,7 +120,7 @@ def test_what_systems_do(tmp_path, recording, script, outcome, detail):
 
 
 def test_a_system_that_hangs_is_stopped_with_its_children(tmp_path, recording, monkeypatch):
-    monkeypatch.setattr("noisy_world.evaluation.systems.running.GRACE_S", 0.3)
+    monkeypatch.setattr("noisy_world.evaluate.system_runs.GRACE_S", 0.3)
     script = GOOD + "child = subprocess.Popen([sys.executable, '-c', 'import time; time.sleep(60)'])\n"
     script += "print(child.pid)\nsignal.signal(signal.SIGTERM, signal.SIG_IGN)\ntime.sleep(60)"
     begun = time.monotonic()

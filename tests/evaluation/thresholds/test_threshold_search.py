@@ -8,9 +8,9 @@ import pytest
 from refusals import refused
 
 from noisy_world.core.errors import NoisyWorldError
-from noisy_world.evaluation.thresholds.axis import Axis, axis_of
-from noisy_world.evaluation.thresholds.psychometric import chance_of_failure
-from noisy_world.evaluation.thresholds.search import Trial, Verdict, scene_of, search
+from noisy_world.evaluate.thresholds import Axis, axis_of
+from noisy_world.evaluate.thresholds import chance_of_failure
+from noisy_world.evaluate.thresholds import Trial, Verdict, scene_of, search
 from noisy_world.perturbations import registry
 
 pytest.importorskip("scipy", reason="scipy comes with the extra evaluate")

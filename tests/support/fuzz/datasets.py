@@ -24,21 +24,21 @@ from fuzz.structure import beside, is_sound, kept, note, text_changed
 from recipes_made import frames_from_arithmetic
 from recipes_made import make as make_rendered
 
-from noisy_world.core.datasets.layouts import LAYOUTS
+from noisy_world.layouts import LAYOUTS
 from noisy_world.core.errors import InputError, InterruptedRunError
 from noisy_world.core.geometry import Intrinsics
-from noisy_world.core.presets.preset import check_document
+from noisy_world.preset.keys import check_document
 from noisy_world.core.progress import SilentProgress
-from noisy_world.evaluation.systems.index import given_sequence
+from noisy_world.evaluate.system_input import given_sequence
 from noisy_world.perturbations import registry
-from noisy_world.pipeline.run import Run
-from noisy_world.pipeline.status import read_status
-from noisy_world.planning import make_plan
-from noisy_world.recipes.making import plan_of
-from noisy_world.recipes.of_dataset import recipe_of
-from noisy_world.recipes.opening import open_path
-from noisy_world.recipes.recipe import read_recipe
-from noisy_world.recipes.verifying import verify
+from noisy_world.dataset.run import Run
+from noisy_world.dataset.status import read_status
+from noisy_world.dataset.plan import make_plan
+from noisy_world.dataset.remaking import plan_of
+from noisy_world.dataset.recipe import recipe_of
+from noisy_world.dataset.opening import open_path
+from noisy_world.dataset.recipe import read_recipe
+from noisy_world.dataset.verifying import verify
 
 TASK = "task.json"
 TEXTS = (".json", ".jsonl", ".txt", ".csv", ".yaml")

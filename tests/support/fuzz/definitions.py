@@ -7,9 +7,9 @@ import yaml
 from fuzz.mutation import pick
 from fuzz.structure import as_yaml, changed, note
 
-from noisy_world.evaluation import systems
-from noisy_world.evaluation.systems.definition import PLACEHOLDERS, read_system
-from noisy_world.evaluation.estimates import FORMATS
+from noisy_world.evaluate import systems
+from noisy_world.evaluate.systems import PLACEHOLDERS, read_system
+from noisy_world.evaluate.estimates import FORMATS
 from pathlib import Path
 
 WORDS = (

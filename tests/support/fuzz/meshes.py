@@ -25,10 +25,10 @@ from ply_files import (
 )  # fmt: skip
 from rooms_in_formats import gltf, room_attributes, walls, write_picture, write_usda
 
-from noisy_world.core.scenes.mesh_files import check_mesh, files_beside, imported_format
-from noisy_world.core.scenes.ply import read_ply
-from noisy_world.sources import imported_meshes
-from noisy_world.sources.mesh_reading import forget_meshes, read_mesh
+from noisy_world.scenes.mesh_files import check_mesh, files_beside, imported_format
+from noisy_world.scenes.ply import read_ply
+from noisy_world.sources import blender_process
+from noisy_world.sources.rendered_mesh import forget_meshes, read_mesh
 
 TASK = "task.json"
 PLY_WORDS = (
@@ -405,13 +405,15 @@ def read_imported(folder):
     """Import the mesh."""
     forget_meshes()
     logging.getLogger("glTFImporter").setLevel(logging.CRITICAL)
-    with mock.patch.object(imported_meshes, "_asked", _asked_here):
+    with mock.patch.object(blender_process, "_asked", _asked_here):
         mesh = read_mesh(folder / "in" / json.loads((folder / TASK).read_text()))
     _check(mesh)
     return mesh
 
 
 def _asked_here(order):
-    from noisy_world.blender.importing import program
+    from noisy_world.render import import_program
 
-    return SimpleNamespace(returncode=program.main(order if isinstance(order, str) else json.dumps(order)), stdout="")
+    return SimpleNamespace(
+        returncode=import_program.main(order if isinstance(order, str) else json.dumps(order)), stdout=""
+    )

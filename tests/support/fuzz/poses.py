@@ -18,12 +18,12 @@ from fuzz.peers import poses_by_evo
 from fuzz.structure import OF_TABLES, PLAIN, as_cell, as_json, as_table, beside, changed, is_sound, note, whole
 
 from noisy_world.core.errors import NoisyWorldError as Refused
-from noisy_world.core.trajectories import files
-from noisy_world.evaluation.outcome import Outcome
-from noisy_world.evaluation.systems.definition import Writes
-from noisy_world.evaluation.systems.normalising import normalised
-from noisy_world.evaluation.estimates import FORMATS
-from noisy_world.evaluation.systems.running import _states_problem
+from noisy_world.trajectories import formats
+from noisy_world.evaluate.run_files import Outcome
+from noisy_world.evaluate.systems import Writes
+from noisy_world.evaluate.system_runs import normalised
+from noisy_world.evaluate.estimates import FORMATS
+from noisy_world.evaluate.system_runs import _states_problem
 
 COUNT = 6
 STAMPS_S = [1000.0 + 0.1 * k for k in range(COUNT)]
@@ -269,7 +269,7 @@ TEXT_WORDS = (
     " ", "\t", "\n", "\r", "\r\n", "\n\n", "\0", "\ufeff", "\u2028", "\x0c", "1403636579763555584", "0 0 0 1",
     "0 0 0", "1e", "e", "-", "{", "}", "[", "]", '"', ":", "frames", "transform_matrix", "None", "null", "NaN",
 )  # fmt: skip
-KNOWN = get_args(files.TrajectoryFormat)
+KNOWN = get_args(formats.TrajectoryFormat)
 KINDS = {
     "traj.txt": (_tum, _kitti, _replica, _matrices),
     "data.csv": (_euroc,),
@@ -304,11 +304,11 @@ def _file(folder):
 def read(folder):
     """Read the file; return what it was read as, with its poses."""
     path = _file(folder)
-    trajectory = files.read_trajectory(path)
+    trajectory = formats.read_trajectory(path)
     assert len(trajectory)
     assert np.isfinite(trajectory.c2w).all()
     assert np.isfinite(trajectory.stamps_s).all()
-    return files.detect_format(path), trajectory
+    return formats.detect_format(path), trajectory
 
 
 def differs(folder, meaning):

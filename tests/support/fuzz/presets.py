@@ -18,15 +18,15 @@ from fuzz.mutation import NUMBERS, mutate_bytes, mutate_mixed, mutate_text, pick
 from fuzz.structure import as_yaml, beside, changed, kept, note
 from worlds import ROOT, path_poses, write_box_ply, write_replica, write_world
 
-from noisy_world.core.datasets.layouts import LAYOUTS
-from noisy_world.core.perturbing.kinds import SEQUENCE_KINDS, PairingPerturbation
-from noisy_world.core.perturbing.reading import is_sensor
-from noisy_world.core.planning.plan import read_settings
-from noisy_world.core.presets.preset import EMBREE_SAMPLES, WORKBENCH_SAMPLES, CameraSpec, RenderSpec, read_preset
-from noisy_world.core.presets.scene_keys import HandheldSpec
-from noisy_world.core.trajectories.files import TRAJECTORY_FORMATS
+from noisy_world.layouts import LAYOUTS
+from noisy_world.perturbations.kinds import SEQUENCE_KINDS, PairingPerturbation
+from noisy_world.perturbations.parsing import is_sensor
+from noisy_world.dataset.plan import read_settings
+from noisy_world.preset.keys import EMBREE_SAMPLES, WORKBENCH_SAMPLES, CameraSpec, RenderSpec, read_preset
+from noisy_world.preset.scene_keys import HandheldSpec
+from noisy_world.trajectories.formats import TRAJECTORY_FORMATS
 from noisy_world.perturbations import registry
-from noisy_world.planning import make_plan
+from noisy_world.dataset.plan import make_plan
 from noisy_world.sources import read_scenes
 
 WORDS = (

@@ -20,7 +20,7 @@ from recorded_layouts import WRITERS, WRITTEN
 from noisy_world.core.errors import InputError
 from noisy_world.core.geometry import Intrinsics
 from noisy_world.core.schema import ConfigPath
-from noisy_world.core.trajectories.frame_request import FrameRequest
+from noisy_world.core.frame_request import FrameRequest
 from noisy_world.sources.recording import read_recording
 
 LAYOUTS = WRITTEN | WRITERS

@@ -10,11 +10,11 @@ from fuzz.structure import beside, kept, note, text_changed
 from results_made import SETTINGS, make_results
 
 from noisy_world.core.errors import InputError
-from noisy_world.evaluation.report import evaluated, run_pictures
-from noisy_world.evaluation.report.picks import picked_runs, picked_sequences
-from noisy_world.evaluation.report.reading import read_results
-from noisy_world.evaluation.study.results import ResultsFolder
-from noisy_world.evaluation.study.tables import write_tables
+from noisy_world.evaluate import report_sections, run_figures
+from noisy_world.evaluate.report_input import picked_runs, picked_sequences
+from noisy_world.evaluate.report_input import read_results
+from noisy_world.evaluate.study_results import ResultsFolder
+from noisy_world.evaluate.study_tables import write_tables
 
 TASK = "task.json"
 FEW = {"systems": ("rgbd_odometry", "orb_slam3"), "scenes": ("room0",), "settings": SETTINGS[:4], "seeds": ("1",)}
@@ -64,10 +64,15 @@ def read(folder):
         raise InputError(out, "has many runs")
     missing = []
     for pick_ in picked_runs(found):
-        run_pictures._path(found, pick_, missing)
+        run_figures._path(found, pick_, missing)
     for runs in picked_sequences(found):
-        run_pictures._times(found, runs, missing)
-    run_pictures.worst_frames(found, missing)
-    told = [evaluated.opening(found), *evaluated.facts(found), evaluated.again(found), evaluated.command(found)]
+        run_figures._times(found, runs, missing)
+    run_figures.worst_frames(found, missing)
+    told = [
+        report_sections.opening(found),
+        *report_sections.facts(found),
+        report_sections.again(found),
+        report_sections.command(found),
+    ]
     assert told
     assert all(line.isprintable() for line in missing)

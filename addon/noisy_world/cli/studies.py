@@ -1,0 +1,468 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""`evaluate`, `threshold`, `report`: systems run on sequences, and what came of it."""
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from .arguments import (
+    Parser,
+    add_executor_options,
+    add_isolate_option,
+    add_part_options,
+    add_progress_option,
+    add_set_option,
+    data_folder,
+    folder,
+    found_preset,
+    no_such_preset,
+    number,
+    path,
+    positive,
+    settle_overrides,
+    settled,
+)
+from .command import Command, as_given
+from .entry import Entry, work_on
+
+if TYPE_CHECKING:
+    from ..core.progress import Progress
+    from ..evaluate.study import StudyOrder
+    from ..evaluate.thresholds import Found, Planned, Trial, Trials
+    from ..preset.keys import Preset
+
+
+def _report(options: argparse.Namespace, _: Entry) -> int:
+    """Write the tables of runs and sequences from the folders' files, and the report."""
+    from ..evaluate.study_results import STUDY, ResultsFolder, is_record
+    from ..evaluate.study_tables import write_tables
+
+    if options.out is not None:
+        return _join(options)
+    (folder,) = options.results
+    results = ResultsFolder(folder)
+    if (folder / STUDY).is_file() and not is_record(results):
+        try:
+            write_tables(results)
+        finally:
+            results.tidy()
+    if options.tables:
+        print(f"wrote {results.tables}")
+    else:
+        tell_report(folder)
+    return 0
+
+
+def _join(options: argparse.Namespace) -> int:
+    """Write the record of a study from the folders of its pieces, and its report."""
+    from ..evaluate.study_results import ResultsFolder
+    from ..evaluate.study_tables import joined, read_record, write_record
+
+    pieces = [ResultsFolder(folder) for folder in options.results]
+    out = ResultsFolder(options.out)
+    try:
+        record = joined([(piece, read_record(piece)) for piece in pieces])
+        write_record(record, out)
+    finally:
+        for results in (*pieces, out):
+            results.tidy()
+    print(f"{len(record.runs)} runs on {len(record.sequences)} sequences, of {len(pieces)} pieces")
+    if options.tables:
+        print(f"wrote {out.folder / 'study.json'} and {out.tables}")
+    else:
+        tell_report(out.folder)
+    return 0
+
+
+def tell_report(results: Path) -> None:
+    """Write the report of a folder of results, and print what it found, what it has to do without and where it is."""
+    from ..evaluate.report import write_report
+
+    written = write_report(results)
+    for line in written.findings:
+        print(line)
+    for line in written.missing:
+        print(f"missing: {line}")
+    print(f"wrote {results / 'report.html'}, and beside it report.md, figures/ and tables/")
+
+
+def _report_options(parser: Parser) -> None:
+    parser.add_argument(
+        "results",
+        metavar="RESULTS",
+        type=folder,
+        nargs="+",
+        help="the folder that 'noisy-world evaluate' wrote; with --out, those of a study's pieces, or their records",
+    )
+    parser.add_argument(
+        "--out",
+        metavar="DIR",
+        type=folder,
+        help="the folder of the record of all of it: study.json and the tables of runs and sequences; the report too",
+    )
+    parser.add_argument("--tables", action="store_true", help="end with the tables of runs and sequences")
+
+
+def _settle_report(parser: Parser, options: argparse.Namespace) -> argparse.Namespace:
+    if len(options.results) > 1 and options.out is None:
+        parser.error("several folders are put together in another one: name it with --out")
+    return options
+
+
+REPORT = Command(
+    name="report",
+    group="evaluate SLAM systems",
+    help="write the report of a study anew",
+    description="Write the report of a study into its folder of results, from what is there: report.html, one page "
+    "that opens offline, report.md, figures/ and tables/ as CSV, Parquet (where pyarrow is installed) and LaTeX. "
+    "docs/report.md says what each part of it means. With --out, put a study together that was run in pieces.",
+    options=_report_options,
+    settle=_settle_report,
+    run=_report,
+    needs=("numpy", "yaml"),
+    stopped="what was written before stays",
+)
+
+
+# `evaluate`: run SLAM systems on the sequences of a preset or a dataset, and score them.
+
+
+STUDY_CONTINUES = "what has ended stays, and the same command continues from there"
+
+
+def _evaluate_options(parser: Parser) -> None:
+    parser.add_argument(
+        "subject", metavar="PRESET_OR_DATASET", nargs="?", type=path, help="a preset, or a folder of sequences"
+    )
+    parser.add_argument(
+        "--systems",
+        metavar="NAMES",
+        action="append",
+        default=[],
+        help="the systems, with commas between: names of those that are shipped, or YAML files of your own",
+    )
+    parser.add_argument("--out", metavar="DIR", type=folder, help="the folder of results (default: out/NAME-results)")
+    parser.add_argument(
+        "--seeds",
+        metavar="N,N",
+        type=whole_numbers,
+        default=(),
+        help="seeds of what is random in the perturbations (default: the preset's); paths stay the same, and settings "
+        "that no seed changes are evaluated with the first only",
+    )
+    parser.add_argument(
+        "--repeats",
+        metavar="N",
+        type=positive,
+        default=3,
+        help="runs on each sequence of a system that does not repeat itself (default: 3); of others one is enough",
+    )
+    parser.add_argument(
+        "--protocol",
+        choices=["strict", "paper"],
+        default="strict",
+        help="whose metrics come first and whose errors are drawn; both are calculated (default: strict)",
+    )
+    add_set_option(parser)
+    add_part_options(parser)
+    parser.add_argument(
+        "--rest-of",
+        metavar="DIR",
+        type=folder,
+        help="do what the record of this study in DIR lacks; 'report' puts both together",
+    )
+    parser.add_argument("--keep", action="store_true", help="keep the sequences, in DIR/kept")
+    parser.add_argument("--maps", action="store_true", help="score maps too; where a system makes none, one is fused")
+    add_isolate_option(parser)
+    message = "sequences that are evaluated at once (default: the processors)"
+    add_executor_options(parser, "sequence", None, message, cpus=1)
+    parser.add_argument(
+        "--no-report",
+        action="store_true",
+        help="end with the tables of runs and sequences; 'report' makes the rest later",
+    )
+    parser.add_argument("--dry-run", action="store_true", help="print what would be evaluated, and do nothing")
+    add_progress_option(parser)
+
+
+def _settle_study(parser: Parser, options: argparse.Namespace) -> argparse.Namespace:
+    settle_overrides(parser, options, "subject")
+    if not options.worker:
+        if options.subject is None:
+            parser.error("name a preset, presets/study.yaml for instance, or a folder of sequences")
+        options.systems = [name.strip() for text in options.systems for name in text.split(",") if name.strip()]
+        if not options.systems:
+            parser.error("name the systems with --systems, rgbd_odometry for instance")
+    return options
+
+
+def whole_numbers(text: str) -> tuple[int, ...]:
+    """Parse whole numbers with commas between, each once."""
+    parts = text.split(",")
+    if not all(part.strip().isdecimal() and int(part) < 2**63 for part in parts):
+        raise argparse.ArgumentTypeError(f"{text!r} has to be whole numbers with commas between, 1,2,3 for instance")
+    return tuple(dict.fromkeys(map(int, parts)))
+
+
+def _evaluate(options: argparse.Namespace, entry: Entry) -> int:
+    """Carry out the options."""
+    from .study_workers import evaluate, ready_for_cases
+
+    if options.worker:
+        return work_on(ready_for_cases)
+    return evaluate(order_of(options), options, entry)
+
+
+def order_of(options: argparse.Namespace) -> "StudyOrder":
+    """Return what is to be done, as plain values. Raises InputError for what is wrong in a preset."""
+    from ..evaluate.study import StudyOrder
+    from ..preset.keys import read_preset
+    from ..preset.names import chosen_part
+    from .arguments import data_folder
+
+    subject: Path = options.subject
+    document, part = None, {}
+    if subject.is_dir():
+        _refuse_for_folder(options)
+        part = chosen_part(options.scenes, options.settings)
+    else:
+        subject = found_preset(subject)
+        if not subject.exists():
+            raise no_such_preset(subject)
+        data = data_folder(options)
+        preset = read_preset(subject, options.overrides, data=data, scenes=options.scenes, settings=options.settings)
+        document = preset.document
+    out = Path("out") / f"{subject.resolve().stem}-results" if options.out is None else options.out
+    return StudyOrder(
+        subject=str(subject.resolve()),
+        document=document,
+        out=str(out.resolve()),
+        systems=tuple(_found_system(name) for name in options.systems),
+        seeds=options.seeds,
+        repeats=options.repeats,
+        protocol=options.protocol,
+        scenes=tuple(part.get("scenes", ())),
+        settings=tuple(part.get("settings", ())),
+        keep=options.keep,
+        maps=options.maps,
+        isolate=options.isolate,
+    )
+
+
+def _refuse_for_folder(options: argparse.Namespace) -> None:
+    """Raise InputError for options that go with a preset alone."""
+    from ..core.errors import InputError
+
+    given = {"--set": options.overrides, "--seeds": options.seeds, "--data": options.data, "--keep": options.keep}
+    if found := [name for name, value in given.items() if value]:
+        raise InputError(options.subject, f"is a folder of sequences, and {found[0]} goes with a preset")
+
+
+def _found_system(name: str) -> str:
+    """Return a system's name, or the whole path of the file that defines it: other processes read it from elsewhere."""
+    return str(Path(name).resolve()) if name.endswith((".yaml", ".yml")) or "/" in name else name
+
+
+EVALUATE = Command(
+    name="evaluate",
+    group="evaluate SLAM systems",
+    help="run SLAM systems on the sequences of a preset or a dataset, and score them",
+    description="Run SLAM systems on the sequences of a preset, each made when it is needed and removed after, or "
+    "on those of a dataset or recording; score them, and report.",
+    epilog="The same command again resumes a study that was stopped; more systems, scenes, settings, seeds and "
+    "repeats can be added to it.",
+    options=_evaluate_options,
+    settle=_settle_study,
+    run=_evaluate,
+    stopped=STUDY_CONTINUES,
+    again=as_given,
+)
+
+
+# `threshold`: search for the value of a perturbation at which a system's success falls to one half.
+
+
+WIDTH, MOST = 0.15, 80
+
+
+def _threshold_options(parser: Parser) -> None:
+    parser.add_argument("preset", metavar="PRESET", nargs="?", type=path, help="the preset whose scenes are used")
+    parser.add_argument(
+        "--system",
+        metavar="NAMES",
+        required=True,
+        help="the system: the name of one that is shipped, or a YAML file of your own; several with commas between",
+    )
+    parser.add_argument("--perturbation", metavar="NAME", required=True, help="the perturbation")
+    parser.add_argument(
+        "--parameter",
+        metavar="NAME",
+        help="its number that is searched (default: its severity, from 1 to 5 and between; or its only number)",
+    )
+    table = "where severities set it: a factor of 4 beyond that of severity"
+    parser.add_argument(
+        "--from", metavar="VALUE", dest="mild", type=float, help=f"the mildest value (default, {table} 1)"
+    )
+    parser.add_argument("--to", metavar="VALUE", dest="worst", type=float, help=f"the worst (default, {table} 5)")
+    parser.add_argument(
+        "--with",
+        metavar="KEY=VALUE",
+        action="append",
+        default=[],
+        dest="given",
+        help="another key of the perturbation, translation_m=0 for instance; may be repeated",
+    )
+    parser.add_argument(
+        "--success",
+        metavar="METRIC",
+        default="success_10cm",
+        help="what counts as a success: a metric that is 0 or 1 (default: success_10cm, an ATE below 10 cm with 80 %% "
+        "of the frames tracked)",
+    )
+    parser.add_argument(
+        "--width",
+        metavar="SHARE",
+        type=_share,
+        default=WIDTH,
+        help=f"how wide the interval may be, as a share of the way from the mildest to the worst (default: {WIDTH})",
+    )
+    parser.add_argument(
+        "--most", metavar="N", type=positive, default=MOST, help=f"the search ends after so many runs (default: {MOST})"
+    )
+    parser.add_argument(
+        "--out",
+        metavar="DIR",
+        type=folder,
+        help="the folder of thresholds, in which each search has one of its own (default: out/NAME-thresholds)",
+    )
+    add_set_option(parser)
+    add_part_options(parser, ("scenes",))  # the preset's settings are not used
+    add_isolate_option(parser)
+    add_progress_option(parser)
+
+
+def _share(text: str) -> float:
+    return number(text, "a number between 0 and 1, 0.15 for instance", lambda value: 0.0 < value < 1.0)
+
+
+def _find_thresholds(options: argparse.Namespace, entry: Entry) -> int:
+    """Search for each system, write the thresholds of the folder, and print what was found."""
+    from ..core.atomic_files import FolderLock
+    from ..core.dependencies import need
+    from ..core.schema import ConfigPath
+    from ..evaluate.study_results import ResultsFolder
+    from ..evaluate.study_sequences import MadeOrigin
+    from ..evaluate.system_runs import check_system
+    from ..evaluate.systems import find_systems, isolating
+    from ..evaluate.threshold_table import write_thresholds
+    from ..evaluate.thresholds import Trials, axis_of, check_success, preset_of
+    from ..perturbations import registry
+    from ..perturbations.parsing import known_perturbation
+    from .entry import listener
+    from .generate import need_blender, need_packages
+
+    need(("matplotlib",), "evaluate")
+    kind = known_perturbation(options.perturbation, ConfigPath("--perturbation"), registry())
+    check_success(options.success)
+    axis = axis_of(kind, options.parameter, options.mild, options.worst)
+    preset = preset_of(_preset(options), axis, _given(options.given, axis.parameter))
+    systems = isolating(find_systems(options.system.split(","), "--system"), options.isolate)
+    for system in systems:
+        check_system(system)
+    out = Path("out") / f"{options.preset.resolve().stem}-thresholds" if options.out is None else options.out
+    results = ResultsFolder(out.resolve() / axis.name)
+    progress, stop = listener(options.progress)
+    origin = MadeOrigin(preset, (), results, stop=stop)
+    need_packages(origin.whole, argparse.Namespace(out=None, ray=None), entry)
+    need_blender(origin.whole, entry)
+    lock = FolderLock(results.work / "lock")
+    scenes = {scene.name: scene.frame_count for scene in origin.whole.scenes}
+    try:
+        for system in systems:
+            found = _search(Trials(origin, results, system, axis, options.success, stop), scenes, options, progress)
+            print(f"{system.name}, {axis.name}: {found.text()}", flush=True)
+        for scene in scenes:
+            origin.finished(scene)
+    finally:
+        results.tidy(alone=True)
+        lock.release()
+    for file in write_thresholds(out):
+        print(f"wrote {file}")
+    return 0
+
+
+def _search(trials: "Trials", scenes: dict[str, int], options: argparse.Namespace, progress: "Progress") -> "Found":
+    """Search with one system; what is made is written after each trial. scenes: how many frames each has."""
+    from ..evaluate.thresholds import SearchFile, scene_of, search
+
+    file = SearchFile(trials.results, trials.system.name)
+    identity = trials.identity
+    before = file.trials(identity)
+    made = list(before)
+
+    def carry_out(planned: "Planned") -> "Trial":
+        trial = trials.make(planned, progress)
+        made.append(trial)
+        file.write(identity, made)
+        progress.note(_line(trials.axis.text(trial.value), trial))
+        progress.advance(scenes[trial.scene])
+        return trial
+
+    names, seed = list(scenes), trials.origin.preset.spec.seed
+    frames = [scenes[scene_of(number, names, seed)] for number in range(options.most)]
+    label = f"searching with {trials.system.name}, at most {options.most} runs"
+    progress.start(label, sum(frames), sum(frames[: len(before)]))
+    try:
+        found = search(trials.axis, names, seed, before, carry_out, width=options.width, most=options.most)
+    finally:
+        progress.finish()
+    file.write(identity, made, found)
+    return found
+
+
+def _line(value: str, trial: "Trial") -> str:
+    error = "no error" if trial.ate_m is None else f"ATE {1000 * trial.ate_m:.1f} mm"
+    ended_ = "success" if trial.succeeded else "no success"
+    return f"run {trial.number + 1}, {trial.scene}, {value}: {ended_} ({error}, {trial.tracked_share:.0%} tracked)"
+
+
+def _preset(options: argparse.Namespace) -> "Preset":
+    """Return the preset. Raises InputError where it is not there or wrong."""
+    from ..preset.keys import read_preset
+
+    if not options.preset.exists():
+        raise no_such_preset(options.preset)
+    return read_preset(options.preset, options.overrides, data=data_folder(options), scenes=options.scenes)
+
+
+def _given(texts: list[str], searched: str) -> dict[str, Any]:
+    """Return the keys that --with gives. Raises NoisyWorldError."""
+    from ..core.errors import NoisyWorldError
+    from ..core.schema import read_yaml
+
+    found: dict[str, Any] = {}
+    for text in texts:
+        name, equals, value = text.partition("=")
+        if not equals or not name:
+            raise NoisyWorldError(f"--with {text}: has to be KEY=VALUE, translation_m=0 for instance")
+        if name == searched:
+            raise NoisyWorldError(f"--with {text}: {name} is what is searched", remedy="leave it out")
+        found[name] = read_yaml(value, "--with", name)
+    return found
+
+
+THRESHOLD = Command(
+    name="threshold",
+    group="evaluate SLAM systems",
+    help="search for the value of a perturbation at which a system's success falls to one half",
+    description="Search for the value of a perturbation at which a system's success falls to one half: run after "
+    "run, each with the value that tells most, on a sequence of another scene of the preset, with noise of its "
+    "own.",
+    epilog="The same command again resumes a search that was stopped. The preset's settings are not used; "
+    "docs/thresholds.md says how a threshold is found.",
+    options=_threshold_options,
+    settle=settled,
+    run=_find_thresholds,
+    stopped="the runs that have ended stay, and the same command goes on from there",
+    again=as_given,
+)

@@ -1,0 +1,515 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a folder holds of a dataset: its manifest, and the working folder of a run that did not come to its end."""
+
+import contextlib
+import os
+import re
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from fnmatch import fnmatchcase
+from functools import cached_property
+from glob import iglob
+from pathlib import Path, PurePosixPath
+from typing import Any
+
+from ..core.atomic_files import UNFINISHED, link_on_the_way, sha256_of_regular_file, storage_errors
+from ..core.errors import Action, StorageError
+from ..core.frame_table import FRAMES, OUT_OF_RANGE, read_records
+from ..core.json_text import read_json
+from ..core.schema import shown
+from ..layouts import LAYOUTS, Layout
+from .identity import BETWEEN, FORMAT, cameras_of, setting_problem
+
+WORK_FOLDER = ".noisy_world"
+IDENTITY = "identity.json"
+MERGED = "merged*.jsonl"  # in the working folder: a line for each shard that was merged, a file of each process
+MANIFEST = "manifest.json"
+RUN = "run.json"
+MANIFEST_SHA256 = "manifest_sha256"  # in run.json
+MOST_FRAMES = 10**7  # chosen: of a path; four days at 30 Hz, and gigabytes of poses as text
+UNCHECKED = f"{RUN} does not tell the SHA-256 of {MANIFEST}, which is not checked"
+OVERVIEW = "overview.png"
+JOURNALS = "journal-*.jsonl"
+
+
+@dataclass(frozen=True)
+class DatasetState:
+    """A dataset in a folder.
+
+    identity: what it was made from, with all that a run which did not end was to make; None where that is unknown.
+    manifest: None where no run has ended, or where it cannot be read. sequences: the folders of all its sequences.
+    holds_frames: whether a frame is finished. problem: why nothing can be added. note: what the user should know.
+    ended: whether the last run has come to its end.
+    """
+
+    identity: dict[str, Any] | None
+    manifest: dict[str, Any] | None
+    sequences: frozenset[str]
+    holds_frames: bool
+    problem: str = ""
+    note: str = ""
+    ended: bool = False
+
+    @property
+    def files(self) -> dict[str, Any]:
+        """The files of the manifest: SHA-256 by name, and a level deeper those of each sequence."""
+        return self.manifest["files"] if self.manifest and self.manifest["identity"]["format"] == FORMAT else {}
+
+    @cached_property
+    def finished(self) -> frozenset[str]:
+        """The sequences in the manifest."""
+        return frozenset(name for name, found in self.files.items() if isinstance(found, dict))
+
+
+NOTHING = DatasetState(None, None, frozenset(), holds_frames=False)
+
+
+def read_dataset_state(out: Path, only: Collection[str] | None = None) -> DatasetState | None:
+    """Return what a folder holds of a dataset; None where it holds none of ours.
+
+    only: the sequences whose frames are looked for, by default all: a dataset may have 100,000, each with folders.
+    """
+    opened, why_not_opened = _read(out / WORK_FOLDER / IDENTITY, identity_problem)
+    manifest, why_no_manifest = _read(out / MANIFEST, manifest_problem)
+    begun = journal_folders(out / WORK_FOLDER, only)
+    recorded = frozenset[str]() if manifest else _recorded_folders(out, only)
+    if opened is None and manifest is None and not (begun or recorded or why_not_opened):
+        return None  # a manifest.json that is not ours is somebody else's
+    identity = opened or (manifest["identity"] if manifest else None)
+    sequences = begun | recorded | set(identity["sequences"] if identity else ())
+    sequences |= set(manifest["identity"]["sequences"] if manifest else ())
+    return DatasetState(
+        identity,
+        manifest,
+        frozenset(sequences),
+        bool(begun or recorded or manifest or why_no_manifest),
+        _problem(identity, why_not_opened, why_no_manifest),
+        ""
+        if not why_not_opened
+        else f"{WORK_FOLDER}/{IDENTITY} {why_not_opened}; frames that only it describes are made again",
+        manifest is not None and not os.path.lexists(out / WORK_FOLDER / IDENTITY),
+    )
+
+
+def manifest_is_changed(out: Path) -> bool | None:
+    """Tell whether the manifest of a dataset whose run has ended is another than the run wrote.
+
+    None where run.json does not tell its SHA-256: it is not there, is damaged itself, or an earlier version wrote it.
+    """
+    try:
+        known = manifest_sha256_in(read_json(out / RUN))
+    except (FileNotFoundError, ValueError):
+        return None
+    return None if known is None else known != sha256_of_regular_file(out / MANIFEST)
+
+
+def manifest_sha256_in(run: Any) -> str | None:
+    """Return the SHA-256 of the manifest that the content of run.json tells; None where it tells none."""
+    known = run.get(MANIFEST_SHA256) if isinstance(run, dict) else None
+    return known if isinstance(known, str) else None
+
+
+def version_problem(identity: dict[str, Any]) -> str:
+    """Return why a dataset of this identity cannot be understood by this version, or ""."""
+    if identity["format"] == FORMAT:
+        return ""
+    by = "a later" if identity["format"] > FORMAT else "an earlier"
+    return f"made by {by} version of Noisy World, and cannot be continued by this one"
+
+
+def _problem(identity: dict[str, Any] | None, why_not_opened: str, why_no_manifest: str) -> str:
+    if why_no_manifest:
+        return f"{MANIFEST} {why_no_manifest}"
+    if identity is None:
+        name, why = (f"{WORK_FOLDER}/{IDENTITY}", why_not_opened) if why_not_opened else (MANIFEST, "is missing")
+        return f"{name} {why}, so what the frames were made from is not known"
+    return version_problem(identity)
+
+
+def journal_folders(work: Path, only: Collection[str] | None = None) -> frozenset[str]:
+    """Return the sequences of which a run has finished a frame, by the journals in its working folder.
+
+    only: those that are looked for, if not all.
+    """
+    # Path.glob of Python 3.11 and 3.12 fails where another process has just removed a folder.
+    patterns = [f"{folder}/{JOURNALS}" for folder in (("*/*",) if only is None else only)]
+    names = (name for pattern in patterns for name in iglob(pattern, root_dir=work, include_hidden=True))  # noqa: PTH207
+    return _folders(path for path in map(work.joinpath, names) if path.is_file() and path.stat().st_size)
+
+
+def _recorded_folders(out: Path, only: Collection[str] | None) -> frozenset[str]:
+    """Return the sequences that a run has completed, by their frames.jsonl."""
+    paths = out.glob(f"*/*/{FRAMES}") if only is None else (out / folder / FRAMES for folder in only)
+    return _folders(path for path in paths if next(read_records(path), None))
+
+
+def _folders(paths: Any) -> frozenset[str]:
+    names = (f"{path.parent.parent.name}/{path.parent.name}" for path in paths)
+    return frozenset(name for name in names if _is_sequence(name))
+
+
+_SEQUENCE = re.compile("[A-Za-z0-9][A-Za-z0-9._-]*/[A-Za-z0-9][A-Za-z0-9._-]*")
+
+
+def _is_sequence(name: Any) -> bool:
+    """Tell whether this is the folder of a sequence: two plain names, which lead nowhere else."""
+    return isinstance(name, str) and _SEQUENCE.fullmatch(name) is not None
+
+
+# --- what may be in the files ---
+
+
+def _read(path: Path, problem: Callable[[Any], str]) -> tuple[dict[str, Any] | None, str]:
+    """Return the content of a file, or why it cannot be used; (None, "") where there is none."""
+    if path.is_symlink() or (path.parent.is_symlink() and path.parent.name == WORK_FOLDER):
+        return None, "is a link, but what is in a dataset has to be its own"
+    try:
+        value = read_json(path)
+    except FileNotFoundError:
+        return None, ""
+    except ValueError as error:
+        return None, str(error)
+    found = problem(value)
+    return (None, found) if found else (value, "")
+
+
+NUMBER = (int, float, type(None))
+TEXT = (str, type(None))
+
+
+@dataclass(frozen=True)
+class _Each:
+    """A mapping of any names to values of one shape, or a list of these."""
+
+    kind: type
+    shape: Any
+
+
+_SCENE = {"entry": dict, "inputs": dict, "camera": dict, "path": {"frames": int, "sha256": str}}
+_OUTPUT = {"layout": str, "image": TEXT, "modalities": _Each(list, str)}
+_RENDER = {"engine": str, "samples": int}
+_COMMON = {"preset": dict, "preset_sha256": str, "seed": int, "near_m": NUMBER, "far_m": NUMBER, "output": _OUTPUT}
+_PROCESSOR = {"machine": str, "byte_order": str, "features": _Each(list, str)}
+_MIXED = {"rig": (dict, type(None)), "render": (dict, type(None)), "processor": _PROCESSOR}
+_LAYERS = {"sequences": _Each(dict, int), "scenes": _Each(dict, _SCENE), "settings": _Each(dict, dict)}
+_IDENTITY = {**_COMMON, **_MIXED, **_LAYERS, "versions": _Each(dict, str)}
+_MANIFEST = {OUT_OF_RANGE: _Each(dict, dict), "frames": _Each(dict, int), "files": _Each(dict, (str, dict))}
+_DIGEST = re.compile("[0-9a-f]{64}")
+_INSIDE = re.compile(r"(?!\.\.?(/|$))[^/\0\\]+(/(?!\.\.?(/|$))[^/\0\\]+)*")  # a name that leads nowhere else
+
+
+def _fits(value: Any, shape: Any) -> bool:
+    """Tell whether a JSON value has a shape: a mapping with at least these keys, or one of some types."""
+    if isinstance(shape, dict):
+        return isinstance(value, dict) and all(name in value and _fits(value[name], shape[name]) for name in shape)
+    if isinstance(shape, _Each):
+        inside = value.values() if isinstance(value, dict) else value
+        return isinstance(value, shape.kind) and all(_fits(item, shape.shape) for item in inside)
+    return isinstance(value, shape) and (not isinstance(value, bool) or shape is object)
+
+
+def identity_problem(value: Any) -> str:
+    """Return why a JSON value cannot be used as the identity of a dataset, or ""."""
+    if not _fits(value, {"format": int, "sequences": (list, dict)}) or not all(map(_is_sequence, value["sequences"])):
+        return "is not the identity of a dataset"
+    if value["format"] != FORMAT:
+        return ""
+    whole = _fits(value, _IDENTITY) and _has_cameras(value)
+    if whole and value["output"]["layout"] not in LAYOUTS:
+        layout = shown(value["output"]["layout"])
+        return f"is in the layout {layout}, which is not known here: install the package that brings it"
+    whole = whole and all(0 < scene["path"]["frames"] <= MOST_FRAMES for scene in value["scenes"].values())
+    if not whole or not (value["render"] is None or _fits(value["render"], _RENDER)):
+        return "lacks what an identity holds, or holds something else"
+    if wrong := next(filter(None, map(setting_problem, value["settings"], value["settings"].values())), ""):
+        return f"lacks what an identity holds, or holds something else: {wrong}"
+    parts = [name.split("/") for name in value["sequences"]]
+    known = all(setting in value["settings"] and scene in value["scenes"] for setting, scene in parts)
+    return "" if known else "does not say what all its sequences are made from"
+
+
+def _is_file(name: str, digest: object) -> bool:
+    """Tell whether these are the name of a file in a folder and a SHA-256."""
+    return is_inside(name) and isinstance(digest, str) and bool(_DIGEST.fullmatch(digest))
+
+
+def is_inside(name: str) -> bool:
+    """Tell whether a name, with forward slashes, is one of a file in a folder, which leads nowhere else."""
+    return bool(_INSIDE.fullmatch(name))
+
+
+def _has_cameras(identity: dict[str, Any]) -> bool:
+    """Tell whether each scene has the intrinsics of a camera."""
+    try:
+        cameras_of(identity)
+    except (KeyError, TypeError, ValueError, OverflowError):
+        return False
+    return True
+
+
+def manifest_problem(value: Any) -> str:
+    """Return why a JSON value cannot be used as the manifest of a dataset, or ""."""
+    identity: Any = value.get("identity") if isinstance(value, dict) else None
+    if (problem := identity_problem(identity)) or identity["format"] != FORMAT:
+        return problem
+    if not _fits(value, _MANIFEST):
+        return "lacks what a manifest holds, or holds something else"
+    finished = {name for name, found in value["files"].items() if isinstance(found, dict)}
+    digests = {name: found for name, found in value["files"].items() if name not in finished}
+    if any(FRAMES not in value["files"][name] for name in finished):
+        return f"does not name the {FRAMES} of each sequence"
+    for files in (digests, *(value["files"][name] for name in finished)):
+        if wrong := next((name for name, digest in files.items() if not _is_file(name, digest)), None):
+            return f"does not tell a name inside the dataset and its SHA-256 of {wrong[:80]!r}"
+    agree = finished == set(value["frames"]) and finished <= set(identity["sequences"])
+    return "" if agree else "contradicts itself"
+
+
+# Checks that a folder can hold a dataset: it has no other owner, and nothing in it is a link.
+
+
+def check_place(out: Path) -> None:
+    """Raise StorageError where a folder is somebody else's."""
+    work = out / WORK_FOLDER
+    if out.exists() and not out.is_dir():
+        raise StorageError("is a file, not a folder", file=out, remedy=Action.OTHER_FOLDER)
+    if work.is_symlink() or (work.exists() and not work.is_dir()):
+        raise StorageError("is not the folder that a run works in", file=work, remedy="remove it")
+    others = out.is_dir() and any(item.name != WORK_FOLDER for item in out.iterdir())
+    if others and not os.path.lexists(work / IDENTITY) and read_dataset_state(out) is None:
+        problem = "is not empty and holds no dataset of Noisy World"
+        raise StorageError(problem, file=out, remedy=Action.OTHER_FOLDER)
+
+
+def check_no_links(
+    out: Path, sequences: Collection[str], *, folders_alone: bool = False, shard: Path | None = None
+) -> None:
+    """Refuse a link in place of any folder or file of a dataset: what is read, written or removed is the dataset's own.
+
+    The folder itself may be reached through links, and other things in it may be links. sequences: the sequences'
+    folders. folders_alone: links in place of files are to be removed, so they do not matter. shard: the folder of the
+    only shard that matters; by default all that the working folder holds is looked at. Raises StorageError.
+    """
+    work = [out / WORK_FOLDER]
+    if shard is not None:
+        work = [shard, *(out / WORK_FOLDER / folder for folder in sequences)]
+    for link in _links(out, sequences, work):
+        if not folders_alone or link.is_dir():
+            remedy = "remove it, or put what it leads to in its place"
+            raise StorageError("is a link, but what is in a dataset has to be its own", file=link, remedy=remedy)
+
+
+def _links(out: Path, sequences: Collection[str], work: Iterable[Path]) -> Iterator[Path]:
+    """Yield the links that stand for folders or files of a dataset, a folder before what is in it.
+
+    work: the working folder, or those in it that matter.
+    """
+    top = (WORK_FOLDER, MANIFEST, RUN, OVERVIEW, *sorted({folder.split("/")[0] for folder in sequences}))
+    yield from (path for path in (out / name for name in top) if path.is_symlink())
+    for folder in work:
+        yield from (link for link in (link_on_the_way(out, folder),) if link is not None)
+        yield from _links_below(folder)
+    beside = {name for layout in LAYOUTS.values() for name in layout.setting_files}
+    for folder in sequences:
+        yield from (
+            path for path in (out / folder, *((out / folder).parent / name for name in beside)) if path.is_symlink()
+        )
+        yield from (path for path in _links_below(out / folder) if _is_ours(path.relative_to(out / folder)))
+
+
+def _links_below(folder: Path | str) -> Iterator[Path]:
+    """Yield the links in a folder and in those below it. What kind an entry is comes with its name, without asking."""
+    try:
+        with os.scandir(folder) as entries:
+            inside: list[str] = []
+            for entry in entries:
+                if entry.is_symlink():
+                    yield Path(entry.path)
+                elif entry.is_dir(follow_symlinks=False):
+                    inside.append(entry.path)
+    except OSError:  # there is no such folder, or a run that goes on has just removed it
+        return
+    for path in inside:
+        yield from _links_below(path)
+
+
+def _is_ours(name: Path) -> bool:
+    """Tell whether a sequence may have a file or a folder of this name, in any layout."""
+    inside = PurePosixPath(name.as_posix())
+    patterns = [FRAMES, *(pattern for layout in LAYOUTS.values() for pattern in layout.all_patterns)]
+    return any(
+        _matches(inside.parts, PurePosixPath(pattern).parts) or inside in PurePosixPath(pattern).parents
+        for pattern in patterns
+    )
+
+
+def _matches(parts: Sequence[str], pattern: Sequence[str]) -> bool:
+    """Tell whether a path's parts are those of a pattern, where ** stands for any number, at the end not for none."""
+    if not pattern:
+        return not parts
+    if pattern[0] == "**" and len(pattern) == 1:
+        return bool(parts)
+    if pattern[0] == "**":
+        return any(_matches(parts[count:], pattern[1:]) for count in range(len(parts) + 1))
+    return bool(parts) and fnmatchcase(parts[0], pattern[0]) and _matches(parts[1:], pattern[1:])
+
+
+# Removing a dataset's files from a folder, and no others.
+
+
+def remove_dataset(out: Path, work: Path, sequences: Iterable[str]) -> None:
+    """Remove the sequences, the dataset's own files and the journals of a folder. Raises StorageError."""
+    with storage_errors(out):
+        named = sorted(sequences)
+        for folder in named:
+            _remove_sequence(out, out / folder)
+        for setting in sorted({folder.split("/")[0] for folder in named}):
+            _remove_setting(out, out / setting)
+        for name in (MANIFEST, RUN, OVERVIEW):
+            (out / name).unlink(missing_ok=True)
+        for journal in work.glob(f"*/*/{JOURNALS}"):
+            if not link_on_the_way(out, journal.parent):
+                journal.unlink()
+
+
+def _remove_sequence(out: Path, folder: Path) -> None:
+    """Remove the files that a sequence in any layout may have, and then its folders that are empty.
+
+    The dataset in the folder may have another layout than this run's. A link that stands for a folder is not followed.
+    What is there is listed once: a shard that is merged has empty folders alone, and there are many.
+    """
+    if link_on_the_way(out, folder):
+        return
+    there = list(os.walk(folder, topdown=False))
+    if any(files for _, _, files in there):
+        patterns = dict.fromkeys(pattern for layout in LAYOUTS.values() for pattern in layout.all_patterns)
+        for path in [path for pattern in (*patterns, FRAMES) for path in folder.glob(pattern)]:
+            if not link_on_the_way(out, path.parent):
+                path.unlink(missing_ok=True)
+    ours = {str(folder / inside) for layout in LAYOUTS.values() for inside in _folders_of(layout)}
+    for place, _, _ in there:
+        if place in ours:
+            with contextlib.suppress(OSError):
+                Path(place).rmdir()
+
+
+def _folders_of(layout: Layout) -> set[str]:
+    """Return the folders of a sequence in a layout, from its own on."""
+    return {str(parent) for pattern in layout.all_patterns for parent in PurePosixPath(pattern).parents}
+
+
+def _remove_setting(out: Path, folder: Path) -> None:
+    """Remove the files of a setting, and its folder where it is empty then."""
+    for name in {name for layout in LAYOUTS.values() for name in layout.setting_files}:
+        if not link_on_the_way(out, folder):
+            (folder / name).unlink(missing_ok=True)
+    with contextlib.suppress(OSError):
+        folder.rmdir()
+
+
+def empty_scratch(scratch: Path) -> None:
+    """Leave a folder for unfinished files without those of earlier runs. Raises StorageError."""
+    with storage_errors(scratch):
+        if scratch.is_symlink() or scratch.is_file():
+            scratch.unlink()
+        remove_unfinished(scratch)
+        scratch.mkdir(parents=True, exist_ok=True)
+
+
+def remove_unfinished(scratch: Path) -> None:
+    """Remove the unfinished files of runs that ended, and the folder where nothing else is in it."""
+    for path in scratch.glob("*-*-*"):
+        if UNFINISHED.fullmatch(path.name) and (path.is_symlink() or path.is_file()):
+            path.unlink(missing_ok=True)
+    with contextlib.suppress(OSError):
+        scratch.rmdir()
+
+
+def remove_journals(work: Path, folder: str) -> None:
+    """Remove the journals of a sequence, and the folders that are empty then. Raises StorageError."""
+    place = work / folder
+    with storage_errors(place):
+        for journal in place.glob(JOURNALS) if not link_on_the_way(work, place) else ():
+            journal.unlink()
+    for empty in (place, place.parent):
+        with contextlib.suppress(OSError):
+            empty.rmdir()
+
+
+def remove_work_folder(work: Path, scratch: Path) -> None:
+    """Remove a working folder without journals; what is not ours stays in it. Raises StorageError."""
+    with storage_errors(work):
+        remove_unfinished(scratch)
+        # The identity is removed last, with the lock: until then the run can be resumed.
+        for path in (*work.glob("*/*"), *work.glob("*")):
+            if path.is_dir() and not path.is_symlink():
+                with contextlib.suppress(OSError):
+                    path.rmdir()
+        for path in work.glob(MERGED):
+            path.unlink(missing_ok=True)
+        (work / IDENTITY).unlink(missing_ok=True)
+        (work / "lock").unlink(missing_ok=True)
+        with contextlib.suppress(OSError):
+            work.rmdir()
+
+
+# The identity and the manifest of a dataset that has grown: what the preset names, and what stays beside it.
+
+
+def merged_identity(there: dict[str, Any], here: dict[str, Any], kept: Iterable[str]) -> dict[str, Any]:
+    """Return an identity with the sequences of another one that are kept, their scenes and settings.
+
+    there: an identity that agrees with `here` wherever both name the same. kept: folders of sequences that `here` does
+    not name.
+    """
+    folders = [folder for folder in kept if folder in there["sequences"]]
+    if not folders:
+        return here
+    settings, scenes = ({folder.split("/")[place] for folder in folders} for place in (0, 1))
+    undecided = {key: there[key] for key in ("near_m", "far_m", "rig", "render") if here[key] is None}
+    return {
+        **here,
+        **undecided,
+        "scenes": {name: there["scenes"][name] for name in scenes}
+        | {name: _with_between(there["scenes"].get(name), scene) for name, scene in here["scenes"].items()},
+        "settings": {name: there["settings"][name] for name in settings} | here["settings"],
+        "sequences": {folder: there["sequences"][folder] for folder in folders} | here["sequences"],
+        "versions": there["versions"] | here["versions"],
+    }
+
+
+def _with_between(there: dict[str, Any] | None, here: dict[str, Any]) -> dict[str, Any]:
+    """Return what belongs to a scene, with what settings that are kept look at between its poses."""
+    if there is None or BETWEEN not in there["path"] or there["path"]["frames"] != here["path"]["frames"]:
+        return here
+    return {**here, "path": {**here["path"], BETWEEN: there["path"][BETWEEN]}}
+
+
+def merged_manifest(there: DatasetState, here: dict[str, Any], kept: Iterable[str]) -> dict[str, Any]:
+    """Return a manifest with the finished sequences that are kept. there: what the folder held when the run began."""
+    folders = [folder for folder in kept if folder in there.finished]
+    # Where cameras differ, each sequence has its own file instead of the setting's.
+    settings = {folder.split("/")[0] for folder in folders} if "cameras" not in here else set[str]()
+    beside = {
+        name: digest
+        for name, digest in there.files.items()
+        if isinstance(digest, str) and "/" in name and name.split("/")[0] in settings
+    }
+    assert there.manifest is not None or not folders
+    frames = there.manifest["frames"] if there.manifest and folders else {}
+    lost = there.manifest[OUT_OF_RANGE] if there.manifest and folders else {}
+    return {
+        **here,
+        OUT_OF_RANGE: {folder: lost[folder] for folder in folders if folder in lost} | here[OUT_OF_RANGE],
+        "frames": {folder: frames[folder] for folder in folders} | here["frames"],
+        "files": {folder: there.files[folder] for folder in folders} | beside | here["files"],
+    }
+
+
+def kept_notes(kept: Collection[str], begun: Collection[str]) -> Iterator[str]:
+    """Yield what the user should know of the sequences that stay. begun: those that are unfinished."""
+    finished = [folder for folder in kept if folder not in begun]
+    for folders, state in ((finished, "as it is"), (sorted(begun), "unfinished")):
+        if folders:
+            names = ", ".join(folders[:4]) + (f" and {len(folders) - 4} more" if len(folders) > 4 else "")
+            yield f"what this preset does not name stays {state}: {names}"

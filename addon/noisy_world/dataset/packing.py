@@ -1,0 +1,570 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Packing a dataset at an address: a tar for each sequence, and what describes them.
+
+Each sequence's tar counts once a small file in the working folder says its size and hash, so a run that is killed goes
+on behind the last of them. The manifest is written last; with it the dataset is finished, and the working folder goes.
+"""
+
+import json
+import re
+import threading
+from collections.abc import Callable, Iterator
+from collections.abc import Sequence as Many
+from contextlib import closing
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, TypeAlias
+
+from ..channels import CHANNELS
+from ..core.atomic_files import sha256_of_bytes
+from ..core.dependencies import missing_packages
+from ..core.errors import StorageError
+from ..core.file_access import read_bytes
+from ..core.json_text import parse_json
+from ..core.machine import done_ahead
+from ..core.progress import Progress
+from ..layouts import Modality
+from ..preset.keys import canonical
+from .differences import first_difference
+from .finished import (
+    CARD,
+    CROISSANT,
+    FRAMES_FOLDER,
+    TABLE,
+    Content,
+    FrameImages,
+    ImageReaders,
+    PackedFile,
+    read_content,
+    sealed_state,
+    tar_name,
+)
+from .folder_state import IDENTITY, MANIFEST, OVERVIEW, RUN, WORK_FOLDER
+from .identity import CONVENTIONS, FORMAT
+from .store import Store, missing
+from .tar_files import FrameSpans, Sink, Span, perturbed_text, write_sequence
+
+# README.md of a packed dataset: the dataset card that people and Hugging Face's hub read, made from its Croissant.
+
+
+HUB_SIZES = ((10**3, "n<1K"), (10**4, "1K<n<10K"), (10**5, "10K<n<100K"), (10**6, "100K<n<1M"), (10**7, "1M<n<10M"))
+
+
+def card(content: Content, described: dict[str, Any], tables_by: str) -> str:
+    """Return the card. described: what croissant.json says. tables_by: the version of what wrote the table."""
+    frames = sum(content.manifest["frames"].values())
+    settings = sorted({name.split("/")[0] for name in content.sequences})
+    scenes = sorted({name.split("/")[1] for name in content.sequences})
+    tars = [item for item in described["distribution"] if item["encodingFormat"] == "application/x-tar"]
+    size = sum(int(item["contentSize"].removesuffix(" B")) for item in tars)
+    first, suffix = content.sequences[0], content.suffix("rgb")
+    versions = ", ".join(f"{name} {version}" for name, version in sorted(content.identity["versions"].items()))
+    conventions = "\n".join(f"- {name}: {text}" for name, text in sorted(content.manifest["conventions"].items()))
+    return f"""\
+{_front_matter(described, settings, frames)}
+# {described["name"]}
+
+{described["description"]}
+
+**Licence**: {described["license"]}
+
+| | |
+|---|---|
+| sequences | {len(tars)} |
+| settings | {len(settings)} |
+| scenes | {len(scenes)}: {", ".join(scenes)} |
+| frames | {frames} |
+| bytes in tars | {size} |
+
+## Files
+
+- `SETTING/SCENE.tar`: a sequence; `tar -xf` gives the folder that loaders of the {content.layout.label} layout read.
+- `{TABLE}`: a row for every frame: pose, time stamps, what was done, hashes, and where its files lie in the tars.
+- `manifest.json`: all that the dataset was made from, its conventions, and the hashes of its text files.
+- `croissant.json`: this description for programs.
+
+## Reading
+
+As samples of WebDataset, without unpacking; `json` holds pose, intrinsics, depth scale, stamps and what was done:
+
+```python
+import io, numpy as np, webdataset as wds
+from PIL import Image
+
+steps = wds.handle_extension("depth.png", lambda data: np.array(Image.open(io.BytesIO(data))))
+for frame in wds.WebDataset("{first}.tar", shardshuffle=False).decode(steps, "rgb8"):
+    rgb, told = frame["rgb.{suffix}"], frame["json"]
+    depth_m, c2w = frame["depth.png"] / told["depth_scale_per_m"], np.array(told["c2w"])
+```
+
+As a stream of Hugging Face's `datasets`: `load_dataset("webdataset", data_files="{first}.tar", streaming=True)`.
+
+## Conventions
+
+{conventions}
+
+## Made with
+
+{versions}; the table with {tables_by}.
+"""
+
+
+def _front_matter(described: dict[str, Any], settings: list[str], frames: int) -> str:
+    """Return what the hub reads: the licence, and a configuration for each setting. JSON's texts are YAML's."""
+    licence = described["license"]
+    known = re.fullmatch(r"[a-z0-9]+([.-][a-z0-9]+)*", licence)
+    size = next((name for limit, name in HUB_SIZES if frames < limit), "n>10M")
+    rows = [f"license: {licence}"] if known else ["license: other", f"license_name: {json.dumps(licence)}"]
+    rows += [f"pretty_name: {json.dumps(described['name'])}", f"size_categories: [{json.dumps(size)}]"]
+    rows += [f"tags: {json.dumps(described['keywords'])}", "configs:"]
+    for setting in settings:
+        rows += [f"  - config_name: {json.dumps(setting)}", f"    data_files: {json.dumps(f'{setting}/*.tar')}"]
+    return "\n".join(["---", *rows, "---"])
+
+
+# manifest.parquet: a row for every frame of a packed dataset.
+
+
+def table_columns(modalities: Many[Modality]) -> dict[str, tuple[str, str]]:
+    """Return the columns by name: the type, as pyarrow calls it, and what it means. pose: 16 numbers, 4 x 4 by rows."""
+    columns = {
+        "setting": ("string", "the setting: what was done to the sequence"),
+        "scene": ("string", "the scene"),
+        "frame": ("int32", "the frame's number in its sequence"),
+        "time_s": ("float64", "when its colour was taken, seconds"),
+        "depth_time_s": ("float64", "when its depth was taken, seconds"),
+        "c2w": ("pose", f"the colour camera's pose, 4 x 4 row by row; {CONVENTIONS['pose']}"),
+        "perturbed": ("string", "what was done to the frame, as JSON"),
+        "tar": ("string", "the tar that holds the frame"),
+        "json_offset": ("int64", "where the frame's JSON begins in the tar, bytes"),
+        "json_size": ("int64", "the size of the frame's JSON, bytes"),
+    }
+    for modality in modalities:
+        what = CHANNELS[modality].spoken
+        columns |= {
+            f"{modality}_file": ("string", f"the {what} image's name in the layout, inside the sequence's folder"),
+            f"{modality}_sha256": ("string", f"SHA-256 of the {what} image"),
+            f"{modality}_offset": ("int64", f"where the {what} image begins in the tar, bytes"),
+            f"{modality}_size": ("int64", f"the size of the {what} image, bytes"),
+        }
+    return columns
+
+
+def need_writer(store: Store) -> None:
+    """Raise MissingDependencyError where the package that writes the table is missing: before anything is made."""
+    if missing_packages(["pyarrow"]):
+        raise missing(store.text, "pyarrow")
+
+
+class FrameTable:
+    """The table while it is written; memory holds a sequence of it. made_with: the version of what writes it."""
+
+    def __init__(self, sink: Sink, content: Content) -> None:
+        import pyarrow
+        import pyarrow.parquet
+
+        self._content = content
+        self._pyarrow = pyarrow
+        types = {"pose": pyarrow.list_(pyarrow.float64(), 16)}
+        fields = [
+            pyarrow.field(name, types.get(kind) or pyarrow.type_for_alias(kind), nullable=False)
+            for name, (kind, _) in table_columns(content.modalities).items()
+        ]
+        self.made_with = f"pyarrow {pyarrow.__version__}"
+        versions = {"noisy_world": content.identity["versions"]["noisy_world"], "pyarrow": pyarrow.__version__}
+        self._schema = pyarrow.schema(fields, metadata=versions)
+        self._writer: Any = pyarrow.parquet.ParquetWriter(
+            pyarrow.PythonFile(_Writable(sink), mode="w"), self._schema, compression="zstd"
+        )
+
+    def add(self, sequence: str, frames: list[FrameImages], spans: list[FrameSpans]) -> None:
+        """Write the rows of a sequence."""
+        setting, scene = sequence.split("/")
+        rows: dict[str, list[Any]] = {
+            "setting": [setting] * len(frames),
+            "scene": [scene] * len(frames),
+            "frame": [frame.number for frame in frames],
+            "time_s": [frame.record.time_s for frame in frames],
+            "depth_time_s": [frame.depth_time_s for frame in frames],
+            "c2w": [frame.c2w.ravel().tolist() for frame in frames],
+            "perturbed": [perturbed_text(frame) for frame in frames],
+            "tar": [tar_name(sequence)] * len(frames),
+            "json_offset": [span.json.offset for span in spans],
+            "json_size": [span.json.size for span in spans],
+        }
+        for modality in self._content.modalities:
+            rows[f"{modality}_file"] = [frame.images[modality][0] for frame in frames]
+            rows[f"{modality}_sha256"] = [frame.images[modality][1] for frame in frames]
+            rows[f"{modality}_offset"] = [span.images[modality].offset for span in spans]
+            rows[f"{modality}_size"] = [span.images[modality].size for span in spans]
+        self._writer.write_table(self._pyarrow.table(rows, schema=self._schema))
+
+    def __enter__(self) -> "FrameTable":
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        """Write the table's end, unless an error ended the writing."""
+        if kind is None:
+            self._writer.close()
+        else:
+            self._writer.is_open = False  # or it would be written when it is collected
+
+
+class _Writable:
+    """What pyarrow asks of a file that it writes."""
+
+    closed = False
+
+    def __init__(self, sink: Sink) -> None:
+        self._sink = sink
+        self.tell = sink.tell
+
+    def write(self, data: Any) -> int:
+        return self._sink.write(bytes(data))
+
+    def flush(self) -> None:
+        """Do nothing: what was written is on its way."""
+
+    def close(self) -> None:
+        """Leave the sink open; who opened it closes it."""
+
+
+# croissant.json: a packed dataset in the words of MLCommons' Croissant 1.0, for catalogues and loaders.
+
+
+MEDIA_TYPES = {"jpg": "image/jpeg", "png": "image/png", "exr": "image/x-exr", "npy": "application/x-npy"}
+CONFORMS_TO = "http://mlcommons.org/croissant/1.0"
+# As the specification gives it: https://docs.mlcommons.org/croissant/docs/croissant-spec.html
+CONTEXT: dict[str, Any] = {
+    "@language": "en",
+    "@vocab": "https://schema.org/",
+    "citeAs": "cr:citeAs",
+    "column": "cr:column",
+    "conformsTo": "dct:conformsTo",
+    "cr": "http://mlcommons.org/croissant/",
+    "data": {"@id": "cr:data", "@type": "@json"},
+    "dataBiases": "cr:dataBiases",
+    "dataCollection": "cr:dataCollection",
+    "dataType": {"@id": "cr:dataType", "@type": "@vocab"},
+    "dct": "http://purl.org/dc/terms/",
+    "equivalentProperty": "cr:equivalentProperty",
+    "examples": {"@id": "cr:examples", "@type": "@json"},
+    "extract": "cr:extract",
+    "field": "cr:field",
+    "fileObject": "cr:fileObject",
+    "fileProperty": "cr:fileProperty",
+    "fileSet": "cr:fileSet",
+    "format": "cr:format",
+    "includes": "cr:includes",
+    "isLiveDataset": "cr:isLiveDataset",
+    "jsonPath": "cr:jsonPath",
+    "key": "cr:key",
+    "md5": "cr:md5",
+    "parentField": "cr:parentField",
+    "path": "cr:path",
+    "personalSensitiveInformation": "cr:personalSensitiveInformation",
+    "rai": "http://mlcommons.org/croissant/RAI/",
+    "recordSet": "cr:recordSet",
+    "references": "cr:references",
+    "regex": "cr:regex",
+    "repeated": "cr:repeated",
+    "replace": "cr:replace",
+    "samplingRate": "cr:samplingRate",
+    "sc": "https://schema.org/",
+    "separator": "cr:separator",
+    "source": "cr:source",
+    "subField": "cr:subField",
+    "transform": "cr:transform",
+}
+NO_LICENCE = "The licences of the scenes apply; the dataset states none of its own."
+TYPES = {"string": "sc:Text", "int32": "sc:Integer", "int64": "sc:Integer", "float64": "sc:Float", "pose": "sc:Float"}
+
+
+def croissant(content: Content, name: str, tars: list[PackedFile], table: PackedFile) -> dict[str, Any]:
+    """Return the content of croissant.json. name: the dataset's. tars: of the sequences. table: manifest.parquet."""
+    frames = [
+        {
+            "@type": "cr:Field",
+            "@id": f"frames/{column}",
+            "name": column,
+            "description": meaning,
+            "dataType": TYPES[kind],
+            **({"repeated": True} if kind == "pose" else {}),
+            "source": {"fileObject": {"@id": TABLE}, "extract": {"column": column}},
+        }
+        for column, (kind, meaning) in table_columns(content.modalities).items()
+    ]
+    return {
+        "@context": CONTEXT,
+        "@type": "sc:Dataset",
+        "conformsTo": CONFORMS_TO,
+        "name": name,
+        "description": _description(content),
+        "license": content.identity["preset"].get("output", {}).get("licence") or NO_LICENCE,
+        "version": "1.0.0",
+        "keywords": ["RGB-D", "SLAM", "robustness", "synthetic data"],
+        "isLiveDataset": False,
+        "distribution": [
+            _file(
+                table,
+                "application/x-parquet",
+                "a row for every frame: pose, time stamps, what was done, hashes, places",
+            ),
+            *(_file(tar, "application/x-tar", f"the sequence {tar.name.removesuffix('.tar')}") for tar in tars),
+            *(_images(content, modality, tars) for modality in content.modalities),
+        ],
+        "recordSet": [
+            {
+                "@type": "cr:RecordSet",
+                "@id": "frames",
+                "name": "frames",
+                "description": "every frame of every sequence",
+                "key": [{"@id": f"frames/{column}"} for column in ("setting", "scene", "frame")],
+                "field": frames,
+            }
+        ],
+    }
+
+
+def _file(file: PackedFile, encoding: str, description: str) -> dict[str, Any]:
+    return {
+        "@type": "cr:FileObject",
+        "@id": file.name,
+        "name": file.name,
+        "description": description,
+        "contentUrl": file.name,
+        "contentSize": f"{file.size} B",
+        "encodingFormat": encoding,
+        "sha256": file.sha256,
+    }
+
+
+def _images(content: Content, modality: Modality, tars: list[PackedFile]) -> dict[str, Any]:
+    suffix = content.suffix(modality)
+    ending = f"{modality}.{suffix}"
+    what = CHANNELS[modality].describe_files(content.depth_scale_per_m, suffix)
+    return {
+        "@type": "cr:FileSet",
+        "@id": f"{modality}-images",
+        "name": f"{modality}-images",
+        "description": f"{what} images, named SETTING/SCENE/{FRAMES_FOLDER}/NUMBER.{ending}",
+        "containedIn": [{"@id": tar.name} for tar in tars],
+        "encodingFormat": MEDIA_TYPES[suffix],
+        "includes": f"*/*/{FRAMES_FOLDER}/*.{ending}",
+    }
+
+
+def _description(content: Content) -> str:
+    settings, scenes = ({name.split("/")[place] for name in content.sequences} for place in (0, 1))
+    several = "s" if len(settings) > 1 else ""
+    return (
+        f"RGB-D sequences with exact poses: {len(scenes)} scene{'s' if len(scenes) > 1 else ''} under {len(settings)} "
+        f"setting{several}, {sum(content.manifest['frames'].values())} frames; made by Noisy World "
+        f"{content.identity['versions']['noisy_world']}, seed {content.identity['seed']}."
+    )
+
+
+ELSEWHERE = "choose another address"
+CLAIM = f"{WORK_FOLDER}/{IDENTITY}"
+PACKED_SEQUENCES = f"{WORK_FOLDER}/sequences"  # a small file for each sequence whose tar is written
+PACKERS = 4  # sequences that are written at once: stores answer late and take much; chosen: 50 MB of memory each
+
+WrittenTar: TypeAlias = tuple[PackedFile, list[FrameSpans]]
+"""A sequence's tar, and where its frames lie in it."""
+
+
+def pack(
+    content: Content,
+    images: ImageReaders,
+    store: Store,
+    progress: Progress,
+    stop: threading.Event,
+    *,
+    beside: Callable[[], dict[str, bytes]] = dict,
+) -> None:
+    """Write a dataset's tars, tables and manifest to an address that is claimed for it; tars that are there stay.
+
+    images: where its images are. beside: returns other files, by name, that are written beside the manifest. Raises
+    StorageError where a file is not as it was written or the store refuses, InterruptedRunError where `stop` is set.
+    """
+    progress.start("packing", sum(content.manifest["frames"].values()))
+    tars: list[PackedFile] = []
+    with store.writing(TABLE) as sink, FrameTable(sink, content) as table:
+        for sequence, (tar, spans) in _packed_sequences(content, images, store, stop):
+            table.add(sequence, content.frames(sequence), spans)
+            tars.append(tar)
+            progress.advance(content.manifest["frames"][sequence])
+    described = croissant(content, store.name, tars, PackedFile(TABLE, sink.size, sink.sha256))
+    store.write(CROISSANT, canonical(described).encode())
+    store.write(CARD, card(content, described, table.made_with).encode())
+    if content.overview is not None:
+        store.write(OVERVIEW, content.overview)
+    for name, data in beside().items():
+        store.write(name, data)
+    store.write(MANIFEST, canonical(content.manifest).encode())
+    remove_work(store)
+    progress.finish()
+
+
+def take(
+    store: Store,
+    identity: dict[str, Any],
+    chosen: list[int | None] | None,
+    difference: Callable[[dict[str, Any]], str],
+    finished_otherwise: Callable[[dict[str, Any]], str],
+) -> bool:
+    """Begin to write a dataset to an address, or go on with it; False where it is there already, finished.
+
+    chosen: start and stop of the frames that are made of each sequence, None for all. difference: returns in which way
+    what an identity says is another dataset, "" where it is the same. finished_otherwise: the same of the manifest of
+    one that is finished, whose identity does not differ. Raises StorageError where something else is there,
+    MissingDependencyError where it could not be finished.
+    """
+    store.check()
+    state = sealed_state(store)
+    if state is not None:
+        if state.problem or state.manifest is None:
+            raise StorageError(state.problem, file=store.text, remedy=ELSEWHERE)
+        if problem := difference(state.manifest["identity"]) or finished_otherwise(state.manifest):
+            remedy = f"a dataset at an address does not grow: {ELSEWHERE}"
+            raise StorageError(f"holds another dataset: {problem}", file=store.text, remedy=remedy)
+        remove_work(store)
+        return False
+    need_writer(store)
+    begun = {"identity": identity, "chosen": chosen}
+    there = claimed(store)
+    if there is None:
+        if store.holds_anything() and not store.sizes(WORK_FOLDER):
+            raise StorageError("is not empty and holds no dataset of Noisy World", file=store.text, remedy=ELSEWHERE)
+        store.write(CLAIM, canonical(begun).encode())
+        there = claimed(store) or begun
+    problem = difference(there["identity"])
+    if not problem and there["chosen"] != chosen:
+        problem = f"other frames: --frames was {_spoken(there['chosen'])}, is {_spoken(chosen)}"
+    if problem:
+        raise StorageError(f"another dataset is being made there: {problem}", file=store.text, remedy=ELSEWHERE)
+    return True
+
+
+def _spoken(chosen: list[int | None] | None) -> str:
+    if chosen is None:
+        return "not given"
+    start, stop = chosen
+    return f"{start or 0}:{'' if stop is None else stop}"
+
+
+def claimed(store: Store) -> dict[str, Any] | None:
+    """Return what is begun at an address, a mapping of `identity` and `chosen`; None where nothing is.
+
+    Raises StorageError where it cannot be understood.
+    """
+    begun = store.read(CLAIM)
+    if begun is None:
+        return None
+    try:
+        there = parse_json(begun.decode())
+        if there["identity"]["format"] == FORMAT and "chosen" in there:
+            return there
+    except (ValueError, KeyError, TypeError):
+        pass
+    raise StorageError(
+        "is not of this version of Noisy World", file=store.of(CLAIM), remedy=f"{ELSEWHERE}, or remove {WORK_FOLDER}"
+    )
+
+
+def remove_work(store: Store) -> None:
+    """Remove what a run left at an address while it worked, the identity last: until then it can be resumed."""
+    left = store.sizes(WORK_FOLDER)
+    identity = f"{WORK_FOLDER}/{IDENTITY}"
+    for name in sorted(left, key=lambda name: name == identity):
+        store.remove(name)
+
+
+def _packed_sequences(
+    content: Content, images: ImageReaders, store: Store, stop: threading.Event
+) -> Iterator[tuple[str, WrittenTar]]:
+    """Yield each sequence with its tar, in order; several are written at a time."""
+
+    def packed(sequence: str) -> WrittenTar:
+        return _packed_sequence(content, sequence, images, store, stop)
+
+    with closing(done_ahead(packed, content.sequences, threads=PACKERS, ahead=PACKERS, name="packer")) as sequences:
+        yield from sequences
+
+
+def _packed_sequence(
+    content: Content, sequence: str, images: ImageReaders, store: Store, stop: threading.Event
+) -> WrittenTar:
+    """Return a sequence's tar at the address and where its frames lie in it; write it, unless it is there."""
+    name, note = tar_name(sequence), f"{PACKED_SEQUENCES}/{sequence}.json"
+    by = content.identity["versions"]["noisy_world"]
+    made_of = sha256_of_bytes(canonical({"texts": content.texts(sequence), "by": by}).encode())
+    there = _noted(store.read(note), made_of)
+    if there is not None and store.size(name) == there["size"]:
+        return PackedFile(name, there["size"], there["sha256"]), _spans_of(there["spans"])
+    with store.writing(name) as sink:
+        spans = write_sequence(content, sequence, images, sink, stop)
+    description = {
+        "made_of": made_of,
+        "size": sink.size,
+        "sha256": sink.sha256,
+        "spans": [asdict(span) for span in spans],
+    }
+    store.write(note, json.dumps(description, separators=(",", ":")).encode())
+    return PackedFile(name, sink.size, sink.sha256), spans
+
+
+def _noted(data: bytes | None, made_of: str) -> dict[str, Any] | None:
+    """Return what is noted of a finished tar; None where it is of something else, torn, or missing."""
+    try:
+        description = None if data is None else parse_json(data.decode())
+    except ValueError:
+        return None
+    return description if isinstance(description, dict) and description.get("made_of") == made_of else None
+
+
+def _spans_of(spans: list[dict[str, Any]]) -> list[FrameSpans]:
+    return [
+        FrameSpans(Span(**item["json"]), {modality: Span(**span) for modality, span in item["images"].items()})
+        for item in spans
+    ]
+
+
+# Publishing: a finished dataset in a folder, packed at an address.
+
+
+@dataclass(frozen=True)
+class Publication:
+    """What publishing did. new: False where the address held the dataset. sequences, frames: how many it has."""
+
+    new: bool
+    sequences: int
+    frames: int
+
+
+def publish(folder: Path, store: Store, progress: Progress, stop: threading.Event) -> Publication:
+    """Pack the finished dataset of a folder at an address; each file's hash is checked on the way.
+
+    Raises StorageError where the folder holds no finished dataset, where a file is not as it was written, where the
+    address cannot be written or holds another dataset; BusyError where another process writes it; InterruptedRunError
+    where `stop` is set.
+    """
+    content = read_content(folder)
+
+    def difference(there: dict[str, Any]) -> str:
+        return first_difference(there, content.identity) or ""
+
+    def finished_otherwise(manifest: dict[str, Any]) -> str:
+        return "" if manifest == content.manifest else "other frames or files"
+
+    with store.locked():
+        new = take(store, content.identity, None, difference, finished_otherwise)
+        if new:
+            pack(content, content, store, progress, stop, beside=lambda: _run_text(folder))
+    return Publication(new, len(content.sequences), sum(content.manifest["frames"].values()))
+
+
+def _run_text(folder: Path) -> dict[str, bytes]:
+    """Return what the run that made a dataset took, where the folder says it."""
+    path = folder / RUN
+    return {RUN: read_bytes(path)} if path.is_file() else {}

@@ -1,0 +1,257 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The report of a study: HTML, Markdown, CSV, Parquet and LaTeX, from a results folder alone."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, TypeVar
+
+import numpy as np
+
+from ..core.atomic_files import storage_errors
+from ..core.dependencies import need
+from ..core.file_access import read_text
+from . import report_sections
+from .cases import CLEAN
+from .figures import Scale, heat_map
+from .findings import (
+    CleanGate,
+    Ranked,
+    SystemFound,
+    clean_gate,
+    found_of,
+    headline_table,
+    in_order,
+    main_metrics,
+    ranking_picture,
+    sentences,
+    settings_table,
+    times,
+)
+from .paper_comparison import LatexFile, notes, paper_comparison, published
+from .report_input import RUN_KEY, Results
+from .report_sections import Analyses, Contents, Section, again, command, curves_of, facts, opening
+from .report_tables import (
+    FOLDER,
+    NOTHING,
+    Table,
+    column_of,
+    csv_bytes,
+    environment,
+    latex_table,
+    markdown_table,
+    parquet_bytes,
+    shown,
+)
+from .run_figures import path_picture, time_picture, worst_frames
+from .threshold_table import threshold_section
+
+if TYPE_CHECKING:
+    from .figures import Picture
+    from .run_figures import FramePicture
+
+
+NEEDED = ("pandas", "jinja2", "matplotlib", "tabulate", "scipy")
+
+
+@dataclass(frozen=True)
+class WrittenReport:
+    """A report. files: what was written. missing: a sentence for each thing that it has to do without.
+
+    findings: what it begins with, in sentences.
+    """
+
+    files: tuple[Path, ...]
+    missing: tuple[str, ...]
+    findings: tuple[str, ...]
+
+
+def write_report(results: Path) -> WrittenReport:
+    """Write the report of a results folder into it.
+
+    Equal folders give equal bytes. Raises InputError where the folder holds no results or a damaged file, StorageError
+    where it cannot be written, and MissingDependencyError without the packages of the extra evaluate.
+    """
+    need(NEEDED, "evaluate")
+    from .analyses import analyse
+    from .paper_comparison import paper_tables, published
+    from .report_input import read_results
+
+    found = read_results(results)
+    contents = gather(found, analyse(found.runs, found.sequences))
+    files = write_contents(contents, paper_tables(found, published()), results)
+    return WrittenReport(tuple(files), tuple(contents.missing), tuple(contents.findings))
+
+
+# The report's contents, from what a results folder holds.
+
+
+T = TypeVar("T")
+
+SCORE = "success_auc"
+RUN_COLUMNS = (
+    *(*RUN_KEY, "perturbation", "mode", "severity", "outcome", "failure", "result"),
+    *("frames", "seconds", "processor_s", "peak_memory_bytes"),
+)
+
+
+def gather(results: Results, analyses: Analyses) -> Contents:
+    """Return the contents. Raises InputError where a file in the folder cannot be read."""
+    missing = list(results.missing)
+    paper = published()
+    beside = paper_comparison(results, paper)
+    found = found_of(results, analyses["over_clean"])
+    gate = clean_gate(results)
+    named = [replace(item, system=gate.name(item.system)) for item in found]
+    pictures, said = curves_of(gate.of_frames(analyses))
+    short = [headline_table(results, analyses, found), *([gate.table] if gate.scenes else [])]
+    sections = [
+        Section("short", "In short", tables=short),
+        Section("severity", "Over severity", said, pictures),
+        Section(
+            "settings",
+            "Settings",
+            pictures=_some(_heat_map(results, found, gate)),
+            tables=[settings_table(results, analyses["spread"])],
+        ),
+        *_some(threshold_section(results.folder)),
+        Section("runs", "Single runs", _RUNS, _run_pictures(results, missing), tables=[_runs_table(results)]),
+        Section("frames", "Where it went wrong", _FRAMES, frames=_frames(results, missing)),
+    ]
+    if beside is not None:
+        sections.append(Section("paper", "Beside the paper", notes(beside, paper), tables=[beside]))
+    sections += report_sections.sections(analyses)
+    sections = [replace(part, tables=[gate.of_table(table) for table in part.tables]) for part in sections]
+    return Contents(
+        "What noise did to SLAM",
+        [*gate.sentences, *sentences(named)],
+        ranking_picture(named),
+        opening(results),
+        facts(results),
+        [
+            part
+            for part in sections
+            if part.pictures or part.frames or part.tables or (said and part.name == "severity")
+        ],
+        tuple(dict.fromkeys(missing)),
+        again(results),
+        command(results),
+    )
+
+
+_RUNS = (
+    "Of each system a clean run, the median and the worst of the others that are complete, one that is incomplete, and "
+    "one that failed. All are in the results folder, under runs/.",
+)
+_FRAMES = (
+    "Frames nearest to where a system was first lost or erred most, in the sequences of the figure above; on the right "
+    "what the system was given, on the left the clean frame, if there is one.",
+)
+
+
+def _heat_map(results: Results, found: Sequence[SystemFound], gate: CleanGate) -> "Picture | None":
+    """Draw the error over clean of each setting and system or, where nothing has one, the mean success AUC."""
+    runs = in_order(results.runs)
+    settings, systems = list(dict.fromkeys(map(str, runs["setting"]))), sorted(set(map(str, runs["system"])))
+    values, names = np.full((len(settings), len(systems)), np.nan), [gate.name(system) for system in systems]
+    texts = [[NOTHING for _ in systems] for _ in settings]
+    if any(item.compared for item in found):
+        for item in found:
+            column = systems.index(item.system)
+            for ranked in item.settings:
+                row = settings.index(ranked.setting)
+                values[row, column], texts[row][column] = _cell(ranked)
+        for row in [row for row, setting in enumerate(settings) if np.isnan(values[row]).all() and setting == CLEAN]:
+            del settings[row], texts[row]
+            values = np.delete(values, row, axis=0)
+        return heat_map(settings, names, values, texts, Scale.OVER_CLEAN) if settings else None
+    if SCORE not in results.runs:
+        return None
+    for (setting, system), group in runs.groupby(["setting", "system"], sort=False):
+        row, column = settings.index(str(setting)), systems.index(str(system))
+        values[row, column] = group[SCORE].mean()
+        said = ", ".join(f"{group[name].sum()} {name}" for name in ("failed", "incomplete") if group[name].any())
+        texts[row][column] = shown(group[SCORE].mean(), 2) + (f", {said} of {len(group)}" if said else "")
+    return heat_map(settings, names, values, texts, Scale.SCORE)
+
+
+def _cell(ranked: Ranked) -> tuple[float, str]:
+    """Return the value that a cell's colour stands for, infinite for a failure, and its text."""
+    if ranked.broke:
+        return float("inf"), ranked.endings
+    if ranked.over_clean is None:
+        return float("nan"), NOTHING
+    return ranked.over_clean, times(ranked.over_clean) + (f", {ranked.endings}" if ranked.endings else "")
+
+
+def _run_pictures(results: Results, missing: list[str]) -> "list[Picture]":
+    if results.of_record:
+        return []
+    return [picture for draw in (path_picture, time_picture) if (picture := draw(results, missing))]
+
+
+def _frames(results: Results, missing: list[str]) -> "list[FramePicture]":
+    return [] if results.of_record else worst_frames(results, missing)
+
+
+def _runs_table(results: Results) -> Table:
+    """Return all runs, with the metrics."""
+    names = [name for name in RUN_COLUMNS if name in results.runs]
+    metrics = main_metrics(results.runs)
+    columns = tuple(column_of(str(name)) for name in (*names, *metrics))
+    caption = "A row for each run, with the main metrics; the file has all."
+    return Table("runs", "All runs", caption, results.runs, columns)
+
+
+def _some(item: T | None) -> list[T]:
+    return [] if item is None else [item]
+
+
+# The report as files: one page of HTML that fetches nothing, Markdown with pictures beside it, tables.
+
+
+OWN = ("runs", "sequences")
+"""Tables that the study wrote: the report adds Parquet to them and leaves the rest alone."""
+LONGEST_IN_MARKDOWN = 40  # rows; the files have all
+LONGEST_OPEN = 60  # rows of a table that is not folded away in the page
+
+
+def write_contents(contents: Contents, sources: Sequence[LatexFile], folder: Path) -> list[Path]:
+    """Write everything into a results folder, and return the files. Raises StorageError."""
+    files = {"report.html": html(contents).encode(), "report.md": markdown(contents).encode()}
+    if contents.ranking is not None:
+        files[f"figures/{contents.ranking.name}.svg"] = contents.ranking.svg
+    for section in contents.sections:
+        files |= {f"figures/{picture.name}.svg": picture.svg for picture in section.pictures}
+        files |= {f"figures/{frame.name}.jpg": frame.jpeg for frame in section.frames}
+    for table in contents.tables:
+        if table.name not in OWN:
+            files[f"tables/{table.name}.csv"] = csv_bytes(table.frame)
+            files[f"tables/{table.name}.tex"] = latex_table(table).encode()
+        if (data := parquet_bytes(table.frame)) is not None:
+            files[f"tables/{table.name}.parquet"] = data
+    files |= {f"tables/{source.name}.tex": source.text.encode() for source in sources}
+    return [_write(folder / name, data) for name, data in sorted(files.items())]
+
+
+def html(contents: Contents) -> str:
+    """Return the page."""
+    parts = {name: read_text(FOLDER / name) for name in ("report.css", "sort.js")}
+    template = environment().get_template("report.html.j2")
+    return template.render(report=contents, css=parts["report.css"], script=parts["sort.js"], longest_open=LONGEST_OPEN)
+
+
+def markdown(contents: Contents) -> str:
+    """Return the report in Markdown; of long tables, the first rows."""
+    template = environment().get_template("report.md.j2")
+    return template.render(report=contents, markdown_table=lambda table: markdown_table(table, LONGEST_IN_MARKDOWN))
+
+
+def _write(path: Path, data: bytes) -> Path:
+    """Write a file under another name and rename it, so that a reader never sees half of it."""
+    unfinished = path.with_name(f".{path.name}.unfinished")
+    with storage_errors(path):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        unfinished.write_bytes(data)
+        unfinished.replace(path)
+    return path

@@ -1,0 +1,497 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The parts of the report: what was evaluated, and the analyses' tables and figures as it shows them."""
+
+import hashlib
+import json
+import shlex
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+from ..core.errors import one_line
+from .analyses import CAPTIONS
+from .cases import CLEAN
+from .figures import Correlation, CurvePoint, Picture, correlation_matrices, curves
+from .metrics import IS_INCOMPLETE, LEAST_TRACKED, PROTOCOLS
+from .pose_errors import CONDITIONING, WELL_CONDITIONED, WRONG_DEG
+from .report_input import KEY, Results, read_object, records
+from .report_tables import NOTHING, SHARED, Column, Table, column_of, shown
+from .run_figures import FramePicture
+from .run_tables import SUCCESS, SUCCESS_OVER_CLEAN
+from .study_tables import VERSIONS
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
+
+
+# What the report says, part by part, whatever it is written as.
+
+
+@dataclass(frozen=True)
+class Section:
+    """A part of the report. name: of its anchor."""
+
+    name: str
+    title: str
+    paragraphs: Sequence[str] = ()
+    pictures: Sequence[Picture] = ()
+    frames: Sequence[FramePicture] = ()
+    tables: Sequence[Table] = ()
+
+
+@dataclass(frozen=True)
+class Contents:
+    """The report. findings: what it found, the first sentence before all. ranking: their picture.
+
+    opening: how many runs there are. facts: what was evaluated, label and text. missing: what it has to do without.
+
+    again: how to get it again, in sentences, and a command; "" where none is known.
+    """
+
+    title: str
+    findings: Sequence[str]
+    ranking: Picture | None
+    opening: str
+    facts: Sequence[tuple[str, str]]
+    sections: Sequence[Section]
+    missing: Sequence[str] = field(default=())
+    again: Sequence[str] = field(default=())
+    command: str = ""
+
+    @property
+    def tables(self) -> list[Table]:
+        """All tables, in order."""
+        return [table for section in self.sections for table in section.tables]
+
+
+Analyses: TypeAlias = Mapping[str, "DataFrame"]
+
+TITLES = {
+    "over_clean": "Error over clean",
+    "spread": "Every measure of each system and setting",
+    "variance": "Scene, seed and chance",
+    "differences": "Differences from clean",
+    "tests": "Tests against clean",
+    "curves": "Over severity",
+    "systems": "Each system over all perturbed settings",
+    "by_perturbation": "Each perturbation",
+    "by_mode": "Static and dynamic",
+    "by_severity": "Each severity",
+    "robustness": "Resilience and corruption error",
+    "perturbation_correlations": "Perturbations with one another",
+    "system_correlations": "Systems with one another",
+    "indicator_correlations": "Errors and what the sequences are like",
+    "prediction": "Predicting failure",
+    "prediction_coefficients": "What the prediction goes by",
+    "predictions": "What was predicted of each sequence",
+    "images": "Images",
+    "depth": "Depth",
+    "motion": "Motion",
+}
+SECTIONS = {
+    "robustness": ("Robustness", ("robustness", "systems", "by_perturbation", "by_mode", "by_severity", "curves")),
+    "differences": ("Against clean", ("over_clean", "differences", "tests")),
+    "correlations": ("Correlations", ("perturbation_correlations", "system_correlations", "indicator_correlations")),
+    "prediction": ("Can the data alone tell?", ("prediction", "prediction_coefficients", "predictions")),
+    "data": ("What the sequences are like", ("images", "depth", "motion")),
+    "spread": ("All measures", ("variance", "spread")),
+}
+"""Parts of the report with the tables that are in them; a table that is named nowhere comes last."""
+INTERVALS = (
+    ("ratio", "ratio_low", "ratio_high"),
+    ("mrr", "mrr_low", "mrr_high"),
+    ("mce", "mce_low", "mce_high"),
+    ("auc", "auc_low", "auc_high"),
+    ("pearson_log10", "low_log10", "high_log10"),
+    ("pearson", "low", "high"),
+    ("difference", "low", "high"),
+    ("mean", "low", "high"),
+)
+"""Columns that share a cell: a number and the ends of its 95 % interval; a column is in the first of them alone."""
+COUNTED = {"pearson": "n", "pearson_log10": "n"}
+"""Which column says how many values an interval of scenes at large stands on; of all others it is n_scenes."""
+FEWEST = 5
+"""Values on which an interval has to stand to be shown: with fewer it is so wide that it says nothing."""
+FLAT = 0.05
+HERE = ("here_low", "here_high")
+MOST_SHOWN = 600  # rows of a table in the page, which would be megabytes
+SHOWN = (SUCCESS, "ate_rmse_m", "success_auc")
+"""The measures whose rows are shown where all would be too many."""
+LABELS = {
+    "n_runs": ("runs", "all of them, failed and incomplete ones too"),
+    "n_failed": ("failed", ""),
+    "n": ("n", "values that the number is made of"),
+    "n_scenes": ("scenes", ""),
+    "n_settings": ("settings", ""),
+    "n_cells": ("scenes \u00d7 settings", ""),
+    "n_perturbations": ("perturbations", ""),
+    "standard_deviation": ("standard deviation", "of an error the factor of one"),
+    "average": ("kind of mean", ""),
+    "n_incomplete": ("incomplete", f"runs that {IS_INCOMPLETE}"),
+    "n_without_success": ("without success", "failed and incomplete ones too"),
+    "ate_m": ("ATE [m]", "the geometric mean"),
+    "clean_ate_m": ("clean ATE [m]", "the geometric mean of the clean runs beside them"),
+    "over_clean": ("over clean", "the one over the other"),
+    "clean_mean": ("clean", "the mean without perturbation, in the same scenes"),
+    "mrr": ("mRR", "mean resilience rate: the score over the own clean score; 1 is unimpaired"),
+    "mce": ("mCE", "mean corruption error: the error over the baseline's; 1 is its equal"),
+    "ratio": ("ratio", "of geometric means, to clean"),
+    "p_holm": ("p, Holm", "that of no difference over scenes, corrected for the number of the system's settings"),
+    "a": ("one", ""),
+    "b": ("other", ""),
+    "outcome": ("success", "what is predicted not to be"),
+    "held_out": ("scene left out", "the model was fitted on the others"),
+    "base_rate": ("base rate", "the share without success in the scenes that were fitted"),
+    "brier": ("Brier score", "the mean squared error of the probability; 0 is perfect"),
+    "brier_base": ("Brier, base rate", "of always predicting the base rate"),
+}
+
+
+def curves_of(analyses: Analyses) -> tuple[list[Picture], list[str]]:
+    """Draw curves over severity, and say in a sentence of what would be a straight line why it is not drawn.
+
+    They are the error over clean, the shares of runs without success, and the area under the curve of success.
+    """
+    pictures, said = [], []
+    if over := _over_clean_points(analyses["over_clean"]):
+        title = "Error over clean, over severity"
+        pictures.append(curves(over, "over_clean_curves", title, "error over clean", over_clean=True))
+    for name, picture in ((SUCCESS_OVER_CLEAN, "failure_over_clean_curves"), (SUCCESS, "failure_curves")):
+        label = column_of(name).label
+        points = [_complement(point) for point in _points(analyses["curves"], name)]
+        if points and all(point.value == points[0].value for point in points):
+            had = "Every run" if points[0].value == 0.0 else "No run" if points[0].value == 1.0 else ""
+            said.append(f"{had or 'The same share of runs'} had {label} at every severity, so no curve is drawn of it.")
+        elif points:
+            pictures.append(curves(points, picture, f"Share of runs without {label}, over severity", "without success"))
+    if areas := _points(analyses["curves"], "success_auc"):
+        values = [point.value for point in areas]
+        if max(values) - min(values) < FLAT:
+            least, most = (shown(value, 3) for value in (min(values), max(values)))
+            said.append(f"Success AUC is between {least} and {most} at every severity, so no curve is drawn of it.")
+        else:
+            pictures.append(curves(areas, "auc_curves", "Success AUC over severity", "success AUC"))
+    return pictures, said
+
+
+def _over_clean_points(table: "DataFrame") -> list[CurvePoint]:
+    """Return the error over clean at each severity: the geometric mean of the settings that have it; 1 at 0."""
+    import numpy as np
+
+    points = []
+    graded = table[table["severity"].notna()]
+    for (perturbation, system, mode), of_line in graded.groupby(["perturbation", "system", "mode"], sort=True):
+        for severity, rows in of_line.groupby("severity", sort=True):
+            broke = 2 * int(rows[["n_failed", "n_incomplete"]].to_numpy().sum()) >= int(rows["n_runs"].sum())
+            value = np.inf if broke else float(np.exp(np.log(rows["over_clean"]).mean()))
+            if not np.isnan(value):
+                n = int(rows["n"].sum())
+                points.append(CurvePoint(str(perturbation), str(system), str(mode), float(str(severity)), value, n=n))
+    clean = [replace(point, severity=0.0, value=1.0) for point in points if np.isfinite(point.value)]
+    return [*dict.fromkeys(replace(point, n=0) for point in clean), *points]
+
+
+def sections(analyses: Analyses) -> list[Section]:
+    """Return the parts of the report that show the analyses."""
+    named = {name for _, names in SECTIONS.values() for name in names}
+    parts = [*((key, title, names) for key, (title, names) in SECTIONS.items())]
+    parts.append(("others", "More", tuple(name for name in analyses if name not in named)))
+    pictures = {"correlations": _correlation_pictures(analyses)}
+    return [
+        Section(key, title, pictures=pictures.get(key, ()), tables=_tables(analyses, names))
+        for key, title, names in parts
+    ]
+
+
+def table_of(name: str, frame: "DataFrame") -> Table:
+    """Return a table of the analyses as it is shown."""
+    caption, page = CAPTIONS.get(name, ""), None
+    if "measure" in frame and len(frame) > MOST_SHOWN:
+        page = frame[frame["measure"].isin(SHOWN)].head(MOST_SHOWN)
+        caption += (
+            f" Here are the rows of {', '.join(column_of(measure).label for measure in SHOWN)}; the file has all."
+        )
+    return Table(name, TITLES.get(name, name), caption, frame, tuple(_columns(frame)), page)
+
+
+def with_interval(value: Any, low: Any, high: Any, n: float) -> str:
+    """Return "0.5 [0.4, 0.6]"; without the brackets where there is no interval, or it stands on fewer than FEWEST."""
+    said = shown(value, 3)
+    if NOTHING in (said, shown(low)) or not n >= FEWEST:
+        return said
+    return f"{said} [{shown(low, 3)}, {shown(high, 3)}]"
+
+
+def _tables(analyses: Analyses, names: Sequence[str]) -> list[Table]:
+    return [table_of(name, analyses[name]) for name in names if name in analyses and len(analyses[name])]
+
+
+def _columns(frame: "DataFrame") -> list[Column]:
+    ends: dict[str, tuple[str, str]] = {}
+    taken: set[str] = set()
+    for name, low, high in INTERVALS:
+        if {name, low, high} <= set(frame.columns) and low not in taken:
+            ends[name] = low, high
+            taken |= {low, high}
+    columns = []
+    for name in map(str, frame.columns):
+        if name in taken or name == HERE[1] or not _says(frame, name):
+            continue
+        columns.append(_here() if name == HERE[0] else _column(name, ends.get(name)))
+    return columns
+
+
+def _says(frame: "DataFrame", name: str) -> bool:
+    """Tell whether a column has a value that is shown."""
+    values = frame[name]
+    if name == HERE[0]:
+        values = values[frame["n"] >= FEWEST]
+    return bool((values.notna() & (values != "")).any())
+
+
+def _column(name: str, ends: tuple[str, str] | None) -> Column:
+    label, meaning = LABELS.get(name, (name.replace("_", " "), ""))
+    if name in ("measure", "score"):
+        return Column(name, label, text=lambda row: column_of(str(row[name])).heading)
+    if ends is None:
+        return SHARED.get(name) or Column(name, label, meaning=meaning)
+    low, high = ends
+    counted = COUNTED.get(name, "n_scenes")
+    meaning = f"{meaning}; in brackets its 95 % interval, of {FEWEST} values or more".removeprefix("; ")
+
+    def text(row: Mapping[str, Any]) -> str:
+        return with_interval(row[name], row[low], row[high], row[counted])
+
+    return Column(name, label, meaning=meaning, text=text)
+
+
+def _here() -> Column:
+    def text(row: Mapping[str, Any]) -> str:
+        low, high = (shown(row[name], 3) for name in HERE)
+        return NOTHING if low == NOTHING or not row["n"] >= FEWEST else f"[{low}, {high}]"
+
+    return Column(HERE[0], "in these scenes", meaning="the 95 % interval for other seeds in these scenes", text=text)
+
+
+def _points(table: "DataFrame", measure: str) -> list[CurvePoint]:
+    return [
+        CurvePoint(
+            str(row["perturbation"]),
+            str(row["system"]),
+            str(row["mode"]),
+            severity=float(row["severity"]),
+            value=float(row["mean"]),
+            large=_ends(row, "low", "high", "n_scenes"),
+            here=_ends(row, *HERE, "n"),
+            n=int(row["n_runs"]),
+        )
+        for row in records(table[table["measure"] == measure])
+    ]
+
+
+def _ends(row: Mapping[str, Any], low: str, high: str, counted: str) -> tuple[float, float]:
+    """Return the ends of an interval, NaN where it stands on fewer than FEWEST."""
+    nothing = float("nan")
+    return (float(row[low]), float(row[high])) if row[counted] >= FEWEST else (nothing, nothing)
+
+
+def _complement(point: CurvePoint) -> CurvePoint:
+    """Return the share of the others."""
+    large, here = ((1.0 - high, 1.0 - low) for low, high in (point.large, point.here))
+    return replace(point, value=1.0 - point.value, large=large, here=here)
+
+
+def _correlation_pictures(analyses: Analyses) -> list[Picture]:
+    pictures = []
+    for name, title in (("perturbation_correlations", "Perturbations"), ("system_correlations", "Systems")):
+        rows = list(records(analyses[name])) if name in analyses else []
+        found = [
+            Correlation(str(row["mode"]), str(row["a"]), str(row["b"]), float(row["spearman"]), int(row["n"]))
+            for row in rows
+        ]
+        names = {part for item in found for part in (item.one, item.other)}
+        if len(names) > 2 and any(item.value == item.value for item in found):  # a pair's number is in the table
+            pictures.append(correlation_matrices(found, name, f"{title} with one another"))
+    return pictures
+
+
+# What was evaluated, and how to get it again: from study.json, the tables, and what single runs recorded.
+
+
+LONGEST_LIST = 12
+ROTATION = "ate_rotation_median_deg"
+
+
+def opening(results: Results) -> str:
+    """Return the report's first sentence."""
+    runs, systems = results.runs, results.runs["system"].nunique()
+    sequences = runs.drop_duplicates(list(KEY))
+    said = (
+        f"{_count(len(runs), 'run')} of {_count(systems, 'system')} on {_count(len(sequences), 'sequence')} "
+        f"({_count(runs['scene'].nunique(), 'scene')}, {_count(runs['setting'].nunique(), 'setting')}); "
+        f"{int(runs['failed'].sum())} of them failed: they gave no estimate, or one that cannot be scored. "
+        f"{int(runs['incomplete'].sum())} are incomplete: they {IS_INCOMPLETE}. Both are counted, and are in no mean, "
+        "median or ratio of an error: that of an incomplete run is of the frames that it did not give up. It stands in "
+        "the table of single runs alone. Means of errors are geometric."
+    )
+    if SUCCESS in runs:
+        successes = int((runs[SUCCESS] == 1.0).sum())
+        meaning = f"an ATE below that, with {100 * LEAST_TRACKED:g} % of the frames tracked"
+        said += f" {successes} had {column_of(SUCCESS).label}: {meaning}."
+    if SUCCESS_OVER_CLEAN in runs:
+        noisy = runs[(runs["perturbation"] != CLEAN) & runs[SUCCESS_OVER_CLEAN].notna()]
+        if len(noisy):
+            successes = int((noisy[SUCCESS_OVER_CLEAN] == 1.0).sum())
+            said += (
+                f" Of the {len(noisy)} perturbed runs that have a clean one beside them, {successes} had "
+                f"{column_of(SUCCESS_OVER_CLEAN).label}: an ATE below ten times the clean one."
+            )
+    return said + _turned(results) + _nearly_straight(results)
+
+
+def _nearly_straight(results: Results) -> str:
+    """Return a sentence that marks the scenes whose paths do not say how an estimate is turned; "" for none.
+
+    By the clean runs, or by all where there is none; nothing is said of results whose runs have no such column.
+    """
+    runs = results.complete
+    if CONDITIONING not in runs:
+        return ""
+    clean = runs[runs["perturbation"] == CLEAN]
+    known = (clean if len(clean) else runs).dropna(subset=[CONDITIONING])
+    least = known.groupby("scene", sort=True)[CONDITIONING].median()
+    marked = [f"{scene} ({ratio:.2g})" for scene, ratio in least.items() if ratio < WELL_CONDITIONED]
+    if not marked:
+        return ""
+    return (
+        f" The path does not say how an estimate is turned about itself in {_listed(marked)}: its second extent is so "
+        f"many ATEs of clean runs (median), below {WELL_CONDITIONED:g}. Full poses lay rotations and maps there."
+    )
+
+
+def _turned(results: Results) -> str:
+    """Return a sentence on each system whose positions are right where its rotations are not; "" for none.
+
+    Nothing is said of results without the column of the conditioning: their rotations were laid by positions alone.
+    """
+    runs = results.complete
+    if SUCCESS not in runs or ROTATION not in runs or CONDITIONING not in runs:
+        return ""
+    turned = runs[(runs[SUCCESS] == 1.0) & (runs[ROTATION] > WRONG_DEG)]
+    return "".join(
+        f" In {_count(len(group), 'run')} of {system} the positions are right and the rotations off by more than "
+        f"{WRONG_DEG:g} degrees, as where quaternions are written w first and read as x y z w, or where the camera's "
+        "axes are others."
+        for system, group in turned.groupby("system", sort=True)
+    )
+
+
+def facts(results: Results) -> list[tuple[str, str]]:
+    """Return what was evaluated, as labels and texts."""
+    runs = results.runs
+    found = [(f"system {system}", _system(results, str(system))) for system in sorted(set(runs["system"]))]
+    found.append(("scenes", _listed(sorted(set(runs["scene"])))))
+    found.append(("settings", _listed(list(dict.fromkeys(results.sequences["setting"])))))
+    found.append(("seeds", _listed(sorted(set(runs["seed"]), key=lambda seed: seed.zfill(20)))))
+    frames = results.sequences["frames"] if "frames" in results.sequences else runs.get("frames")
+    if frames is not None and frames.notna().any():
+        least, most = int(frames.min()), int(frames.max())
+        found.append(("frames of a sequence", str(least) if least == most else f"{least} to {most}"))
+    protocol = results.study.get("protocol")
+    if isinstance(protocol, str) and protocol in PROTOCOLS:
+        found.append(("protocol", f"{protocol}: {PROTOCOLS[protocol].meaning}"))
+        found.append(("stamps", f"poses belong together within {PROTOCOLS[protocol].max_difference_s:g} s"))
+    if any(str(name).startswith("paper.") for name in runs.columns):
+        faults = "; ".join(said for _, said in PROTOCOLS["paper"].faults)
+        found.append(("columns paper.", f"as the published code does it: {faults}"))
+    if "processor_s" in runs and runs["processor_s"].notna().any():
+        found.append(("processor time of the systems", f"{runs['processor_s'].sum() / 3600:.3g} h"))
+    return found + _subject(results.study.get("subject"))
+
+
+def again(results: Results) -> list[str]:
+    """Return how to get the report and the results again, in sentences."""
+    said = ["From what is in the folder, 'noisy-world report FOLDER' writes this report anew, to the same bytes."]
+    if results.study:
+        said.append(
+            "study.json holds everything that decides the results, the preset among it; 'noisy-world evaluate PRESET "
+            "--systems ... --out FOLDER' makes them, and what differs from study.json is refused."
+        )
+    return said
+
+
+def command(results: Results) -> str:
+    """Return the command that makes the results: the preset's document has to stand in a file; "" if it is unknown."""
+    study = results.study
+    if not study:
+        return ""
+    systems = ",".join(sorted(set(results.runs["system"])))
+    words = [f"noisy-world evaluate PRESET --systems {shlex.quote(systems)}"]
+    seeds = study.get("seeds")
+    if isinstance(seeds, list) and seeds:
+        words.append(f"--seeds {shlex.quote(','.join(map(str, seeds)))}")
+    if isinstance(study.get("repeats"), int):
+        words.append(f"--repeats {study['repeats']}")
+    if isinstance(study.get("protocol"), str):
+        words.append(f"--protocol {shlex.quote(study['protocol'])}")
+    return one_line(" ".join([*words, "--out FOLDER"]))
+
+
+def _system(results: Results, system: str) -> str:
+    runs = results.runs[results.runs["system"] == system]
+    said = [_count(len(runs), "run"), f"{int(runs['failed'].sum())} failed"]
+    said.append(f"{int(runs['incomplete'].sum())} incomplete")
+    repeats = int(runs["repeat"].nunique())
+    said.append(f"{repeats} repeats, as its results differ from run to run" if repeats > 1 else "one repeat")
+    of_record = results.study.get(VERSIONS)
+    told = of_record.get(system) if isinstance(of_record, Mapping) else None
+    versions = {str(name): {str(version)} for name, version in (told if isinstance(told, Mapping) else {}).items()}
+    for run in records(runs.drop_duplicates("setting").head(LONGEST_LIST)):
+        path = results.run_folder(run) / "run.json"
+        systems = read_object(path).get("versions") if path.is_file() else None
+        for name, version in (systems if isinstance(systems, Mapping) else {}).items():
+            versions.setdefault(str(name), set()).add(str(version))
+    if versions:
+        said.append(", ".join(f"{name} {' and '.join(sorted(versions[name]))}" for name in sorted(versions)))
+    systems = results.study.get("systems")
+    definition = systems.get(system) if isinstance(systems, Mapping) else None
+    if definition is not None:
+        said.append(f"definition {_digest(definition)}")
+    return "; ".join(said)
+
+
+def _subject(subject: Any) -> list[tuple[str, str]]:
+    """Return what the sequences were made from, as far as it is short enough to be read: study.json has all."""
+    if not isinstance(subject, Mapping):
+        return []
+    found = []
+    for key in ("preset_sha256", "seed", "render", "output", "versions"):
+        value = subject.get(key)
+        if isinstance(value, Mapping):
+            value = ", ".join(f"{name} {_plain(value[name])}" for name in sorted(value) if value[name] is not None)
+        if value is not None:
+            found.append(
+                (f"preset's {key}" if key in ("seed", "render", "output") else key.replace("_", " "), str(value))
+            )
+    return found
+
+
+def _digest(definition: Any) -> str:
+    """Return a definition's digest as study.json has it; of one that stands there whole, the digest of that."""
+    if isinstance(definition, str):
+        return definition[:16]
+    return hashlib.sha256(_plain(definition).encode()).hexdigest()[:16]
+
+
+def _plain(value: Any) -> str:
+    return value if isinstance(value, str) else json.dumps(value, sort_keys=True, ensure_ascii=False)
+
+
+def _listed(names: Iterable[Any]) -> str:
+    every = [str(name) for name in names]
+    more = f", ... ({len(every)} in all)" if len(every) > LONGEST_LIST else ""
+    return ", ".join(every[:LONGEST_LIST]) + more
+
+
+def _count(number: int, what: str) -> str:
+    return f"{number} {what}{'' if number == 1 else 's'}"

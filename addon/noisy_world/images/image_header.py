@@ -1,0 +1,227 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the header of an image's file says, before anything is decoded."""
+
+import struct
+import zlib
+from dataclasses import dataclass
+from typing import BinaryIO, Literal
+
+# Chosen: twice the pixels of 8K video. In float a colour image of as many is 0.8 GB, and a run holds some of them.
+LARGEST_PIXELS = 2**26
+LARGEST_SIDE_PX = 2**15 - 1  # SHRT_MAX, up to which OpenCV's remap takes images
+
+UPRIGHT = 1  # of Exif's orientation: the first row is the top, the first column the left
+_ORIENTATION_TAG, _SHORT = 0x0112, 3  # Exif 2.32, table 4; type 3 is an unsigned number of 16 bits
+
+
+class UnfitImageError(ValueError):
+    """An image that cannot be used as it is meant: what it is, as a sentence's end, and the remedy."""
+
+    def __init__(self, problem: str, remedy: str = "") -> None:
+        self.problem = problem
+        self.remedy = remedy
+        super().__init__(problem)
+
+
+class DamagedImageError(UnfitImageError):
+    """The file of an image that is not whole. what: shows it."""
+
+    def __init__(self, what: str) -> None:
+        self.what = what
+        super().__init__(f"is damaged: {what}", "copy it again")
+
+
+@dataclass(frozen=True, slots=True)
+class ImageHeader:
+    """What a PNG, a JPEG or an EXR of light says of itself.
+
+    channels: 1 grey, 3 colour, 4 CMYK; without alpha, those of the palette's colours where it has one. bits: of a
+    value. alpha: whether pixels may be transparent. orientation: Exif's, 1 to 8. sequential: of a JPEG, that it holds
+    one scan of all channels. sampling: of a JPEG, the horizontal and vertical factors of each channel.
+    """
+
+    kind: Literal["png", "jpg", "exr"]
+    width_px: int
+    height_px: int
+    channels: int
+    bits: int
+    alpha: bool = False
+    palette: bool = False
+    orientation: int = UPRIGHT
+    sequential: bool = True
+    sampling: tuple[tuple[int, int], ...] = ()
+
+    @property
+    def size_px(self) -> tuple[int, int]:
+        """Width and height in pixels."""
+        return self.width_px, self.height_px
+
+    @property
+    def description(self) -> str:
+        """What it is, in words."""
+        colours = {1: "grey", 3: "colour", 4: "CMYK"}[self.channels]
+        if self.kind == "exr":
+            return "an EXR of scene-linear light"
+        name = "JPEG" if self.kind == "jpg" else "PNG"
+        return f"a {name} of {self.bits}-bit {colours}{' with alpha' if self.alpha else ''}"
+
+    @property
+    def plainly(self) -> Literal["rgb", "grey"] | None:
+        """What its bytes are, where every reader sees the same: 8-bit RGB or 8-bit grey; None for all else."""
+        if self.bits != 8 or self.alpha or self.palette or self.channels == 4:
+            return None
+        return "grey" if self.channels == 1 else "rgb"
+
+
+def check_size(width_px: int, height_px: int) -> None:
+    """Raise UnfitImageError for a size that no image has, and for one beyond the limits."""
+    if not width_px or not height_px:
+        raise DamagedImageError(f"it says {width_px} x {height_px} pixels")
+    if width_px * height_px > LARGEST_PIXELS or max(width_px, height_px) > LARGEST_SIDE_PX:
+        most = f"at most {LARGEST_PIXELS} pixels are read, and {LARGEST_SIDE_PX} a side"
+        raise UnfitImageError(f"says that it is {width_px} x {height_px} pixels; {most}")
+
+
+def exif_orientation(tiff: bytes) -> int:
+    """Return the orientation in Exif data, 1 to 8; 1 where none is said.
+
+    The data are a TIFF: byte order (2), 42 (2), where the first directory is (4); it has a count (2), and for each
+    entry tag (2), type (2), count (4) and value (4). Data that are no such thing say nothing, as for all viewers.
+    """
+    order: Literal["little", "big"] = "little" if tiff[:2] == b"II" else "big"
+    if tiff[:2] not in (b"II", b"MM") or len(tiff) < 8:
+        return UPRIGHT
+    at = int.from_bytes(tiff[4:8], order)
+    for entry in range(int.from_bytes(tiff[at : at + 2], order)):
+        start = at + 2 + 12 * entry
+        row = tiff[start : start + 12]
+        if len(row) < 12:
+            return UPRIGHT
+        if int.from_bytes(row[:2], order) == _ORIENTATION_TAG and int.from_bytes(row[2:4], order) == _SHORT:
+            value = int.from_bytes(row[8:10], order)
+            return value if 1 <= value <= 8 else UPRIGHT
+    return UPRIGHT
+
+
+def read_exactly(stream: BinaryIO, count: int) -> bytes:
+    """Return bytes of a stream. Raises DamagedImageError where it ends before."""
+    data = stream.read(count)
+    if len(data) < count:
+        raise DamagedImageError("it is cut short")
+    return data
+
+
+# PNG files by their parts (ISO/IEC 15948, 5.3): length (4), name (4), content, CRC-32 of name and content (4).
+
+
+SIGNATURE = b"\x89PNG\r\n\x1a\n"
+
+LARGEST_EXIF_BYTES = 2**16  # that are looked at; a JPEG cannot hold more
+
+_GREY, _PALETTE = 0, 3
+# By colour type (ISO/IEC 15948, table 11.1): channels without alpha, whether there is alpha, and possible bits.
+_COLOUR_TYPES = {
+    _GREY: (1, False, (1, 2, 4, 8, 16)),
+    2: (3, False, (8, 16)),
+    _PALETTE: (3, False, (1, 2, 4, 8)),
+    4: (1, True, (8, 16)),
+    6: (3, True, (8, 16)),
+}
+_CRITICAL = (b"IHDR", b"PLTE", b"IDAT", b"IEND")
+_DECIDING = (b"IDAT", *_CRITICAL, b"tRNS")
+_START, _SUM = struct.Struct(">I4s"), struct.Struct(">I")
+_ANCILLARY = 0x20  # a small first letter: readers may pass the part over
+_APART = "its parts do not follow one another"
+
+
+def png_header(stream: BinaryIO) -> ImageHeader:
+    """Return the header of a PNG, from the parts before its pixels. Raises UnfitImageError."""
+    read_exactly(stream, len(SIGNATURE))
+    length, name = _part(stream)
+    if (length, name) != (13, b"IHDR"):
+        raise DamagedImageError(_APART)
+    content = read_exactly(stream, length)
+    if zlib.crc32(name + content) != int.from_bytes(read_exactly(stream, 4), "big"):
+        raise DamagedImageError(_wrong_checksum(name))
+    width_px, height_px = (int.from_bytes(content[at : at + 4], "big") for at in (0, 4))
+    bits, kind, *others = content[8:]
+    channels, alpha, possible = _COLOUR_TYPES.get(kind, (0, False, ()))
+    if bits not in possible or others[:2] != [0, 0] or others[2] > 1:
+        raise DamagedImageError("its header is none of a PNG")
+    check_size(width_px, height_px)
+    orientation = UPRIGHT
+    while name != b"IDAT":
+        length, name = _part(stream)
+        if name == b"eXIf":
+            orientation = exif_orientation(read_exactly(stream, min(length, LARGEST_EXIF_BYTES)))
+            stream.seek(length - min(length, LARGEST_EXIF_BYTES) + 4, 1)
+        elif name != b"IDAT":
+            alpha |= name == b"tRNS"
+            stream.seek(length + 4, 1)
+    return ImageHeader("png", width_px, height_px, channels, bits, alpha, kind == _PALETTE, orientation)
+
+
+def whole_png(data: bytes, *, sums: bool = True) -> bytes:
+    """Return what decides the pixels of a PNG: its file without comments, profiles, and what follows its end.
+
+    sums: check the sum of each part. Raises DamagedImageError where a part is not in the file, has another sum, or
+    stands in another place, and UnfitImageError for animations and for what readers do not know.
+    """
+    view = memoryview(data)
+    names: list[bytes] = []  # without repetitions: OpenCV writes pixels in parts of 8 kB, a hundred a file
+    dropped: list[tuple[int, int]] = []
+    at = len(SIGNATURE)
+    while at + 12 <= len(data):
+        length, name = _START.unpack_from(data, at)
+        end = at + 12 + length
+        if end > len(data):
+            break
+        if sums and zlib.crc32(view[at + 4 : end - 4]) != _SUM.unpack_from(data, end - 4)[0]:
+            raise DamagedImageError(_wrong_checksum(name))
+        if not names or name != names[-1]:
+            _check_place(name, names)
+            names.append(name)
+        if name not in _DECIDING:
+            dropped.append((at, end))
+        at = end
+        if name == b"IEND":
+            return data if not dropped and end == len(data) else _without(view[:end], dropped)
+    raise DamagedImageError("it is cut short")
+
+
+def _check_place(name: bytes, before: list[bytes]) -> None:
+    """Raise UnfitImageError where a part cannot stand behind others, or is none that can be read."""
+    if name == b"acTL":  # PNG, third edition, 11.3.6.1
+        raise UnfitImageError("is an animation", "write its frames as images of their own")
+    if name not in _CRITICAL and not name[0] & _ANCILLARY:
+        raise UnfitImageError(f"holds a part {name.decode('latin-1')!a}, without which it cannot be read")
+    if (name == b"IHDR") != (not before) or (name == b"IDAT" and name in before):
+        raise DamagedImageError(_APART)
+    if name == b"IEND" and b"IDAT" not in before:
+        raise DamagedImageError("it holds no pixels")
+
+
+def _without(view: memoryview, dropped: list[tuple[int, int]]) -> bytes:
+    """Return data without some of their parts, each from a place to another, in order."""
+    starts, ends = [0, *(end for _, end in dropped)], [*(start for start, _ in dropped), len(view)]
+    return b"".join(view[start:end] for start, end in zip(starts, ends, strict=True))
+
+
+def png_orientation(data: bytes) -> int:
+    """Return the orientation of a whole PNG, whose Exif data may follow its pixels."""
+    at = len(SIGNATURE)
+    while (name := data[at + 4 : at + 8]) not in (b"IEND", b""):
+        end = at + 8 + int.from_bytes(data[at : at + 4], "big")
+        if name == b"eXIf":
+            return exif_orientation(data[at + 8 : end])
+        at = end + 4
+    return UPRIGHT
+
+
+def _part(stream: BinaryIO) -> tuple[int, bytes]:
+    start = read_exactly(stream, 8)
+    return int.from_bytes(start[:4], "big"), start[4:]
+
+
+def _wrong_checksum(name: bytes) -> str:
+    return f"the checksum of its part {name.decode('latin-1')!a} is wrong"

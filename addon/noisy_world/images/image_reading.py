@@ -1,0 +1,226 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Reading the pixels of image files; damage that can be detected is refused."""
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.errors import InputError
+from ..core.file_access import read_bytes
+from .image_files import LARGEST_FILE_BYTES, WholeFile, check_whole, read_header, read_whole
+from .image_header import DamagedImageError, ImageHeader, UnfitImageError
+from .jpeg_files import decode_strictly
+from .pixels import UINT16_MAX, decode_light, decode_png
+
+_ONE_SIZE = "a sequence has one size"
+
+
+# --- files ---
+
+
+def read_colour(
+    path: Path, size_px: tuple[int, int], sha256: str | None = None
+) -> NDArray[np.uint8] | NDArray[np.float32]:
+    """Return the colour (H, W, 3) of a file, RGB, sRGB-encoded: uint8, or float32 in [0, 1] where it has 16 bits.
+
+    Grey is in three equal channels. sha256: of the file when it was written, if that is known. Raises InputError where
+    the file is damaged, of another size, or no colour image.
+    """
+    header, data = read_whole(path, sha256)
+    check_colour(path, header)
+    check_size_px(path, header, size_px)
+    try:
+        return decoded_colour(header, data)
+    except UnfitImageError as error:
+        raise InputError(path, error.problem, remedy=error.remedy) from None
+
+
+def read_light(path: Path, size_px: tuple[int, int], sha256: str | None = None) -> NDArray[np.float32]:
+    """Return the scene-linear light (H, W, 3) of an EXR of a dataset. Raises InputError where it is damaged."""
+    header, data = read_whole(path, sha256)
+    check_size_px(path, header, size_px)
+    try:
+        return decode_light(data)
+    except ValueError as error:
+        raise InputError(path, str(error)) from error
+
+
+def read_steps(path: Path, size_px: tuple[int, int], sha256: str | None = None) -> NDArray[np.uint16]:
+    """Return the steps (H, W) of a depth image. Raises InputError where it is damaged, or no 16-bit PNG of the size."""
+    header, data = read_whole(path, sha256)
+    check_depth(path, header)
+    check_size_px(path, header, size_px)
+    try:
+        pixels = decode_png(data)
+        return np.asarray(_decoded(data, _unchanged(), header, np.uint16) if pixels is None else pixels, np.uint16)
+    except UnfitImageError as error:
+        raise InputError(path, error.problem, remedy=error.remedy) from None
+
+
+def read_pixels(path: Path, mode: int) -> NDArray[Any] | None:
+    """Return the pixels of a file that this program wrote, as OpenCV decodes them; None where it is no image.
+
+    mode: one of cv2.IMREAD_*. Raises OSError where the file cannot be read.
+    """
+    import cv2
+
+    data = read_bytes(path, largest_bytes=LARGEST_FILE_BYTES)
+    return cv2.imdecode(np.frombuffer(data, np.uint8), mode) if data else None
+
+
+# --- what headers say ---
+
+
+def check_colour(path: Path, header: ImageHeader) -> None:
+    """Raise InputError where an image is no colour as it is meant here."""
+    if header.kind == "exr":
+        problem = f"is {header.description}, but colour has to be as it is shown on a display"
+        raise InputError(path, problem, remedy="make the dataset with output.image: png, or convert it to PNG")
+    if header.channels == 1 and header.bits == 16:
+        problem = f"is {header.description}, as depth and thermal images are, but colour has to be 8-bit grey, or RGB"
+        raise InputError(path, problem, remedy="write it with 8 bits, as it is to be seen")
+
+
+def check_depth(path: Path, header: ImageHeader) -> None:
+    """Raise InputError where an image is no 16-bit grey PNG."""
+    if (header.kind, header.bits, header.channels, header.alpha) != ("png", 16, 1, False):
+        raise InputError(path, f"is {header.description}, but depth has to be a PNG of 16-bit grey")
+
+
+def check_size_px(path: Path, header: ImageHeader, wanted: tuple[int, int], own: bool = False) -> None:
+    """Raise InputError where an image has another size than the first colour image of its sequence.
+
+    own: it is depth of a camera of its own, which has that size.
+    """
+    if header.size_px != wanted:
+        whose = "its camera has" if own else "the first colour image is"
+        depth = (header.bits, header.channels) == (16, 1)
+        remedy = "take the images that belong to it" if own else _ONE_SIZE + "; register depth to colour" * depth
+        raise InputError(path, f"is {spoken(header.size_px)} pixels, but {whose} {spoken(wanted)}", remedy=remedy)
+
+
+def spoken(size_px: tuple[int, int]) -> str:
+    """Return a size in words."""
+    return f"{size_px[0]} x {size_px[1]}"
+
+
+# --- pixels ---
+
+
+def decoded_colour(header: ImageHeader, data: bytes) -> NDArray[np.uint8] | NDArray[np.float32]:
+    """Return the colour (H, W, 3) of a whole image, as `read_colour`. data: what of the file decides its pixels.
+
+    Raises DamagedImageError, and UnfitImageError for pixels that are transparent.
+    """
+    import cv2
+
+    if header.kind == "jpg" and (pixels := decode_strictly(header, data)) is not None:
+        return pixels
+    if header.kind == "png" and (header.bits, header.channels) == (8, 3) and (made := decode_png(data)) is not None:
+        return np.asarray(made, np.uint8)
+    if header.bits <= 8 and not header.alpha:
+        plain = cv2.IMREAD_COLOR_RGB | cv2.IMREAD_IGNORE_ORIENTATION
+        return np.asarray(_decoded(data, plain, header, np.uint8), np.uint8)
+    dtype = np.uint16 if header.bits == 16 else np.uint8
+    pixels = _decoded(data, _unchanged(), header, dtype)
+    # OpenCV leaves a grey that is transparent out, where that is one value and no channel.
+    if header.alpha and (pixels.ndim == 2 or pixels.shape[2] < 4 or pixels[..., 3].min() < np.iinfo(dtype).max):
+        raise UnfitImageError("has transparent pixels, of which nothing says the colour", "lay it over a background")
+    rgb = np.ascontiguousarray(pixels[..., 2::-1])
+    return rgb if dtype == np.uint8 else np.divide(rgb, np.float32(UINT16_MAX), dtype=np.float32)
+
+
+def _unchanged() -> int:
+    import cv2
+
+    return cv2.IMREAD_UNCHANGED
+
+
+def _decoded(data: bytes, mode: int, header: ImageHeader, dtype: type) -> NDArray[Any]:
+    import cv2
+
+    try:
+        pixels = cv2.imdecode(np.frombuffer(data, np.uint8), mode)
+    except cv2.error:
+        pixels = None
+    if pixels is None:
+        raise DamagedImageError("it cannot be decoded")
+    expected = (header.height_px, header.width_px)
+    if pixels.dtype != dtype or pixels.shape[:2] != expected:
+        raise DamagedImageError(f"it says {header.description} of {spoken(header.size_px)}, and holds {pixels.shape}")
+    return pixels
+
+
+# A folder of depth images for the frames of a video: one each, in the order of their numbers.
+
+
+SizePx: TypeAlias = tuple[int, int]
+"""Width and height in pixels."""
+
+
+@dataclass(frozen=True)
+class DepthFolder:
+    """Depth images, the i-th of which belongs to frame i. scale_per_m: steps per metre. size_px: of each."""
+
+    folder: Path
+    files: tuple[Path, ...]
+    scale_per_m: float
+    size_px: SizePx
+
+    def depth_m(self, index: int) -> NDArray[np.float32]:
+        """Return planar depth (H, W) in metres, 0 = void. Raises InputError where the file is damaged."""
+        return (read_steps(self.files[index], self.size_px) / np.float64(self.scale_per_m)).astype(np.float32)
+
+    def whole_file(self, index: int) -> WholeFile:
+        """Return the file of a depth image that is used as it is. Raises InputError where it is damaged."""
+        header, digest = check_whole(self.files[index])
+        _check_size_px(self.files[index], header.size_px, self.size_px)
+        return WholeFile(self.files[index], digest)
+
+
+def read_depth_folder(folder: Path, scale_per_m: float, video: Path, count: int, size_px: SizePx) -> DepthFolder:
+    """Find the depth images of a video's frames, PNG files with a number in their names; their headers are checked.
+
+    video, count, size_px: the video, its frames and their size. Raises InputError where the images are not as many, of
+    another size, no 16-bit grey, or not in one order.
+    """
+    found: dict[int, Path] = {}
+    for path in _png_files(folder):
+        number = _number(path)
+        if (same := found.setdefault(number, path)) != path:
+            raise InputError(folder, f"{same.name} and {path.name} have one number", remedy="keep one of them")
+    if len(found) != count:
+        problem = f"holds {len(found)} depth images, but {video.name} has {count} frames"
+        raise InputError(folder, problem, remedy="a 16-bit PNG for each frame, in the order of their numbers")
+    files = tuple(found[number] for number in sorted(found))
+    for path in files:
+        header = read_header(path)
+        check_depth(path, header)
+        _check_size_px(path, header.size_px, size_px)
+    return DepthFolder(folder, files, scale_per_m, size_px)
+
+
+def _png_files(folder: Path) -> Iterator[Path]:
+    try:
+        yield from sorted(path for path in folder.iterdir() if path.suffix.lower() == ".png")
+    except OSError as error:
+        raise InputError(folder, f"cannot be read: {error.strerror or error}") from None
+
+
+def _number(path: Path) -> int:
+    """Return the last number in a file's name, before its suffix."""
+    found = re.search(r"([0-9]{1,30})[^0-9]*$", path.stem, re.ASCII)
+    if found is None:
+        raise InputError(path, "has no number in its name", remedy="name depth images by their frames: 000000.png")
+    return int(found[1])
+
+
+def _check_size_px(path: Path, size_px: SizePx, wanted: SizePx) -> None:
+    if size_px != wanted:
+        problem = f"is {spoken(size_px)} pixels, but the video's frames are {spoken(wanted)}"
+        raise InputError(path, problem, remedy="register depth to colour")

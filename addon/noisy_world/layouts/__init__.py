@@ -1,0 +1,114 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Dataset layouts: each is an object, which both writes and reads; those of RECORDED are read alone."""
+
+import re
+from collections.abc import Iterable
+from pathlib import Path, PurePosixPath
+
+from ..core.entry_points import Door, Registry
+from ..core.errors import InputError
+from .association import PosePolicy
+from .colour_depth import Open3DLayout, RedwoodLayout
+from .euroc import EurocLayout
+from .icl_nuim import IclNuimLayout
+from .layout import Beyond, Colour, FrameNames, Image, Layout, Modality, OutputFormat, RecordedLayout, SequenceFacts
+from .nerfstudio import NerfstudioLayout
+from .replica import ReplicaLayout
+from .scannet import ScanNetLayout
+from .seven_scenes import BundleFusionLayout, SevenScenesLayout
+from .stored_recording import StoredSequence
+from .tum import TumLayout
+from .tum_vi import TumViLayout
+from .vslamlab import VslamLabLayout
+
+__all__ = [
+    "EVERY",
+    "LAYOUTS",
+    "RECORDED",
+    "Beyond",
+    "Colour",
+    "FrameNames",
+    "Image",
+    "Layout",
+    "Modality",
+    "OutputFormat",
+    "PosePolicy",
+    "RecordedLayout",
+    "SequenceFacts",
+    "find_sequence",
+    "known_recordings",
+]
+
+_GIVEN = ("name", "label", "meaning")
+_WRITTEN = ("images", "colours", "depth_scale_per_m", "patterns")
+
+
+def _problem(layout: Layout | RecordedLayout) -> str:
+    """Return what a layout does not say of itself, in a sentence, or ""."""
+    needed = (*_GIVEN, *(_WRITTEN if isinstance(layout, Layout) else ("files",)))
+    if lacking := [name for name in needed if not getattr(layout, name, None)]:
+        return f"its layout {type(layout).__name__} lacks {', '.join(lacking)}"
+    if not re.fullmatch(r"[a-z][a-z0-9_]*", layout.name):
+        return f"{layout.name!r} is no name of a layout: small letters, digits and underscores, a letter first"
+    return ""
+
+
+DOOR = Door[Layout | RecordedLayout]("noisy_world.layouts", "layout", "LAYOUT", (Layout, RecordedLayout), _problem)
+
+EVERY = Registry[Layout | RecordedLayout](
+    DOOR,
+    lambda: (
+        ReplicaLayout(),
+        TumLayout(),
+        EurocLayout(),
+        TumViLayout(),
+        VslamLabLayout(),
+        SevenScenesLayout(),
+        BundleFusionLayout(),
+        ScanNetLayout(),
+        IclNuimLayout(),
+        Open3DLayout(),
+        RedwoodLayout(),
+        NerfstudioLayout(),
+    ),
+)
+"""Every layout by its name, ours and those of installed packages."""
+
+LAYOUTS = EVERY.only(Layout)
+"""Every layout that is written and read, by its name in presets; the first is the default."""
+
+RECORDED = EVERY.only(RecordedLayout)
+"""Every layout of recordings that is read and not written, by its name."""
+
+
+def file_of(channel: Modality, names: Iterable[str]) -> str | None:
+    """Return which of a frame's files is of a channel that layouts know nothing of, in any layout; None for none."""
+    patterns = [pattern for layout in LAYOUTS.values() for pattern in layout.channel_patterns(channel)]
+    return next((name for name in names if any(map(PurePosixPath(name).match, patterns))), None)
+
+
+def known_recordings() -> str:
+    """Return the layouts that are read, in words: "Replica or TUM or ..."."""
+    return " or ".join(layout.label for layout in (*LAYOUTS.values(), *RECORDED.values()))
+
+
+def recognising(folder: Path) -> list[Layout] | list[RecordedLayout]:
+    """Return the layouts that recognise a folder: of those that are written here or, if none does, that are read."""
+    written = [layout for layout in LAYOUTS.values() if layout.recognises(folder)]
+    return written or [layout for layout in RECORDED.values() if layout.recognises(folder)]
+
+
+def find_sequence(folder: Path, rate_hz: float | None = None, poses: PosePolicy = "drop") -> StoredSequence:
+    """Find the files of a sequence by the layout that recognises its folder, first of those that are written here.
+
+    rate_hz: of the frames, where the sequence has no stamps of its own; None for its layout's. poses: what becomes of
+    frames without a pose. Raises InputError where no layout or several recognise it, and where files are missing or do
+    not match.
+    """
+    found = recognising(folder)
+    if len(found) == 1:
+        return found[0].read(folder, rate_hz, poses)
+    if not found:
+        raise InputError(folder, "is no sequence", remedy=f"it has to have the files of a layout: {known_recordings()}")
+    several = " and of ".join(layout.label for layout in found)
+    raise InputError(folder, f"has the files of {several}", remedy="leave those of one layout in it")

@@ -1,0 +1,149 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Cameras in a dataset's files: cam_params.json, lens distortion, and depth cameras."""
+
+import json
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+
+from ..core.errors import InputError
+from ..core.geometry import Intrinsics, rotation_error
+from ..core.json_text import finite_number, parse_given_json
+from ..core.lens import DISTORTION, MODELS, PINHOLE, DepthCamera, Distortion, DistortionModel, Optics, distortion_of
+from .stored_recording import checked_depth_scale, checked_intrinsics, recorded_text
+
+# Lens distortion and depth cameras, as the files of a recording state them.
+
+
+INTRINSICS = ("w", "h", "fx", "fy", "cx", "cy")
+_RIGID = 5e-3  # entries of R^T R - 1, as for poses: rounding passes, scale does not
+
+
+def stated_optics(path: Path, document: dict[str, Any]) -> Optics:
+    """Return what the keys `depth_camera` and `distortion` of a JSON document say. Raises InputError."""
+    depth = _depth_camera(path, document["depth_camera"]) if "depth_camera" in document else None
+    distortion = _distortion(path, document["distortion"]) if "distortion" in document else None
+    return Optics(depth, distortion)
+
+
+def checked_distortion(path: Path, where: str, model: object, coefficients: object) -> Distortion | None:
+    """Return a lens as a file says it; None where all coefficients are zero. Raises InputError."""
+    numbers = [finite_number(value) for value in coefficients] if isinstance(coefficients, list) else [None]
+    found = tuple(number for number in numbers if number is not None)
+    if len(found) != len(numbers):
+        raise InputError(path, "has to be a list of finite numbers", where=where)
+    if not any(found):
+        return None
+    if model not in MODELS:
+        message = f"is of the model {str(model)[:40]}, but {' and '.join(MODELS)} can be read"
+        raise InputError(path, message, where=where, remedy="undistort the images, and set the coefficients to zeros")
+    try:
+        return distortion_of(cast("DistortionModel", model), found)
+    except ValueError as error:
+        raise InputError(path, f"holds {error}", where=where) from None
+
+
+def _distortion(path: Path, stated: object) -> Distortion | None:
+    if not isinstance(stated, dict):
+        raise InputError(path, "has to be a model and coefficients", where="distortion")
+    return checked_distortion(path, "distortion", stated.get("model"), stated.get("coefficients"))
+
+
+def _depth_camera(path: Path, stated: object) -> DepthCamera:
+    where = "depth_camera"
+    if not isinstance(stated, dict) or any(name not in stated for name in INTRINSICS):
+        raise InputError(path, f"has to have {', '.join(INTRINSICS)}", where=where)
+    places = tuple(f"{where}.{name}" for name in INTRINSICS)
+    camera = checked_intrinsics(path, places, tuple(stated[name] for name in INTRINSICS))
+    shares_lens = stated.get("shares_lens", False)
+    if not isinstance(shares_lens, bool):
+        raise InputError(path, "is neither true nor false", where=f"{where}.shares_lens")
+    rows = stated.get("rgb_from_depth")
+    return DepthCamera(camera, None if rows is None else _pose(path, f"{where}.rgb_from_depth", rows), shares_lens)
+
+
+def _pose(path: Path, where: str, rows: object) -> tuple[tuple[float, ...], ...]:
+    shape = [len(row) if isinstance(row, list) else 0 for row in rows] if isinstance(rows, list) else []
+    numbers = (
+        [finite_number(value) for row in rows for value in row] if isinstance(rows, list) and shape == [4] * 4 else []
+    )
+    found = [number for number in numbers if number is not None]
+    if len(found) != 16:
+        raise InputError(path, "has to be four rows of four finite numbers", where=where)
+    matrix = np.array(found).reshape(4, 4)
+    rigid = float(rotation_error(matrix[:3, :3])) <= _RIGID and np.linalg.det(matrix[:3, :3]) > 0
+    if not rigid or matrix[3].tolist() != [0.0, 0.0, 0.0, 1.0]:
+        raise InputError(path, "is no rigid pose", where=where, remedy="write it row by row")
+    return tuple(tuple(row) for row in matrix.tolist())
+
+
+CAM_PARAMS = "cam_params.json"
+
+_REMEDY = "mend or remove it"
+
+
+def cam_params_text(camera: Intrinsics, depth_scale_per_m: float, optics: Optics = PINHOLE) -> str:
+    """Return the content of the file. A lens stands there by model and coefficients and, for people, by name."""
+    values = {
+        "w": camera.width_px,
+        "h": camera.height_px,
+        "fx": float(camera.fx_px),
+        "fy": float(camera.fy_px),
+        "cx": float(camera.cx_px),
+        "cy": float(camera.cy_px),
+        "scale": float(depth_scale_per_m),
+    }
+    beyond = optics.content()
+    if optics.distortion is not None:
+        beyond[DISTORTION] = {**beyond[DISTORTION], **optics.distortion.named()}
+    return json.dumps({"camera": values, **beyond}, indent=2) + "\n"
+
+
+@dataclass(frozen=True)
+class CamParams:
+    """What a cam_params.json says. depth_scale_per_m: steps per metre. camera: None where it holds the scale alone.
+
+    optics: what the cameras have beyond one pinhole.
+    """
+
+    path: Path
+    depth_scale_per_m: float
+    camera: Intrinsics | None
+    optics: Optics = PINHOLE
+
+
+def read_cam_params(folder: Path) -> CamParams | None:
+    """Return what the cam_params.json of a sequence says; None where there is no such file.
+
+    It is looked for in the sequence's own folder, then in the folder above. Raises InputError where it is no such file,
+    lacks the scale or one of the intrinsics, or holds values that no camera has.
+    """
+    for parent in (folder, folder.parent):
+        path = parent / CAM_PARAMS
+        if os.path.lexists(path):  # a link that leads nowhere is a mistake, and no missing file
+            return read_cam_params_file(path)
+    return None
+
+
+def read_cam_params_file(path: Path) -> CamParams:
+    """Return what a cam_params.json says. Raises InputError as read_cam_params does."""
+    document = parse_given_json(recorded_text(path), path, remedy=_REMEDY)
+    camera = document.get("camera") if isinstance(document, dict) else None
+    if not isinstance(camera, dict) or "scale" not in camera:
+        raise InputError(path, "holds no camera with a scale", remedy=_REMEDY)
+    scale_per_m = checked_depth_scale(path, "camera.scale", camera["scale"], remedy=_REMEDY)
+    return CamParams(path, scale_per_m, _intrinsics(path, camera), stated_optics(path, document))
+
+
+def _intrinsics(path: Path, camera: dict[str, Any]) -> Intrinsics | None:
+    lacking = [name for name in INTRINSICS if name not in camera]
+    if len(lacking) == len(INTRINSICS):
+        return None
+    if lacking:
+        problem = f"holds no {lacking[0]}, but other intrinsics"
+        raise InputError(path, problem, where="camera", remedy=f"a camera has {', '.join(INTRINSICS)} and scale")
+    places = tuple(f"camera.{name}" for name in INTRINSICS)
+    return checked_intrinsics(path, places, tuple(camera[name] for name in INTRINSICS))

@@ -1,0 +1,162 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""transforms.json, with or without depth: nerfstudio, and Record3D's captures that it processes.
+
+https://docs.nerf.studio/quickstart/data_conventions.html; nerfstudio/data/dataparsers/nerfstudio_dataparser.py
+(file_path and depth_file_path relative to the file, depth_unit_scale_factor 1e-3: millimetres) and
+nerfstudio/data/utils/data_utils.py (depth images are resized to the size of colour, so they show the same view in
+other pixels). Pixels' corners, not their centres, are at whole coordinates there: cameras.py adds 0.5.
+"""
+
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..core.errors import InputError
+from ..core.geometry import Intrinsics, opencv_from_blender_c2w
+from ..core.json_text import finite_number, parse_given_json
+from ..core.lens import DepthCamera, Distortion, Optics, distortion_of
+from ..trajectories.formats import read_file_poses
+from .association import PosePolicy
+from .layout import MILLIMETRES, RECORDED_HZ, RecordedLayout, counted_note
+from .numbered import NumberedPoses, numbered_frames
+from .stored_recording import StoredSequence, check_files, checked_intrinsics, recorded_text, size_of
+
+TRANSFORMS = "transforms.json"
+INTRINSICS = ("w", "h", "fl_x", "fl_y", "cx", "cy")
+_HALF_PX = 0.5
+# camera_model: its coefficients, in OpenCV's order ("OPENCV uses k1-2 and p1-2, OPENCV_FISHEYE uses k1-4").
+_LENSES = {"OPENCV": ("k1", "k2", "p1", "p2"), "OPENCV_FISHEYE": ("k1", "k2", "k3", "k4")}
+_PINHOLES = ("PINHOLE", "SIMPLE_PINHOLE", "PERSPECTIVE")
+
+
+class NerfstudioLayout(RecordedLayout):
+    """`transforms.json`, whose frames name colour (`file_path`) and depth (`depth_file_path`)."""
+
+    name = "nerfstudio"
+    label = "nerfstudio"
+    meaning = "transforms.json as nerfstudio has it and makes it of Record3D's captures; depth, if any, in mm"
+    files = "transforms.json, with depth_file_path where there is depth"
+
+    def recognises(self, folder: Path) -> bool:
+        """Tell whether there is a transforms.json."""
+        return (folder / TRANSFORMS).is_file()
+
+    def read(self, folder: Path, rate_hz: float | None = None, poses: PosePolicy = "drop") -> StoredSequence:
+        """Take the frames in the order of their images' names; their poses are OpenGL's."""
+        path = folder / TRANSFORMS
+        text = recorded_text(path)
+        document = parse_given_json(text, path)
+        frames = document.get("frames") if isinstance(document, dict) else None
+        if not isinstance(frames, list) or not frames or not all(isinstance(frame, dict) for frame in frames):
+            raise InputError(path, "is no list of frames", where="frames", remedy="as nerfstudio writes it")
+        order = sorted(range(len(frames)), key=lambda row: _by_number(str(frames[row].get("file_path", ""))))
+        has_depth = any("depth_file_path" in frame for frame in frames)
+        colour = [_file(path, row, frames[row], "file_path") for row in order]
+        depth = [_file(path, row, frames[row], "depth_file_path") for row in order] if has_depth else None
+        check_files(path, tuple(colour))
+        check_files(path, tuple(depth or ()))
+        given, notes = None, ()
+        if poses != "none":
+            read = read_file_poses(path, format="transforms")
+            c2w = opencv_from_blender_c2w(read.poses)
+            given = NumberedPoses(path, {number: c2w[row] for number, row in enumerate(order)})
+            notes = tuple(note for note in read.notes if "applied_" in note)
+        used_hz = rate_hz or RECORDED_HZ
+        found = numbered_frames(
+            *(folder, dict(enumerate(colour)), None if depth is None else dict(enumerate(depth)), given),
+            policy=poses,
+            rate_hz=used_hz,
+        )
+        camera = _camera(path, document, frames)
+        seen = _seen_by_depth(camera, size_of(found.depth_files[0])) if has_depth else None
+        return StoredSequence(
+            folder,
+            found.rgb_files,
+            found.depth_files,
+            None if given is None else path,
+            found.trajectory,
+            found.stamps,
+            MILLIMETRES,
+            None,
+            camera,
+            path,
+            (*found.notes, *notes, *counted_note(rate_hz, used_hz)),
+            used_hz,
+            optics=Optics(seen, _distortion(path, document, frames)),
+        )
+
+
+def _by_number(name: str) -> tuple[str, int, str]:
+    """Return a key that sorts names by the last number in them, as people count."""
+    match = re.fullmatch(r"(.*?)([0-9]{1,18})([^0-9]*)", name)
+    return (match[1], int(match[2]), match[3]) if match else (name, -1, "")
+
+
+def _file(path: Path, row: int, frame: Mapping[str, Any], key: str) -> Path:
+    name = frame.get(key)
+    if not isinstance(name, str) or not name or "\0" in name:
+        what = "colour" if key == "file_path" else "depth"
+        raise InputError(path, f"names no {what} image", where=f"frames.{row}.{key}")
+    return path.parent / name
+
+
+def _camera(path: Path, document: Mapping[str, Any], frames: list[Any]) -> Intrinsics:
+    model = str(document.get("camera_model", "OPENCV"))
+    if model not in (*_LENSES, *_PINHOLES):
+        raise InputError(path, f"is {model[:40]}, but {', '.join(_LENSES)} can be read", where="camera_model")
+    values = [_shared(path, document, frames, key) for key in INTRINSICS]
+    numbers = [
+        value - _HALF_PX if key in ("cx", "cy") else value for key, value in zip(INTRINSICS, values, strict=True)
+    ]
+    return checked_intrinsics(path, INTRINSICS, tuple(numbers))
+
+
+def _shared(
+    path: Path, document: Mapping[str, Any], frames: list[Any], key: str, default: float | None = None
+) -> float:
+    """Return a number that all frames share, said of the whole or of each."""
+    said = [(f"frames.{row}.{key}", frame[key]) for row, frame in enumerate(frames) if key in frame]
+    said = [(key, document[key])] if key in document else said
+    if not said:
+        if default is None:
+            raise InputError(path, "is missing", where=key, remedy=f"a camera has {', '.join(INTRINSICS)}")
+        return default
+    for where, value in said:
+        if finite_number(value) is None:
+            raise InputError(path, "is no finite number", where=where)
+        if value != said[0][1]:
+            raise InputError(path, f"is {value}, but an earlier frame's is {said[0][1]}", where=where, remedy="a recording has one camera")  # fmt: skip  # noqa: E501
+    number = finite_number(said[0][1])
+    assert number is not None, "just checked"
+    return number
+
+
+def _distortion(path: Path, document: Mapping[str, Any], frames: list[Any]) -> Distortion | None:
+    model = str(document.get("camera_model", "OPENCV"))
+    used = _LENSES.get(model, ())
+    values = {key: _shared(path, document, frames, key, 0.0) for key in ("k1", "k2", "k3", "k4", "p1", "p2")}
+    if model == "OPENCV" and values["k3"]:
+        used = (*used, "k3")
+    lost = [key for key, value in values.items() if value and key not in used]
+    if lost:
+        raise InputError(path, f"is {values[lost[0]]:g}, but {model} has no such coefficient", where=lost[0])
+    coefficients = tuple(values[key] for key in used)
+    return (
+        distortion_of("equidistant" if model == "OPENCV_FISHEYE" else "radial-tangential", coefficients)
+        if used
+        else None
+    )
+
+
+def _seen_by_depth(camera: Intrinsics, size_px: tuple[int, int]) -> DepthCamera | None:
+    """Return the camera of depth images that show the same view in other pixels; None where they are the colour's."""
+    if size_px == (camera.width_px, camera.height_px):
+        return None
+    across, down = np.array(size_px) / (camera.width_px, camera.height_px)
+    cx_px, cy_px = (camera.cx_px + _HALF_PX) * across - _HALF_PX, (camera.cy_px + _HALF_PX) * down - _HALF_PX
+    fx_px, fy_px = camera.fx_px * across, camera.fy_px * down
+    seen = Intrinsics(*size_px, float(fx_px), float(fy_px), float(cx_px), float(cy_px))
+    return DepthCamera(seen, shares_lens=True)

@@ -1,0 +1,377 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Recordings: sequences on disk, their files and their frames, which are read when they are needed."""
+
+import json
+import os
+import re
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core import file_access
+from ..core.errors import InputError, Message, PresetKey
+from ..core.file_access import read_text
+from ..core.frame_table import FRAMES
+from ..core.geometry import Intrinsics
+from ..core.json_text import finite_number, parse_given_json
+from ..core.lens import PINHOLE, Optics
+from ..core.trajectory import FrameStamps, Stamps, Trajectory
+from ..images.image_files import WholeFile, check_whole, read_header
+from ..images.image_header import ImageHeader
+from ..images.image_reading import check_colour, check_depth, check_size_px, read_colour, read_light, read_steps, spoken
+
+# The SHA-256 of each file of a recording that this program wrote, as its frames.jsonl tells them.
+
+
+_DIGEST = re.compile("[0-9a-f]{64}")
+_REMEDY = "mend or remove it"
+
+
+def read_digests(folder: Path) -> dict[str, str]:
+    """Return by name in a sequence the SHA-256 of its files; none where no frames.jsonl tells them.
+
+    Raises InputError where it cannot be read, or tells what is no SHA-256.
+    """
+    path = folder / FRAMES
+    if not os.path.lexists(path):
+        return {}
+    try:
+        lines = read_text(path, encoding="utf-8-sig").split("\n")
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(path, f"cannot be read: {error}") from error
+    found: dict[str, str] = {}
+    for number, line in enumerate(lines, 1):
+        if not line.strip():
+            continue
+        where = f"line {number}"
+        record = parse_given_json(line, path, where=where, remedy=_REMEDY)
+        digests = record.get("sha256", {}) if isinstance(record, dict) else None
+        if not isinstance(digests, dict) or not all(map(_is_digest, digests.values())):
+            raise InputError(path, "tells no SHA-256 by the files' names", where=where, remedy=_REMEDY)
+        found |= digests
+    return found
+
+
+def _is_digest(value: object) -> bool:
+    return isinstance(value, str) and _DIGEST.fullmatch(value) is not None
+
+
+RATE_HZ = 20.0  # of sequences that say no time at all, unless a preset says another
+INTRINSICS_TOLERANCE_PX = 1e-3  # chosen: people round to about as many digits when they copy intrinsics
+
+# Chosen: a step of 10 m to one of 0.1 um. Metres per step, such as 0.001 or 1 / 5000, are below it.
+SCALES_PER_M = (0.1, 1e7)
+
+SizePx: TypeAlias = tuple[int, int]
+"""Width and height in pixels."""
+
+
+@dataclass(frozen=True)
+class StoredFrame:
+    """A frame on disk, whose images are read on request.
+
+    size_px: width and height that its images have to have. rgb_sha256, depth_sha256: of the files when they were
+    written, where that is known; files with another are refused. depth_size_px: of depth, where it is another.
+    void_steps: what depth images hold where there is no depth, besides 0. rgb_header: of the colour image, where it was
+    read.
+    """
+
+    rgb_file: Path
+    depth_file: Path | None
+    depth_scale_per_m: float
+    size_px: SizePx
+    rgb_sha256: str | None = None
+    depth_sha256: str | None = None
+    depth_size_px: SizePx | None = None
+    void_steps: tuple[int, ...] = ()
+    rgb_header: ImageHeader | None = None
+
+    @property
+    def rgb(self) -> NDArray[np.uint8] | NDArray[np.float32]:
+        """Colour (H, W, 3), RGB, sRGB-encoded: uint8, or float32 in [0, 1] where the file has 16 bits.
+
+        Grey is in three equal channels. Raises InputError where the file is damaged, or no image as it has to be.
+        """
+        return read_colour(self.rgb_file, self.size_px, self.rgb_sha256)
+
+    @property
+    def light(self) -> NDArray[np.float32]:
+        """Scene-linear light (H, W, 3) of a dataset whose colour is an EXR. Raises InputError where it is damaged."""
+        return read_light(self.rgb_file, self.size_px, self.rgb_sha256)
+
+    @property
+    def depth_m(self) -> NDArray[np.float32]:
+        """Planar depth (H, W) in metres, 0 = void. Raises InputError where the file is no 16-bit image of the size."""
+        assert self.depth_file is not None, "there is no depth"
+        steps = read_steps(self.depth_file, self.depth_size_px or self.size_px, self.depth_sha256)
+        if self.void_steps:
+            steps[np.isin(steps, self.void_steps)] = 0
+        return (steps / np.float64(self.depth_scale_per_m)).astype(np.float32)
+
+    @cached_property
+    def stored_rgb(self) -> tuple[str, str | None]:
+        """The kind of the colour image's file, and what it holds: 8-bit "rgb" or "grey", None for anything else."""
+        header = self.rgb_header or read_header(self.rgb_file)
+        return header.kind, header.plainly
+
+    def whole_file(self, modality: str) -> WholeFile:
+        """Return the file of "rgb" or "depth" that is used as it is. Raises InputError where it is damaged."""
+        file, sha256 = (self.rgb_file, self.rgb_sha256) if modality == "rgb" else (self.depth_file, self.depth_sha256)
+        assert file is not None, "there is no depth"
+        header, digest = check_whole(file, sha256)
+        own_size_px = None if modality == "rgb" else self.depth_size_px
+        check_size_px(file, header, own_size_px or self.size_px, own_size_px not in (None, self.size_px))
+        return WholeFile(file, digest)
+
+
+@dataclass(frozen=True)
+class StoredSequence:
+    """A recording: colour, and whatever else there is: depth, ground truth, stamps, a camera.
+
+    depth_files: one for each colour image; () without depth. trajectory: the colour camera's poses, one for each colour
+    image, at its stamp. stamps: of colour, depth and poses, as the recording has them. depth_scale_per_m: steps per
+    metre; any number without depth. stamps_path: the file that says the
+    stamps; None where there is none, and counted_hz is the rate that they follow from. camera: its intrinsics, and
+    camera_path the file that says them; None where none does. notes: sentences that the user should see. void_steps:
+    what depth images hold where there is no depth, besides 0. optics: what its cameras have beyond one pinhole.
+    assumed: says that the camera is the dataset's documented one, which another may replace; "" where a file says it.
+    likely: a camera that its folder's name hints at, where none is known.
+    """
+
+    folder: Path
+    rgb_files: tuple[Path, ...]
+    depth_files: tuple[Path, ...]
+    trajectory_path: Path | None
+    trajectory: Trajectory
+    stamps: FrameStamps
+    depth_scale_per_m: float
+    stamps_path: Path | None = None
+    camera: Intrinsics | None = None
+    camera_path: Path | None = None
+    notes: tuple[str, ...] = ()
+    counted_hz: float | None = None
+    void_steps: tuple[int, ...] = ()
+    optics: Optics = PINHOLE
+    assumed: str = ""
+    likely: Intrinsics | None = None
+
+    @cached_property
+    def size_px(self) -> SizePx:
+        """Width and height of its first image in pixels."""
+        return read_header(self.rgb_files[0]).size_px
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """Every image."""
+        return self.rgb_files + self.depth_files
+
+    @property
+    def rate_hz(self) -> float | None:
+        """Frames per second by the median of the gaps; None for a single frame."""
+        gaps_s = np.diff(self.stamps.rgb.seconds)
+        return 1 / float(np.median(gaps_s)) if gaps_s.size else None
+
+    @cached_property
+    def known_camera(self) -> Intrinsics | None:
+        """Its intrinsics, or None where no file says them. Raises InputError where its images have another size."""
+        if self.camera is None or (self.camera_path is None and not self.assumed):
+            return None
+        stated_px = (self.camera.width_px, self.camera.height_px)
+        if stated_px != self.size_px:
+            if self.camera_path is None:
+                return None  # images of another size than the dataset's: its documented camera is none of theirs
+            problem = (
+                f"says {stated_px[0]} x {stated_px[1]}, but {self.rgb_files[0].name} has {spoken(self.size_px)} pixels"
+            )
+            raise InputError(self.camera_path, problem, remedy="mend it, or take the images that belong to it")
+        return self.camera
+
+    @cached_property
+    def _rgb_headers(self) -> tuple[ImageHeader, ...]:
+        return tuple(map(read_header, self.rgb_files))
+
+    @cached_property
+    def image_notes(self) -> tuple[str, ...]:
+        """What the user should know of its images, in sentences, after the headers of all of them are looked at.
+
+        Raises InputError where one is no image as it has to be, or has another size than the first.
+        """
+        found: Counter[str] = Counter()
+        for file, header in zip(self.rgb_files, self._rgb_headers, strict=True):
+            check_colour(file, header)
+            check_size_px(file, header, self.size_px)
+            found.update(_remarks(header))
+        for file in self.depth_files:
+            header = read_header(file)
+            check_depth(file, header)
+            check_size_px(file, header, self.depth_size_px, self.depth_size_px != self.size_px)
+        return tuple(
+            f"{count} of {len(self.rgb_files)} colour images {problem}" for problem, count in sorted(found.items())
+        )
+
+    def check_images(self) -> None:
+        """Raise InputError where the header of an image says that it cannot be used, before any is decoded."""
+        _ = self.image_notes
+
+    def frame(self, index: int) -> StoredFrame:
+        """Return a frame."""
+        rgb, depth = self.rgb_files[index], self.depth_files[index] if self.depth_files else None
+        return StoredFrame(
+            rgb,
+            depth,
+            self.depth_scale_per_m,
+            self.size_px,
+            self._digest(rgb),
+            None if depth is None else self._digest(depth),
+            self.depth_size_px,
+            self.void_steps,
+            self._rgb_headers[index] if "_rgb_headers" in self.__dict__ else None,  # one is not worth reading all
+        )
+
+    @property
+    def depth_size_px(self) -> SizePx:
+        """Width and height that its depth images have to have, in pixels."""
+        seen = None if self.optics.depth is None else self.optics.depth.intrinsics
+        return self.size_px if seen is None else (seen.width_px, seen.height_px)
+
+    @cached_property
+    def _digests(self) -> dict[str, str]:
+        return read_digests(self.folder)
+
+    def _digest(self, file: Path) -> str | None:
+        if not self._digests or not file.is_relative_to(self.folder):
+            return None
+        return self._digests.get(file.relative_to(self.folder).as_posix())
+
+
+def size_of(path: Path) -> SizePx:
+    """Return the width and height of an image in pixels. Raises InputError where it is none."""
+    return read_header(path).size_px
+
+
+def _remarks(header: ImageHeader) -> Iterator[str]:
+    """Yield what the user should know of a colour image."""
+    if header.channels == 1:
+        yield "are grey: perturbations get three equal channels"
+    if header.bits == 16:
+        yield "have 16 bits a channel: they are perturbed so, and written with 8"
+    if header.channels == 4:
+        yield "are CMYK: OpenCV converts them to RGB"
+
+
+def same_camera(one: Intrinsics, other: Intrinsics) -> bool:
+    """Tell whether intrinsics agree, up to INTRINSICS_TOLERANCE_PX."""
+    values = [np.array([item.fx_px, item.fy_px, item.cx_px, item.cy_px]) for item in (one, other)]
+    same_size = (one.width_px, one.height_px) == (other.width_px, other.height_px)
+    return same_size and bool(np.abs(values[0] - values[1]).max() <= INTRINSICS_TOLERANCE_PX)
+
+
+def checked_intrinsics(path: Path, places: tuple[str, ...], values: tuple[object, ...]) -> Intrinsics:
+    """Return intrinsics from what a file says: width, height, fx, fy, cx and cy in pixels.
+
+    places: where each value stands. Raises InputError, which names the place, for what is no number, a size that is not
+    whole or not positive, and a focal length that is not positive.
+    """
+    numbers = [finite_number(value) for value in values]
+    for index, (where, number) in enumerate(zip(places, numbers, strict=True)):
+        if number is None:
+            raise InputError(path, "is no finite number", where=where)
+        if index < 4 and number <= 0:
+            raise InputError(path, f"is {number:g}, but has to be above 0", where=where)
+        if index < 2 and not number.is_integer():
+            raise InputError(path, f"is {number:g}, but a size is whole pixels", where=where)
+    wide, high, fx_px, fy_px, cx_px, cy_px = (float(number) for number in numbers if number is not None)
+    return Intrinsics(int(wide), int(high), fx_px, fy_px, cx_px, cy_px)
+
+
+def checked_depth_scale(path: Path, where: str, value: object, *, remedy: str = "") -> float:
+    """Return a depth scale as a file says it, steps per metre. Raises InputError where it is none that depth has."""
+    number = finite_number(value)
+    least, most = SCALES_PER_M
+    if number is None or number <= 0:
+        text = json.dumps(value, default=str)
+        message = text if len(text) <= 40 else f"{text[:37]}..."
+        raise InputError(path, f"is {message}, but has to be a number above 0", where=where, remedy=remedy)
+    if not least <= number <= most:
+        message = f"is {number:g} steps per metre, so a step is {1 / number:.3g} m; it has to be {least:g} to {most:g}"
+        if least <= 1 / number <= most:
+            remedy = f"write {1 / number:g} where {number:g} m per step is meant"
+        raise InputError(path, message, where=where, remedy=remedy)
+    return number
+
+
+def check_files(listing: Path, files: tuple[Path, ...]) -> None:
+    """Raise InputError where a file that a list names is not there."""
+    # Not Path.is_file, which raises OSError for a name that no file can have.
+    lost = next((file for file in files if not os.path.isfile(file)), None)  # noqa: PTH113
+    if lost is not None:
+        raise InputError(listing, f"names {_short(lost.name)}, which is not there", remedy=f"looked in {lost.parent}")
+
+
+def recorded_text(path: Path) -> str:
+    """Return the text of a file. Raises InputError where it cannot be read."""
+    try:
+        return file_access.read_text(path, encoding="utf-8-sig")
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(path, f"cannot be read: {error}") from error
+
+
+def _short(name: str) -> str:
+    return name if len(name) <= 80 else f"{name[:77]}..."
+
+
+# The time stamps in the frames.jsonl of a recording, which this program wrote beside the images.
+
+
+_FRAME_TIMES_REMEDY = Message("mend it; without it, frames are ", PresetKey("rate_hz"), " apart")
+
+
+def read_frame_times(folder: Path, frames: Sequence[int]) -> FrameStamps | None:
+    """Return the stamps of a sequence's frames; None where there is no frames.jsonl.
+
+    frames: the numbers of the frames that there are; the file may tell of others too. Poses have the stamps of colour.
+    Raises InputError where the file is damaged, lacks a frame, or tells stamps that do not increase.
+    """
+    path = folder / FRAMES
+    if not os.path.lexists(path):
+        return None
+    times_s = _times(path)
+    lacking = next((frame for frame in frames if frame not in times_s), None)
+    if lacking is not None:
+        raise InputError(path, f"has no line for frame {lacking}", remedy=_FRAME_TIMES_REMEDY)
+    rgb_s, depth_s = (np.array([times_s[frame][column] for frame in frames]) for column in (0, 1))
+    late = np.flatnonzero(np.diff(rgb_s) <= 0)
+    if late.size:
+        raise InputError(
+            path, f"frame {frames[late[0] + 1]} is not later than the one before it", remedy=_FRAME_TIMES_REMEDY
+        )
+    rgb = Stamps(rgb_s)
+    return FrameStamps(rgb, rgb if np.array_equal(rgb_s, depth_s) else Stamps(depth_s), rgb)
+
+
+def _times(path: Path) -> dict[int, tuple[float, float]]:
+    """Return by frame the stamps of its colour and of its depth."""
+    times_s: dict[int, tuple[float, float]] = {}
+    for number, line in enumerate(recorded_text(path).split("\n"), 1):
+        if not line.strip():
+            continue
+        where = f"line {number}"
+        record = parse_given_json(line, path, where=where, remedy=_FRAME_TIMES_REMEDY)
+        if not isinstance(record, dict) or not _is_frame(record.get("frame")) or record["frame"] in times_s:
+            raise InputError(path, "is no line for a frame of its own", where=where, remedy=_FRAME_TIMES_REMEDY)
+        time_s = finite_number(record.get("time_s"))
+        depth_time_s = finite_number(record.get("depth_time_s", record.get("time_s")))
+        if time_s is None or depth_time_s is None:
+            raise InputError(path, "has no time stamp in seconds", where=where, remedy=_FRAME_TIMES_REMEDY)
+        times_s[record["frame"]] = (time_s, depth_time_s)
+    return times_s
+
+
+def _is_frame(value: Any) -> bool:
+    return isinstance(value, int) and not isinstance(value, bool) and value >= 0

@@ -1,0 +1,66 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The add-on's windows: a thin layer over the functions that the generator calls."""
+
+from collections.abc import Callable
+from contextlib import ExitStack
+
+
+def _parts() -> list[tuple[Callable[[], None], Callable[[], None]]]:
+    """Return what registers and unregisters each part, in the order of the panels in the tab."""
+    from . import (
+        bake_exposure,
+        document,
+        drawn_paths,
+        exclusions,
+        gallery,
+        generate,
+        loading,
+        open_scene,
+        operators,
+        presets,
+        preview,
+        properties,
+        section_presets,
+        sections,
+        shots,
+    )
+
+    return [
+        (properties.register, properties.unregister),
+        (properties.register_older_files, properties.unregister_older_files),
+        (document.register, document.unregister),
+        (open_scene.register, open_scene.unregister),
+        (loading.register, loading.unregister),
+        (exclusions.register, exclusions.unregister),
+        (operators.register, operators.unregister),
+        (drawn_paths.register, drawn_paths.unregister),
+        (preview.register, preview.unregister),
+        (generate.register, generate.unregister),
+        (generate.register_tracking, generate.unregister_tracking),
+        (operators.register_asset_library, operators.unregister_asset_library),
+        (operators.register_camera_link, operators.unregister_camera_link),
+        (bake_exposure.register, bake_exposure.unregister),
+        (section_presets.register, section_presets.unregister),
+        (gallery.register, gallery.unregister),
+        (sections.register_motion_plot, sections.unregister_motion_plot),
+        (section_presets.register_real_cameras, section_presets.unregister_real_cameras),
+        (sections.register, sections.unregister),
+        (shots.register, shots.unregister),
+        (presets.register, presets.unregister),
+        (exclusions.register_first_look, exclusions.unregister_first_look),
+    ]
+
+
+def register() -> None:
+    """Register everything, or nothing where something fails."""
+    with ExitStack() as registered:
+        for add, remove in _parts():
+            add()
+            registered.callback(remove)
+        registered.pop_all()  # without an error, nothing is unregistered again
+
+
+def unregister() -> None:
+    """Unregister everything, in reverse order."""
+    for _, remove in reversed(_parts()):
+        remove()

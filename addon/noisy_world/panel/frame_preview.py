@@ -1,0 +1,378 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A frame's colour or depth as the generator writes it, shown in the image editor and following the sliders."""
+
+import time
+from collections import OrderedDict
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any, Literal, TypeAlias
+
+import bpy
+import numpy as np
+from bpy.app.handlers import persistent
+from numpy.typing import NDArray
+
+from ..core.depth_range import scale_that_holds
+from ..core.errors import NoisyWorldError
+from ..dataset.clean_frame import Camera, CleanFrame
+from ..dataset.colour import colour_of
+from ..dataset.frame import CleanFrames, Frame
+from ..dataset.overview import colour_depth
+from ..dataset.sequence import PlannedSequence, Shown, lay_out
+from ..images.pixels import as_bytes, grey_bytes
+from ..nodes.datablocks import override, set_pixels, size_px
+from ..perturbations.steps import Setting
+from ..render.source import RenderedFrame
+from . import document, exclusions, open_scene, runs
+from .document import format_of, identifiers_of, intrinsics_of, recorded, steps_of
+from .drawn_paths import clean_stamps_s
+from .fields import Handlers
+from .properties import panel_of
+from .stills import beside, camera_at, check_depth, path_frames, rendered
+
+Kind: TypeAlias = Literal["COLOUR", "DEPTH"]
+
+PICTURES: dict[Kind, str] = {"COLOUR": "Noisy World Color", "DEPTH": "Noisy World Depth"}
+STILLS_KEPT = 4  # rendered frames of a scene; chosen: desynchronisation sliders move between neighbours
+CHANGES_PICTURE = (bpy.types.Camera, bpy.types.Light, bpy.types.Material, bpy.types.World)
+
+_changes: dict[int, int] = {}  # by scene: how often its rendered frames were dropped
+_outdated: dict[int, set[Kind]] = {}  # by scene: the pictures whose frames would be rendered otherwise by now
+_stills: dict[int, OrderedDict[int, RenderedFrame]] = {}  # by scene and frame: clean, as rendered
+_followed: dict[int, dict[Kind, int]] = {}  # by scene: the pictures that follow, and the frame each shows
+_drawn: dict[int, "_Drawn"] = {}  # by scene: the colour that was perturbed last, for another split
+_took_s: dict[int, float] = {}  # by scene: how long its pictures took when last drawn
+
+
+@dataclass(frozen=True)
+class _Drawn:
+    """A frame's colour (H, W, 3) before and after, as its file holds it, and a caption."""
+
+    index: int
+    before: NDArray[np.uint8]
+    after: NDArray[np.uint8]
+    about: str
+
+
+# --- what a frame looks like ---
+
+
+def still_of(scene: bpy.types.Scene, frame: int) -> RenderedFrame:
+    """Return a clean scene frame, which is rendered the first time it is asked for."""
+    known = _stills.setdefault(scene.session_uid, OrderedDict())
+    if frame not in known:
+        keep(scene, frame, rendered(scene, frame))
+    known.move_to_end(frame)
+    return known[frame]
+
+
+def keep(scene: bpy.types.Scene, frame: int, still: RenderedFrame) -> None:
+    """Keep a clean scene frame that was rendered; the oldest of many is dropped."""
+    known = _stills.setdefault(scene.session_uid, OrderedDict())
+    known[frame] = still
+    known.move_to_end(frame)
+    while len(known) > STILLS_KEPT:
+        known.popitem(last=False)
+
+
+def forget(scene: bpy.types.Scene) -> None:
+    """Drop a scene's rendered frames, so that they are rendered again when they are next asked for."""
+    uid = scene.session_uid
+    _changes[uid] = _changes.get(uid, 0) + 1
+    _outdated[uid] = set(_followed.get(uid, ()))
+    _stills.pop(uid, None)
+    forget_drawn(scene)
+
+
+def forget_drawn(scene: bpy.types.Scene) -> None:
+    """Drop a scene's perturbed colour, so that it is perturbed again."""
+    _drawn.pop(scene.session_uid, None)
+
+
+def sequence_of(scene: bpy.types.Scene) -> tuple[PlannedSequence, int]:
+    """Return the sequence that the panel describes, and which of its frames the current scene frame shows.
+
+    Raises NoisyWorldError where a value of the panel is wrong.
+    """
+    panel = panel_of(scene)
+    setting = Setting(panel.setting_name, steps_of(panel), panel.backend)
+    frames = path_frames(scene)
+    sequence = lay_out(setting, panel.scene_name, len(frames), identifiers_of(panel))
+    now = scene.frame_current
+    source = int(np.abs(frames - now).argmin()) if open_scene.is_shown(panel) else now
+    return sequence, max(0, min(sequence.frame_at(source), len(sequence.source_frames) - 1))
+
+
+def draw_colour(scene: bpy.types.Scene, index: int | None = None) -> tuple[NDArray[np.uint8], str]:
+    """Return a frame's colour (H, W, 3) as the generator perturbs it, and a caption.
+
+    index: of the frame in the panel's sequence, by default the current one. Left of the panel's split it is as
+    rendered. Raises NoisyWorldError where a value of the panel is wrong, the frame is left out, or a scratch file
+    cannot be written.
+    """
+    known = _drawn.get(scene.session_uid)
+    if known is None or known.index != index:
+        known = _drawn[scene.session_uid] = _perturbed(scene, index)
+    edge = round(panel_of(scene).preview_split * known.after.shape[1])
+    if not edge:
+        return known.after, known.about
+    return np.concatenate([known.before[:, :edge], known.after[:, edge:]], axis=1), known.about
+
+
+def _perturbed(scene: bpy.types.Scene, index: int | None) -> _Drawn:
+    sequence, now = sequence_of(scene)
+    index = now if index is None else index
+    if sequence.setting.needs_depth:
+        check_depth(scene)
+    clean = _clean(scene, _shown(sequence, index).rgb_source)
+    stored = panel_of(scene).colour
+    after = before = _as_stored(clean.rgb, stored)
+    notes: list[dict[str, Any]] = []
+    if sequence.setting.rgb:
+        height, width = before.shape[:2]
+        only = replace(sequence, frames=range(index, index + 1))
+        lit = clean.light is not None
+        with colour_of([only], CleanFrames(camera_at(scene, sequence, index)), (width, height), lit=lit) as colour:
+            frame = colour.frames_of(clean)(only, index)
+            made, notes = frame.changed("rgb"), frame.steps("rgb")
+        after = before if made is None else _as_stored(made, stored)
+    return _Drawn(index, before, after, f"Frame {index}: {_listed(notes)}")
+
+
+def _as_stored(rgb: NDArray[Any], colour: str) -> NDArray[np.uint8]:
+    """Return colour (H, W, 3) as its file holds it; of a grey file, three equal channels."""
+    if colour == "grey":
+        return np.repeat(grey_bytes(rgb)[..., None], 3, axis=2)
+    return as_bytes(rgb)
+
+
+def draw_depth(scene: bpy.types.Scene, index: int | None = None) -> tuple[NDArray[np.uint8], str]:
+    """Return a frame's depth as the generator perturbs it, as a colour image (H, W, 3), and a caption.
+
+    With desynchronisation (H, 2 W, 3): the frame's clean colour, and beside it the depth that is paired with it. index:
+    of the frame in the panel's sequence, by default the current one. Raises NoisyWorldError where a value of the panel
+    is wrong, the frame is left out, or a scratch file cannot be written.
+    """
+    sequence, now = sequence_of(scene)
+    check_depth(scene)
+    index = now if index is None else index
+    shown = _shown(sequence, index)
+    camera = Camera(intrinsics_of(panel_of(scene)), clean_stamps_s(scene))
+    frame = Frame(sequence, index, CleanFrames(camera, camera, partial(_clean, scene)))
+    depth_m, notes = frame.depth_m, frame.steps("depth")
+    depth_m, lost = _held(scene, depth_m)
+    seen_m = depth_m[depth_m > 0]
+    near_m, far_m = (float(seen_m.min()), float(seen_m.max())) if seen_m.size else (0.0, 1.0)
+    picture = colour_depth(depth_m, near_m, far_m)
+    about = f"depth from {near_m:.2f} m (red) to {far_m:.2f} m (blue), void gray; {lost}{_listed(notes)}"
+    if not sequence.paired:
+        return picture, f"Frame {index}: {about}"
+    colour = _as_stored(_clean(scene, shown.rgb_source).rgb, panel_of(scene).colour)
+    pair = f"Color of frame {index}, depth of frame {shown.depth_frame}"
+    return beside(colour, picture), f"{pair}: {about}"
+
+
+def _held(scene: bpy.types.Scene, depth_m: NDArray[np.float32]) -> tuple[NDArray[np.float32], str]:
+    """Return depth (H, W) without what its file cannot hold, and what to say of that; "" where it holds all."""
+    format_ = format_of(panel_of(scene))
+    lost = format_.out_of_range(depth_m)
+    if lost is None:
+        return depth_m, ""
+    message = format_.depth_range.format_image_loss(lost, depth_m.size)
+    if lost.farthest_m is not None:
+        message += f" (a Depth Scale of {scale_that_holds(lost.farthest_m):g} holds that)"
+    return format_.stored_depth_m(depth_m), f"{message}; "
+
+
+def sources_of(scene: bpy.types.Scene, kind: Kind, index: int) -> set[int]:
+    """Return the source frames that a picture is made of. Raises NoisyWorldError as `make_picture` does."""
+    sequence, _ = sequence_of(scene)
+    shown = _shown(sequence, index)
+    if kind == "COLOUR":
+        return {shown.rgb_source}
+    return {shown.depth_source, *([shown.rgb_source] if sequence.paired else [])}
+
+
+def _is_rendered(scene: bpy.types.Scene, sources: set[int]) -> bool:
+    """Tell whether source frames are at hand; those of a recording are read, and always are."""
+    return document.is_shown(panel_of(scene)) or sources <= _stills.get(scene.session_uid, {}).keys()
+
+
+def _shown(sequence: PlannedSequence, index: int) -> Shown:
+    if sequence.leaves_out(index):
+        raise NoisyWorldError(f"frame {index} is left out: there is no depth to pair with it")
+    return sequence.shown(index)
+
+
+def _clean(scene: bpy.types.Scene, source: int) -> CleanFrame:
+    """Return a clean frame as the generator has it, not yet rounded, but clipped: the user's lights may exceed 1."""
+    still = still_of(scene, source)
+    assert still.rgb is not None
+    panel = panel_of(scene)
+    shown = recorded(panel) if document.is_shown(panel) else None
+    return CleanFrame(
+        source,
+        replace(still, rgb=np.clip(still.rgb, 0.0, 1.0)),
+        None if shown is None else shown.between,
+        unmeasured_m=None if shown is None else shown.source.capabilities.unmeasured_m,
+    )
+
+
+def _listed(notes: list[dict[str, Any]]) -> str:
+    return ", ".join(note["name"] for note in notes) or "clean"
+
+
+# --- the pictures ---
+
+
+def make_picture(scene: bpy.types.Scene, kind: Kind, index: int | None = None) -> tuple[bpy.types.Image, str]:
+    """Draw a picture of a scene's frame into its image. Raises NoisyWorldError as `draw_colour` and `draw_depth` do."""
+    picture, about = (draw_colour if kind == "COLOUR" else draw_depth)(scene, index)
+    height, width = picture.shape[:2]
+    image = _image(kind)
+    if image is None:
+        image = bpy.data.images.new(PICTURES[kind], width, height, alpha=False)
+    elif size_px(image) != (width, height):
+        image.scale(width, height)
+    rgba = np.ones((height, width, 4), np.float32)
+    rgba[..., :3] = picture[::-1] / np.float32(255)
+    set_pixels(image, rgba)
+    return image, about
+
+
+def _image(kind: Kind) -> bpy.types.Image | None:
+    return next((item for item in bpy.data.images if item.name == PICTURES[kind] and item.library is None), None)
+
+
+def _editors() -> list[bpy.types.Area]:
+    windows = bpy.context.window_manager.windows
+    return [area for window in windows for area in window.screen.areas if area.type == "IMAGE_EDITOR"]
+
+
+def _shown_in(area: bpy.types.Area) -> bpy.types.SpaceImageEditor:
+    editor = area.spaces.active
+    assert isinstance(editor, bpy.types.SpaceImageEditor)
+    return editor
+
+
+def open_picture(context: bpy.types.Context, image: bpy.types.Image) -> None:
+    """Show an image in an open image editor; without one, half of the 3D view in use becomes one."""
+    areas = _editors()
+    shown = next((area for area in areas if _shown_in(area).image == image), areas[0] if areas else None)
+    fresh = shown is None and context.area is not None and context.area.type == "VIEW_3D"
+    if fresh:
+        shown = _split_off(context)
+    if shown is None:
+        return
+    _shown_in(shown).image = image
+    shown.tag_redraw()
+    if fresh:
+        region = next(region for region in shown.regions if region.type == "WINDOW")
+        with override(area=shown, region=region):
+            bpy.ops.image.view_all(fit_view=True)
+
+
+def _split_off(context: bpy.types.Context) -> bpy.types.Area | None:
+    """Turn the half of a 3D view that is opposite its sidebar into an image editor."""
+    view, known = context.area, {area.as_pointer() for area in context.screen.areas}
+    if bpy.ops.screen.area_split(direction="VERTICAL", factor=0.5) != {"FINISHED"}:
+        return None
+    halves = [view, *(area for area in context.screen.areas if area.as_pointer() not in known)]
+    shown = min(halves, key=lambda area: area.x)
+    shown.type = "IMAGE_EDITOR"
+    return shown
+
+
+def watching(scene: bpy.types.Scene) -> list[tuple[Kind, int, list[bpy.types.Area]]]:
+    """Return the pictures of a scene that image editors show: kind, frame and editors of each."""
+    editors, found = _editors(), []
+    for kind, index in _followed.get(scene.session_uid, {}).items():
+        image = _image(kind)
+        areas = [area for area in editors if image is not None and _shown_in(area).image == image]
+        if areas:
+            found.append((kind, index, areas))
+    return found
+
+
+def follow(scene: bpy.types.Scene) -> None:
+    """Redraw a scene's pictures that an image editor shows, as far as their frames are rendered already.
+
+    Raises NoisyWorldError as `make_picture` does.
+    """
+    began_s, was_drawn = time.perf_counter(), scene.session_uid in _drawn
+    for kind, index, areas in watching(scene):
+        if not _is_rendered(scene, sources_of(scene, kind, index)):
+            _outdated.setdefault(scene.session_uid, set()).add(kind)
+            continue
+        make_picture(scene, kind, index)
+        _outdated.get(scene.session_uid, set()).discard(kind)
+        for area in areas:
+            area.tag_redraw()
+    if not was_drawn:  # another split is quick, and says nothing of the time that a slider takes
+        _took_s[scene.session_uid] = time.perf_counter() - began_s
+
+
+def seconds_taken(scene: bpy.types.Scene) -> float:
+    """Return how long a scene's pictures took when last drawn; 0 where none were."""
+    return _took_s.get(scene.session_uid, 0.0)
+
+
+def show_frame(context: bpy.types.Context, scene: bpy.types.Scene, kind: Kind, index: int) -> str:
+    """Show a frame's picture in an image editor and follow it; say what it shows. Raises NoisyWorldError."""
+    image, about = make_picture(scene, kind, index)
+    _followed.setdefault(scene.session_uid, {})[kind] = index
+    _outdated.get(scene.session_uid, set()).discard(kind)
+    open_picture(context, image)
+    return about if exclusions.shows_dataset(scene) else f"Your scene, not the dataset's: {about}"
+
+
+def count_of_changes(scene: bpy.types.Scene) -> int:
+    """Return how often a scene's rendered frames were dropped, which tells whether something changed since."""
+    return _changes.get(scene.session_uid, 0)
+
+
+def outdated(scene: bpy.types.Scene) -> set[Kind]:
+    """Return a scene's pictures whose frames would be rendered otherwise by now."""
+    return _outdated.get(scene.session_uid, set())
+
+
+@persistent
+def _on_change(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
+    """Drop the rendered frames of a scene in which something was moved, edited or lit differently."""
+    uid = scene.session_uid
+    if uid not in _stills and uid not in _followed and runs.active_still() is None:
+        return
+    if any(_makes_stale(item, scene) for item in depsgraph.updates):
+        forget(scene)
+
+
+def _makes_stale(update: bpy.types.DepsgraphUpdate, scene: bpy.types.Scene) -> bool:
+    assert update.id is not None
+    changed = update.id.original
+    if isinstance(changed, bpy.types.Action):  # the sliders key actions of chains, which change no rendered frame
+        animation = scene.camera.animation_data if scene.camera is not None else None
+        return animation is not None and animation.action == changed
+    # Not collections, which are reported as changed whenever a scene is copied, as for each still.
+    moved = isinstance(changed, bpy.types.Object) and (update.is_updated_geometry or update.is_updated_transform)
+    return moved or isinstance(changed, CHANGES_PICTURE)
+
+
+@persistent
+def _forget_all(*_: object) -> None:
+    """Drop all rendered frames: another file was opened."""
+    for kept in (_stills, _followed, _drawn, _took_s, _changes, _outdated):
+        kept.clear()
+
+
+_HANDLERS = Handlers(depsgraph_update_post=_on_change, load_post=_forget_all)
+
+
+def register() -> None:
+    """Register the handlers for changes that make rendered frames out of date."""
+    _HANDLERS.add()
+
+
+def unregister() -> None:
+    """Unregister them; the pictures stay in the file."""
+    _HANDLERS.remove()
+    _forget_all()

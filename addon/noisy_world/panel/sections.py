@@ -1,0 +1,488 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The sidebar's tab: its sections in the order of the work."""
+
+from typing import TYPE_CHECKING, Any
+
+import bpy
+import bpy.utils.previews
+import numpy as np
+from numpy.typing import NDArray
+
+from ..channels import CHANNELS
+from ..core.errors import NoisyWorldError
+from ..core.geometry import rotvec_from_rotation
+from ..core.schema import ConfigPath
+from ..core.trajectory import Trajectory
+from ..layouts import LAYOUTS
+from ..nodes.datablocks import layout_of
+from ..perturbations import registry
+from ..perturbations.execution import move
+from ..perturbations.kinds import MotionPerturbation, Stage
+from ..perturbations.parsing import parse_steps
+from ..perturbations.steps import steps_of_kind
+from . import bake_exposure, document, gallery, generate, loading, operators, preview, section_presets, views
+from . import drawn_paths as paths
+from .document import NO_BODY, PANEL, identifiers_of, shown, values_of
+from .fields import CAMERA, DEVIATION, OUTPUT, PERTURBATIONS, SCENE, TRAJECTORY
+from .gallery import BENCHMARK, PACKAGES, PHYSICAL, Offered, line_on, offered, short_label
+from .own_objects import own_object
+from .properties import active_step, draw_distortion, draw_imu, panel_of, perturbation_of
+from .sidebar import write
+from .steps import draw_step, other_rate, without_effect
+
+# A small picture of what a perturbation of motion does: how it moves and turns the camera in time, and how often.
+#
+# It perturbs a camera that stands still, by the step's own values and the panel's seed, as the generator would.
+
+
+FAST, SLOW = (8.0, 4.0, 500.0), (60.0, 60.0, 50.0)
+"""Seconds that are perturbed, seconds that are shown, and poses a second: rotors turn 200 times a second."""
+SIZE_PX = 384
+SCALE = 11.0  # of the picture in the panel; chosen: as wide as the tab
+LEAST_HZ, MOST_HZ = 0.5, 250.0
+BACK, INK, GRID = (30, 30, 30), (190, 190, 190), (64, 64, 64)
+AXES = ((237, 90, 90), (115, 205, 90), (102, 153, 250))  # x, y and z, as Blender colours them
+KEPT = 8  # pictures
+_loaded: dict[str, Any] = {}
+
+
+def draw_motion(layout: bpy.types.UILayout, panel: Any, step: Any) -> None:
+    """Draw the picture of a step that moves the camera continuously; nothing for any other."""
+    perturbation = perturbation_of(step)
+    if not isinstance(perturbation, MotionPerturbation) or not perturbation.continuous:
+        return
+    try:
+        icon = _icon(panel, step)
+    except NoisyWorldError:  # beside the list stands what is wrong
+        return
+    if icon:
+        layout.template_icon(icon_value=icon, scale=SCALE)
+
+
+def signals(panel: Any, step: Any) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return how far a step moves, m, and turns, deg, a camera that stands still: (N, 3) each, as `window_of` says.
+
+    Along and about the camera's x right, y down, z ahead. Raises NoisyWorldError where its values are wrong.
+    """
+    given = [{step.perturbation: values_of(step)}]
+    steps = steps_of_kind(parse_steps(given, ConfigPath(PANEL, "motion"), registry()), MotionPerturbation)
+    seconds, _, rate_hz = window_of(step.perturbation)
+    count = int(seconds * rate_hz)
+    still = Trajectory(np.tile(np.eye(4), (count, 1, 1)), np.arange(count) / rate_hz)
+    c2w = move(steps, still, identifiers_of(panel)).c2w
+    return c2w[:, :3, 3], np.degrees(rotvec_from_rotation(c2w[:, :3, :3]))
+
+
+def window_of(perturbation: str) -> tuple[float, float, float]:
+    """Return the seconds that are perturbed, those that are shown, and poses a second."""
+    return FAST if perturbation == "vibration" else SLOW
+
+
+def power(values: NDArray[np.float64], rate_hz: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return frequencies (F,) in Hz and the power spectral density (F, 3) of signals (N, 3), by a Hann window."""
+    window = np.hanning(len(values))[:, None]
+    spectrum = np.abs(np.fft.rfft((values - values.mean(axis=0)) * window, axis=0)) ** 2
+    return np.fft.rfftfreq(len(values), 1 / rate_hz), 2 * spectrum / (rate_hz * np.sum(window**2))
+
+
+def picture(
+    moved_m: NDArray[np.float64], turned_deg: NDArray[np.float64], shown_s: float, rate_hz: float
+) -> NDArray[np.uint8]:
+    """Return a picture (SIZE_PX, SIZE_PX, 3), uint8: translation and rotation in time, and their spectra."""
+    import cv2
+
+    made = np.full((SIZE_PX, SIZE_PX, 3), BACK, np.uint8)
+    half, third = SIZE_PX // 2, SIZE_PX // 3
+    shown = int(shown_s * rate_hz)
+    along = np.linspace(0, SIZE_PX - 1, shown)
+    for row, (values, unit) in enumerate(((1000 * moved_m, "mm"), (turned_deg, "deg"))):
+        most = max(float(np.abs(values[:shown]).max()), 1e-9)
+        middle = third * row + third // 2
+        cv2.line(made, (0, middle), (SIZE_PX, middle), GRID, 1)
+        for axis, colour in enumerate(AXES):
+            _line(made, along, middle - 0.42 * third * values[:shown, axis] / most, colour)
+        _text(made, f"{unit}, to {most:.3g}, {shown_s:g} s", third * row + 14)
+    top, low = 2 * third, SIZE_PX - 4
+    for half_at, values in ((0, moved_m), (half, turned_deg)):
+        hz, density = power(values, rate_hz)
+        kept = (hz >= LEAST_HZ) & (hz <= MOST_HZ)
+        at = half_at + 4 + (half - 8) * np.log(hz[kept] / LEAST_HZ) / np.log(MOST_HZ / LEAST_HZ)
+        for decade in (1, 10, 100):
+            x = int(half_at + 4 + (half - 8) * np.log(decade / LEAST_HZ) / np.log(MOST_HZ / LEAST_HZ))
+            cv2.line(made, (x, top + 18), (x, low), GRID, 1)
+            _text(made, f"{decade}", low - 2, x + 3)
+        level = np.log10(np.maximum(density[kept], density[kept].max() * 1e-6 + 1e-30))
+        level = (level - level.min()) / max(float(np.ptp(level)), 1e-9)
+        for axis, colour in enumerate(AXES):
+            _line(made, at, low - (low - top - 20) * level[:, axis], colour)
+        _text(made, "moves, Hz" if half_at == 0 else "turns, Hz", top + 14, half_at + 4)
+    return made
+
+
+def _line(made: NDArray[np.uint8], x: NDArray[np.float64], y: NDArray[np.float64], colour: tuple[int, ...]) -> None:
+    import cv2
+
+    points = np.column_stack([x, y]).round().astype(np.int32)
+    cv2.polylines(made, [points], isClosed=False, color=colour, thickness=1)
+
+
+def _text(made: NDArray[np.uint8], text: str, bottom: int, left: int = 4) -> None:
+    import cv2
+
+    cv2.putText(made, text, (left, bottom), cv2.FONT_HERSHEY_SIMPLEX, 0.42, INK, 1)
+
+
+def _icon(panel: Any, step: Any) -> int:
+    """Return the icon of a step's picture, which is made again only where its values have changed."""
+    key = repr((step.perturbation, values_of(step), identifiers_of(panel)))
+    if "pictures" not in _loaded:
+        _loaded["pictures"] = bpy.utils.previews.new()
+    pictures = _loaded["pictures"]
+    if key not in pictures:
+        made = picture(*signals(panel, step), *window_of(step.perturbation)[1:])
+        if len(pictures) >= KEPT:
+            pictures.clear()
+        entry: Any = pictures.new(key)  # the stubs take no tuples and arrays
+        entry.image_size = (SIZE_PX, SIZE_PX)
+        opaque = np.ones((SIZE_PX, SIZE_PX, 4), np.float32)
+        opaque[..., :3] = made[::-1] / np.float32(255)
+        entry.image_pixels_float.foreach_set(opaque.ravel())
+    return pictures[key].icon_id
+
+
+def register_motion_plot() -> None:
+    """Pictures are made when they are shown."""
+
+
+def unregister_motion_plot() -> None:
+    """Let the pictures go."""
+    if "pictures" in _loaded:
+        bpy.utils.previews.remove(_loaded.pop("pictures"))
+
+
+TAB = "Noisy World"
+STAGE_LABELS: "dict[Stage, tuple[str, IconItems]]" = {
+    "motion": ("Motion", "CON_FOLLOWPATH"),
+    "exposure": ("Exposure", "MOD_TIME"),
+    "environment": ("Environment", "WORLD"),
+    "lens": ("Lens", "CAMERA_DATA"),
+    "sensor": ("Sensor", "TEXTURE"),
+    "post": ("Post-Processing", "IMAGE_DATA"),
+    "depth": ("Depth", "IMAGE_ZDEPTH"),
+    "pairing": ("Synchronization", "TIME"),
+}
+
+
+if TYPE_CHECKING:
+    from bpy.stub_internal.rna_enums import IconItems
+
+    _Mixin = bpy.types.Panel  # what Section is mixed into
+else:
+    _Mixin = object
+
+
+class PanelSection(_Mixin):
+    """A section of the tab."""
+
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "UI"
+    bl_category = TAB
+    presets = ""  # what of a preset the list in its header takes
+
+    def draw_header_preset(self, _: bpy.types.Context) -> None:
+        """Draw what opens that list."""
+        if self.presets:
+            section_presets.draw_in_header(layout_of(self), self.presets)
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Every scene has the tab."""
+        return context.scene is not None
+
+    def fields(self, context: bpy.types.Context) -> bpy.types.UILayout:
+        """Return a layout of labelled values; linked scenes are shown and cannot be changed."""
+        layout = layout_of(self)
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        layout.enabled = loading.is_editable(context.scene)
+        return layout
+
+
+class NOISYWORLD_PT_scene(PanelSection, bpy.types.Panel):
+    """The mesh"""
+
+    bl_label = SCENE
+    presets = "SCENE"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw it."""
+        layout, panel = self.fields(context), panel_of(context.scene)
+        layout.prop(panel, "mesh_source")
+        source = shown(panel)
+        source.draw(layout, panel)
+        layout.prop(panel, "scene_name")
+        if not source.loads:
+            return
+        layout.operator("noisy_world.load_scene", icon="MESH_DATA")
+        if message := loading.summary(context.scene):
+            layout.label(text=", ".join(message), icon="CHECKMARK")
+            if operators.hides_colors(context):
+                layout.operator("noisy_world.show_colors", icon="SHADING_TEXTURE")
+
+
+class NOISYWORLD_PT_trajectory(PanelSection, bpy.types.Panel):
+    """The path"""
+
+    bl_label = TRAJECTORY
+    presets = "PATH"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw it."""
+        layout, panel = self.fields(context), panel_of(context.scene)
+        if document.is_shown(panel):
+            shown(panel).draw_path(layout, panel)
+            return
+        layout.prop(panel, "trajectory_source", text="Path")
+        if panel.trajectory_source == "FILE":
+            layout.prop(panel, "trajectory_path")
+            names = ("trajectory_format", "trajectory_pose", "trajectory_axes", "trajectory_rate_hz")
+            names += ("trajectory_stamp_unit",)
+        elif panel.trajectory_source == "CAMERA":
+            names = ()
+        else:
+            names = ("handheld_frames", "handheld_rate_hz", "handheld_speed_m_s", "handheld_clearance_m")
+        column = layout.column(align=True)
+        if panel.trajectory_source != "CAMERA":
+            names += ("body",) if panel.body == NO_BODY else ("body", "body_motion")
+        for name in (*names, "every"):
+            column.prop(panel, name)
+        layout.operator("noisy_world.load_trajectory", icon="CON_FOLLOWPATH")
+        if message := loading.path_summary(context.scene):
+            layout.label(text=message, icon="CHECKMARK")
+        elif loading.poses(context.scene):
+            write(layout, context, "Another path was loaded: Load Trajectory takes this one", "INFO")
+
+
+class NOISYWORLD_PT_deviation(PanelSection, bpy.types.Panel):
+    """How far from the path the camera is, and how fast along it"""
+
+    bl_label = DEVIATION
+    bl_parent_id = "NOISYWORLD_PT_trajectory"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw it."""
+        layout, panel = self.fields(context), panel_of(context.scene)
+        if not document.is_shown(panel) or panel.deviation_rotation or panel.deviation_translation_m:
+            column = layout.column(align=True)
+            column.prop(panel, "deviation_rotation")
+            column.prop(panel, "deviation_translation_m")
+        layout.prop(panel, "speed_factor")
+        paths.draw(layout, context)
+
+
+class NOISYWORLD_PT_camera(PanelSection, bpy.types.Panel):
+    """The intrinsics"""
+
+    bl_label = CAMERA
+    presets = "CAMERA"
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw it."""
+        layout, panel = self.fields(context), panel_of(context.scene)
+        source = shown(panel)
+        if source.own_distortion:
+            draw_distortion(layout, panel, rendered=False)
+        if source.lens_field:
+            layout.prop(panel, source.lens_field)
+            if not source.gives_lens(panel):
+                return
+        section_presets.draw_choice(layout)
+        layout.operator("noisy_world.camera_from_file", text="From File", icon="FILE_FOLDER")
+        for names in (("width_px", "height_px"), ("fx_px", "fy_px"), ("cx_px", "cy_px"), ("near_m", "far_m")):
+            column = layout.column(align=True)
+            for name in names:
+                column.prop(panel, name)
+        if source.distorts and not source.own_distortion:
+            draw_distortion(layout, panel, rendered=source.loads)
+        if source.loads and own_object(context.scene, "camera") is None:
+            layout.operator("noisy_world.set_camera", icon="CAMERA_DATA")
+
+
+# --- perturbations ---
+
+
+class NOISYWORLD_UL_steps(bpy.types.UIList):
+    """The perturbations in the order of propagation: motion, color, depth, pairing"""
+
+    def draw_item(
+        self,
+        _context: bpy.types.Context,
+        layout: bpy.types.UILayout,
+        _data: Any,
+        item: Any,
+        _icon: int,
+        _active_data: Any,
+        _active_name: str,
+        _index: int = 0,
+    ) -> None:
+        """Draw an entry."""
+        perturbation = registry().get(item.perturbation)
+        if perturbation is None:
+            layout.label(text=item.perturbation, icon="ERROR")
+            return
+        row = layout.row(align=True)
+        row.active = item.enabled
+        row.label(text=short_label(perturbation), icon=STAGE_LABELS[perturbation.stage][1])
+        if perturbation.severities and item.use_severity:
+            part = row.row(align=True)
+            part.alignment = "RIGHT"
+            part.label(text=f"{item.severity:.2g}")
+        layout.prop(item, "enabled", text="")
+
+
+class NOISYWORLD_MT_add_step(bpy.types.Menu):
+    """All perturbations, in two lists: physical, and the benchmark's"""
+
+    bl_label = "Add Perturbation"
+
+    def draw(self, _: bpy.types.Context) -> None:
+        """Draw a menu for each list that has some, and what is in it."""
+        layout = layout_of(self)
+        for chosen in OFFERED:
+            if offered(chosen):
+                layout.menu(f"NOISYWORLD_MT_add_{chosen.name}", text=chosen.label)
+
+
+def _offered_menu(chosen: Offered) -> type:
+    """Make the menu of a list."""
+
+    def draw(self: bpy.types.Menu, _: bpy.types.Context) -> None:
+        layout = layout_of(self)
+        layout.label(text=chosen.said)
+        stage = ""
+        for perturbation in offered(chosen):
+            if perturbation.stage != stage:
+                stage = perturbation.stage
+                label, icon = STAGE_LABELS[perturbation.stage]
+                layout.separator()
+                layout.label(text=label, icon=icon)
+            label = short_label(perturbation)
+            layout.operator("noisy_world.add_step", text=label).perturbation = perturbation.name
+
+    members = {"bl_label": chosen.label, "draw": draw, "__module__": __name__, "__doc__": chosen.said}
+    return type(f"NOISYWORLD_MT_add_{chosen.name}", (bpy.types.Menu,), members)
+
+
+class NOISYWORLD_PT_perturbations(PanelSection, bpy.types.Panel):
+    """What is done to the sequence"""
+
+    bl_label = PERTURBATIONS
+    presets = "PERTURBATIONS"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw the list and what is selected."""
+        layout, panel = self.fields(context), panel_of(context.scene)
+        row = layout.row()
+        row.template_list("NOISYWORLD_UL_steps", "", panel, "steps", panel, "active_step", rows=4, maxrows=8)
+        buttons = row.column(align=True)
+        buttons.menu("NOISYWORLD_MT_add_step", text="", icon="ADD")
+        buttons.operator("noisy_world.remove_step", text="", icon="REMOVE")
+        buttons.separator()
+        buttons.operator("noisy_world.move_step_up", text="", icon="TRIA_UP")
+        buttons.operator("noisy_world.move_step_down", text="", icon="TRIA_DOWN")
+        gallery.draw_buttons(layout)
+        if (step := active_step(panel)) is not None and step.perturbation in registry():
+            write(layout, context, line_on(perturbation_of(step)), "INFO")
+            views.draw_beside(layout, context, step)
+            draw_step(layout, step)
+            draw_motion(layout, panel, step)
+            if text := other_rate(panel, step):
+                write(layout, context, text, "ERROR")
+                layout.operator("noisy_world.take_rate", icon="TIME")
+        layout.separator(factor=0.5)
+        layout.prop(panel, "seed")
+        if paths := without_effect(context.scene):
+            write(layout, context, f"Keys and drivers without effect: {', '.join(paths)}; remove them", "ERROR")
+
+
+class NOISYWORLD_PT_preview(PanelSection, bpy.types.Panel):
+    """The perturbations, live"""
+
+    bl_label = "Preview"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw it."""
+        layout = self.fields(context)
+        layout.use_property_split = False
+        preview.draw(layout, context)
+        bake_exposure.draw(layout, context)
+        operators.draw_camera_link(layout, context)
+        operators.draw_library(layout, context)
+
+
+class NOISYWORLD_PT_output(PanelSection, bpy.types.Panel):
+    """How frames are rendered and written"""
+
+    bl_label = OUTPUT
+    presets = "OUTPUT"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw it."""
+        layout, panel = self.fields(context), panel_of(context.scene)
+        column = layout.column(align=True)
+        source = shown(panel)
+        if source.render_field:
+            column.prop(panel, source.render_field)
+        for name in ("engine", "samples") if source.gives_render(panel) else ():
+            column.prop(panel, name)
+        column.prop(panel, "backend")
+        column = layout.column(align=True)
+        column.prop(panel, "layout")
+        row = column.row(align=True)
+        row.enabled = len(LAYOUTS[panel.layout].images) > 1
+        row.prop(panel, "image")
+        column.prop(panel, "colour")
+        column = layout.column(align=True)
+        column.enabled = panel.use_depth
+        column.prop(panel, "depth_scale_per_m")
+        column.prop(panel, "depth_beyond")
+        if source.carries:
+            draw_imu(layout, panel)
+        column = layout.column(heading="Write", align=True)
+        for name in (*(f"use_{channel}" for channel in CHANNELS), "overview"):
+            column.prop(panel, name)
+        column.prop(panel, "use_clean")
+        layout.prop(panel, "setting_name")
+        layout.prop(panel, "output_folder")
+        generate.draw(layout, context)
+
+
+class NOISYWORLD_PT_evaluation(PanelSection, bpy.types.Panel):
+    """What the perturbations do to SLAM"""
+
+    bl_label = "Evaluation"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw it."""
+        layout = self.fields(context)
+        layout.use_property_split = False
+        generate.draw_tracking(layout, context)
+
+
+OFFERED = (PHYSICAL, BENCHMARK, PACKAGES)
+OFFERED_MENUS = tuple(map(_offered_menu, OFFERED))
+CLASSES: tuple[Any, ...] = (
+    NOISYWORLD_UL_steps,
+    NOISYWORLD_MT_add_step,
+    *OFFERED_MENUS,
+    NOISYWORLD_PT_scene,
+    NOISYWORLD_PT_trajectory,
+    NOISYWORLD_PT_deviation,
+    NOISYWORLD_PT_camera,
+    NOISYWORLD_PT_perturbations,
+    NOISYWORLD_PT_preview,
+    NOISYWORLD_PT_output,
+    NOISYWORLD_PT_evaluation,
+)
+register, unregister = bpy.utils.register_classes_factory(CLASSES)

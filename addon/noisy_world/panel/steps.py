@@ -1,0 +1,378 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The list of perturbations: its order, severities that are keyed, and the fields of the selected entry."""
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import fields
+from typing import Any
+
+import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+from ..nodes.chain_scene import action_bag
+from ..nodes.datablocks import action_of, fcurves_of, interpolation, new_action
+from ..perturbations import registry
+from ..perturbations.kinds import SEQUENCE_KINDS, SEVERITIES, DepthPerturbation, Perturbation
+from ..perturbations.steps import Step
+from .fields import notify_once, property_name, set_value, value_of
+from .open_scene import follows, frame_range, is_shown, scene_frames
+from .properties import OVERRIDE, parameters_of, perturbation_of
+
+# Severities that are keyed on the timeline, frame by frame as presets hold them; and keys that nothing honours.
+
+
+STEPS = "noisy_world.steps"
+DIGITS = 3  # of a severity that a curve gives; chosen: finer than anyone sees
+
+
+def curve_of(step: Any) -> bpy.types.FCurve | None:
+    """Return the curve of an entry's severity; None where it is not keyed."""
+    perturbation = registry().get(step.perturbation)
+    if perturbation is None or isinstance(perturbation, SEQUENCE_KINDS) or not perturbation.severities:
+        return None
+    data = step.id_data.animation_data
+    path = f"{step.path_from_id()}.severity"
+    curves = [] if data is None else fcurves_of(data)
+    return next((curve for curve in curves if curve.data_path == path and not curve.mute and curve_ends(curve)), None)
+
+
+def curve_ends(curve: bpy.types.FCurve) -> tuple[float, float] | None:
+    """Return the frames of a curve's first and last key; None without keys."""
+    points = curve.keyframe_points
+    return (points[0].co.x, points[len(points) - 1].co.x) if len(points) else None
+
+
+def levels_of(step: Any, shown: NDArray[np.int64] | None) -> list[float] | None:
+    """Return an entry's severity for each frame of the sequence; None where it is not keyed.
+
+    The last one holds for all that follow. shown: (N,) the scene frames that the sequence shows; None for all from 0.
+    """
+    curve = curve_of(step)
+    if curve is None:
+        return None
+    ends = curve_ends(curve)
+    assert ends is not None
+    endless = curve.extrapolation == "LINEAR" or len(curve.modifiers) > 0
+    last = max(math.ceil(ends[1]), step.id_data.frame_end if endless else 0, 0)
+    frames = range(last + 1) if shown is None else [int(frame) for frame in shown]
+    levels: list[float] = []
+    for frame in frames:
+        levels.append(_snapped(curve.evaluate(frame)))
+        if frame >= last:
+            break
+    while len(levels) > 1 and levels[-1] == levels[-2]:
+        levels.pop()
+    return levels
+
+
+def _snapped(severity: float) -> float:
+    """Return the allowed severity that is nearest: 0, or 1 to 5."""
+    lowest, highest = SEVERITIES[0], SEVERITIES[-1]
+    inside = round(min(max(severity, 0.0), float(highest)), DIGITS)
+    return inside if inside >= lowest else float(int(inside + 0.5))
+
+
+def key_severity(step: Any, levels: Sequence[float], frames: NDArray[np.int64]) -> None:
+    """Key an entry's severity (N,) as a preset lists it, at scene frames (N,)."""
+    scene: bpy.types.Scene = step.id_data
+    if scene.animation_data is None or scene.animation_data.action is None:
+        new_action(scene, f"{scene.name} severity")
+    curve = action_of(scene).fcurve_ensure_for_datablock(scene, f"{step.path_from_id()}.severity")
+    points = curve.keyframe_points
+    points.add(len(frames))
+    points.foreach_set("co", np.stack([frames, levels], axis=1).astype(np.float32).ravel())
+    points.foreach_set("interpolation", np.full(len(frames), interpolation("LINEAR"), dtype=np.int32))
+    curve.update()
+
+
+# --- the list's order ---
+
+
+def reorder(scene: bpy.types.Scene, places: Sequence[int | None]) -> None:
+    """Let curves follow their entries of the list. places: where each has gone, by where it was; None has gone."""
+    moved: list[tuple[bpy.types.FCurve, str]] = []
+    gone: list[bpy.types.FCurve] = []
+    for curve, index, rest in list(_curves_of_steps(scene)):
+        place = places[index] if index < len(places) else None
+        if place is None:
+            gone.append(curve)
+        elif place != index:
+            moved.append((curve, f"{STEPS}[{place}]{rest}"))
+    for curve, path in moved:
+        curve.data_path = path
+    if gone:
+        _remove(scene, gone)
+
+
+def _remove(scene: bpy.types.Scene, curves: Sequence[bpy.types.FCurve]) -> None:
+    bag = action_bag(scene)
+    for curve in curves:
+        bag.fcurves.remove(curve)
+
+
+def _curves_of_steps(scene: bpy.types.Scene) -> Iterator[tuple[bpy.types.FCurve, int, str]]:
+    """Yield the curves of entries of the list, the entry's index, and the path after it."""
+    data = scene.animation_data
+    for curve in [] if data is None else fcurves_of(data):
+        head, bracket, rest = curve.data_path.removeprefix(f"{STEPS}[").partition("]")
+        if curve.data_path.startswith(f"{STEPS}[") and bracket and head.isdigit():
+            yield curve, int(head), rest
+
+
+# --- what is not honoured ---
+
+
+def without_effect(scene: bpy.types.Scene) -> list[str]:
+    """Return the properties of the panel whose keys or drivers no preset can hold, as paths from the scene."""
+    data = scene.animation_data
+    if data is None:
+        return []
+    steps = scene.noisy_world.steps  # pyright: ignore[reportAttributeAccessIssue]  added by register
+    heard = {curve.data_path for step in steps if (curve := curve_of(step)) is not None}
+    strips = [strip for track in data.nla_tracks for strip in track.strips if strip.action is not None]
+    in_strips = [curve for strip in strips for curve in _all_curves(strip.action)]
+    paths = [curve.data_path for curve in fcurves_of(data) if not curve.mute and curve.data_path not in heard]
+    paths += [curve.data_path for curve in (*data.drivers, *in_strips)]
+    return sorted({path.removeprefix("noisy_world.") for path in paths if path.startswith("noisy_world.")})
+
+
+def _all_curves(action: bpy.types.Action | None) -> Iterator[bpy.types.FCurve]:
+    for layer in () if action is None else action.layers:
+        for strip in layer.strips:
+            if isinstance(strip, bpy.types.ActionKeyframeStrip):
+                for bag in strip.channelbags:
+                    yield from bag.fcurves
+
+
+RATE = "frame_rate_hz"  # the parameter of what counts time by frames
+SAME_RATE = 1e-3  # of a rate: a difference that nobody sees
+
+
+def take_step(item: Any, step: Step, *, speed_factor: int = 1) -> None:
+    """Fill an entry of the list from a preset's step. speed_factor: of the path, for what is keyed along it."""
+    item.perturbation = step.perturbation.name
+    group = parameters_of(item)
+    item.mode = "static" if step.levels is None or step.keyed else "dynamic"
+    item.use_severity = step.severity is not None or step.keyed or not step.perturbation.severities
+    if step.severity is not None:
+        set_value(item, "severity", step.severity)
+    if step.perturbation.temporals:
+        item.temporal = step.temporal
+    for name, value in step.given.items():
+        if name in step.perturbation.severities:
+            setattr(group, OVERRIDE + name, True)  # first, as this sets the parameter to the severity's value
+        set_value(group, name, value)
+    if step.keyed and step.levels is not None:
+        item.severity = step.levels[0]
+        frames = scene_frames(item.id_data, len(step.levels) * speed_factor)[::speed_factor]
+        key_severity(item, step.levels, frames)
+
+
+def put_step(panel: Any, step: Step) -> bool:
+    """Let the list hold a preset's step: in place of the entry of its name, else added; tell whether there was one.
+
+    Of several entries of this name, the one with the step's own place among them is replaced.
+    """
+    same = [index for index, item in enumerate(panel.steps) if item.perturbation == step.perturbation.name]
+    place = same[step.occurrence] if step.occurrence < len(same) else None
+    if place is not None:
+        remove_entry(panel, place)
+    made = add_step(panel, step.perturbation.name)
+    if place is not None:
+        move_entry(panel, made, place)
+        panel.active_step = made = place
+    take_step(panel.steps[made], step, speed_factor=panel.speed_factor)
+    if RATE not in step.given:
+        take_rate(panel, panel.steps[made])
+    return place is not None
+
+
+def add_step(panel: Any, name: str) -> int:
+    """Add a perturbation to the list in propagation order, after others of its name; return its index.
+
+    Its pattern changes from frame to frame as it does in the world.
+    """
+    with notify_once():
+        item = panel.steps.add()
+        item.perturbation = name
+        if registry()[name].temporals:
+            item.temporal = registry()[name].natural
+    places = list(registry())
+    order = [places.index(step.perturbation) if step.perturbation in places else len(places) for step in panel.steps]
+    place = sum(other <= order[-1] for other in order[:-1])
+    move_entry(panel, len(order) - 1, place)
+    panel.active_step = place
+    return place
+
+
+def add_own_step(panel: Any, name: str) -> int:
+    """Add a perturbation as `add_step` does, at the frame rate of the sequence where the open scene is its source."""
+    index = add_step(panel, name)
+    take_rate(panel, panel.steps[index])
+    return index
+
+
+def take_rate(panel: Any, item: Any) -> None:
+    """Let an entry that counts time have the rate of the sequence's frames, where the open scene is its source."""
+    rate_hz = own_rate_hz(panel)
+    if rate_hz is not None and hasattr(parameters_of(item), RATE):
+        set_value(parameters_of(item), RATE, rate_hz)
+
+
+def own_rate_hz(panel: Any) -> float | None:
+    """Return how many frames of the sequence the open scene shows in a second; None where it is not shown."""
+    if not is_shown(panel):
+        return None
+    render = panel.id_data.render
+    each = frame_range(panel.id_data).step if follows(panel) else 1
+    return render.fps / render.fps_base / each
+
+
+def other_rate(panel: Any, item: Any) -> str:
+    """Return what is wrong with an entry's rate of frames, "" where nothing is: it drifts as fast as the scene runs."""
+    rate_hz, group = own_rate_hz(panel), parameters_of(item)
+    if rate_hz is None or item.temporal != "drift" or not hasattr(group, RATE):
+        return ""
+    given_hz = value_of(group, RATE)
+    if abs(given_hz - rate_hz) <= SAME_RATE * rate_hz:
+        return ""
+    times = rate_hz / given_hz
+    return (
+        f"Moves {times:.2g} times as fast as in the scene, which has {rate_hz:g} frames a second here, not {given_hz:g}"
+    )
+
+
+def move_entry(panel: Any, here: int, there: int) -> None:
+    """Move an entry of the list, with its keys."""
+    if here == there:
+        return
+    order = list(range(len(panel.steps)))
+    order.insert(there, order.pop(here))
+    panel.steps.move(here, there)
+    reorder(panel.id_data, [order.index(index) for index in range(len(order))])
+
+
+def remove_entry(panel: Any, index: int) -> None:
+    """Remove an entry of the list, with its keys."""
+    count = len(panel.steps)
+    panel.steps.remove(index)
+    reorder(panel.id_data, [None if k == index else k - (k > index) for k in range(count)])
+
+
+def clear_entries(panel: Any) -> None:
+    """Empty the list, with its keys."""
+    panel.steps.clear()
+    reorder(panel.id_data, [])
+
+
+def may_move(panel: Any, by: int) -> bool:
+    """Tell whether the selected entry may swap with its neighbour in this direction: only if their names are equal."""
+    here, there = panel.active_step, panel.active_step + by
+    if not (0 <= here < len(panel.steps) and 0 <= there < len(panel.steps)):
+        return False
+    return panel.steps[here].perturbation == panel.steps[there].perturbation
+
+
+# The fields of the selected perturbation: its severity and its parameters.
+
+
+LONG = 7  # parameters, beyond which a list has sub-panels; chosen: as many as are seen at a glance
+LOOK, MOTION, CAMERA, SENSOR = "Look", "Motion", "Camera", "Sensor"
+_OF_CAMERA = ("camera", "view", "aperture", "focus", "focal", "sensor", "f_number", "max_radius")
+_OF_MOTION = ("_m_s", "_per_s", "_hz", "_ms")
+_OF_MOTION_WORDS = ("fall", "flow", "creep", "run", "runs", "drying", "wind", "gusts", "shutter")
+
+
+def draw_step(layout: bpy.types.UILayout, step: Any) -> None:
+    """Draw the severity and the parameters of the selected perturbation."""
+    perturbation = perturbation_of(step)
+    column = layout.column()
+    column.active = step.enabled
+    if perturbation.severities:
+        column.prop(step, "use_severity")
+        if step.use_severity:
+            row = column.row()
+            row.use_property_decorate = not isinstance(perturbation, SEQUENCE_KINDS)
+            row.prop(step, "severity", slider=True)
+            if (curve := curve_of(step)) is not None:
+                column.label(text=f"{len(curve.keyframe_points)} keys: each frame has its own", icon="KEYFRAME")
+            elif not isinstance(perturbation, SEQUENCE_KINDS):
+                column.row().prop(step, "mode", expand=True)
+    if len(perturbation.temporals) > 1:
+        label, buttons = _split_row(column)
+        label.label(text="Pattern")
+        for value in perturbation.temporals:
+            buttons.prop_enum(step, "temporal", value)
+    column.separator(factor=0.5)
+    first, rest = parts_of(perturbation)
+    for name in first:
+        _draw_parameter(column, step, perturbation, name)
+    for part, names in rest.items():
+        header, body = layout.panel(f"noisy_world_{perturbation.name}_{part}", default_closed=part in (MOTION, CAMERA))
+        header.label(text=part)
+        if body is not None:
+            body.active = step.enabled
+            for name in names:
+                _draw_parameter(body, step, perturbation, name)
+
+
+def parts_of(perturbation: Perturbation) -> tuple[list[str], dict[str, list[str]]]:
+    """Return the parameters that are shown at once, and those of each sub-panel, in the order of effect.
+
+    Of a long list those that severity sets come first, then what else decides the look, motion and the camera.
+    """
+    names = [item.name for item in fields(perturbation.parameters)]
+    if len(names) <= LONG:
+        return names, {}
+    first = [name for name in names if name in perturbation.severities or name == "device"] or names[:1]
+    if isinstance(perturbation, DepthPerturbation):
+        return first, {SENSOR: [name for name in names if name not in first]}
+    rest: dict[str, list[str]] = {part: [] for part in (LOOK, MOTION, CAMERA)}
+    for name in names:
+        if name not in first:
+            rest[_part_of(name)].append(name)
+    return first, {part: found for part, found in rest.items() if found}
+
+
+def _part_of(name: str) -> str:
+    if name.startswith(_OF_CAMERA):
+        return CAMERA
+    moves = name.endswith(_OF_MOTION) or any(word in name.split("_") for word in _OF_MOTION_WORDS)
+    return MOTION if moves else LOOK
+
+
+def _split_row(layout: bpy.types.UILayout) -> tuple[bpy.types.UILayout, bpy.types.UILayout]:
+    """Return the two parts of a row that property split does not lay out by itself."""
+    split = layout.split(factor=0.4)
+    split.use_property_split = False
+    label = split.row()
+    label.alignment = "RIGHT"
+    return label, split.row(align=True)
+
+
+def _draw_parameter(layout: bpy.types.UILayout, step: Any, perturbation: Perturbation, name: str) -> None:
+    """Draw a parameter: its own value, or the severity's with the toggle that overrides it."""
+    group = parameters_of(step)
+    if name not in perturbation.severities or not step.use_severity:
+        layout.prop(group, property_name(name))
+        return
+    label, row = _split_row(layout)
+    label.label(text=group.bl_rna.properties[property_name(name)].name)
+    if getattr(group, OVERRIDE + name):
+        row.prop(group, property_name(name), text="")
+    else:
+        row.label(text=_severity_value(step, perturbation, name))
+    row.prop(group, OVERRIDE + name, text="", icon="GREASEPENCIL")
+
+
+def _severity_value(step: Any, perturbation: Perturbation, name: str) -> str:
+    if step.severity < SEVERITIES[0]:
+        return "No effect"
+    value = getattr(perturbation.at_severity(step.severity), name)
+    return f"{value:.4g}{_unit(perturbation, name)}"
+
+
+def _unit(perturbation: Perturbation, name: str) -> str:
+    unit = next(item for item in fields(perturbation.parameters) if item.name == name).metadata["key"].unit
+    return f" {unit}" if unit not in ("", "deg", "frames") else ""

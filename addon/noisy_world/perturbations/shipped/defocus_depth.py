@@ -1,0 +1,242 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Depth of field: a thin lens blurs what is nearer or farther than its focus."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import product
+from typing import ClassVar, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...core.node_graph import Socket
+from ...core.schema import key
+from ..about import About
+from ..groups import Canvas
+from ..kinds import ColourPerturbation, FrameContext
+
+NEAREST_M = 1e-3  # least distance of the focus beyond the focal length; chosen: nearer, a lens cannot focus
+ROWS = 16  # of a band; chosen so that a band's arrays stay in the processor's cache
+LEAST_LIGHT = 1 / 256  # weight of a pixel in focus in its neighbours' disks, of 1; chosen: above 0, so sums are never 0
+
+
+@dataclass(frozen=True)
+class DefocusDepth:
+    """Each pixel is the mean of a disk of its own circle of confusion, by the thin lens and the pixel's depth.
+
+    The circle's diameter on the sensor is |f^2 (z - s) / (N z (s - f))|, with focal length f, focus s, f-number N and
+    planar depth z; void, depth 0, is infinitely far. A pixel in focus spreads no light, so that it does not bleed into
+    its blurred neighbours. Not modelled: light of a blurred foreground on what is sharp behind it. Its edge stays hard.
+    """
+
+    focus_m: float = key(
+        "planar depth of what is sharp", default=1.5, unit="m", minimum=0.05, maximum=1000, slider=(0.1, 10)
+    )
+    f_number: float = key(
+        "focal length over the aperture's diameter", default=5.6, minimum=0.5, maximum=64, label="F-Stop"
+    )
+    focal_length_mm: float = key(
+        "focal length of the lens", default=50.0, unit="mm", minimum=1, maximum=1000, slider=(10, 200)
+    )
+    sensor_width_mm: float = key(
+        "width of the sensor behind it", default=36.0, unit="mm", minimum=1, maximum=100, slider=(4, 50)
+    )
+    max_radius_px: float = key(
+        "no circle of confusion is larger; the time goes with its square",
+        default=6.5,
+        unit="px",
+        minimum=1,
+        maximum=30,
+        slider=(1, 30),
+    )
+    TOOLTIPS: ClassVar[Mapping[str, str]] = {
+        "focus_m": "How far away the sharp plane is; what is nearer or farther is blurred",
+        "f_number": "Lower: a wider aperture, so less is sharp before and behind the focus",
+        "focal_length_mm": "Higher: less is sharp before and behind the focus",
+        "sensor_width_mm": "Higher: the same lens blurs fewer pixels",
+        "max_radius_px": "Higher: what is far out of focus may blur more, and takes longer",
+    }
+
+
+def apply(rgb: NDArray[np.float32], parameters: DefocusDepth, context: FrameContext) -> NDArray[np.float32]:
+    """Blur (H, W, 3) by the context's planar depth (H, W), metres, 0 = void."""
+    radius_px = confusion_radius_px(context.depth_m, parameters, rgb.shape[1])
+    light = np.clip(radius_px, LEAST_LIGHT, 1)[..., None]
+    spread = np.concatenate([rgb * light, light], axis=2)
+    gathered = _gather(spread, np.maximum(radius_px, 1), math.ceil(parameters.max_radius_px) + 1)
+    share = np.minimum(radius_px, 1)[..., None] ** 2
+    blurred = np.divide(gathered[..., :3], gathered[..., 3:], dtype=np.float32)
+    return rgb + (blurred - rgb) * share
+
+
+def confusion_radius_px(depth_m: NDArray[np.float32], parameters: DefocusDepth, width_px: int) -> NDArray[np.float32]:
+    """Return (H, W) px: the radius of a thin lens's circle of confusion, limited to `max_radius_px`."""
+    focal_m = parameters.focal_length_mm / 1000
+    beyond_m = max(parameters.focus_m - focal_m, NEAREST_M)
+    diameter_m = focal_m**2 / (parameters.f_number * beyond_m)  # of a point at infinity
+    far_px = np.float32(diameter_m / (parameters.sensor_width_mm / 1000) * width_px / 2)
+    nearness = np.divide(
+        np.float32(parameters.focus_m), depth_m, out=np.zeros_like(depth_m), where=depth_m > 0, dtype=np.float32
+    )
+    return np.minimum(far_px * np.abs(1 - nearness), np.float32(parameters.max_radius_px))
+
+
+def _gather(image: NDArray[np.float32], radius_px: NDArray[np.float32], grain: int) -> NDArray[np.float32]:
+    """Sum (H, W, C) over each pixel's own disk, the border replicated. radius_px: (H, W), at least 1.
+
+    grain: the side of the table of weights, in cells.
+    """
+    import cv2
+
+    size = (radius_px + np.float32(0.5)) * np.float32((grain + 1) / grain) - 1
+    reach = math.ceil(float(size.max()))
+    padded = np.asarray(cv2.copyMakeBorder(image, reach, reach, reach, reach, cv2.BORDER_REPLICATE), np.float32)
+    total = np.empty_like(image)
+    for top in range(0, len(image), ROWS):
+        band = slice(top, top + ROWS)
+        total[band] = _gather_band(padded[top : top + ROWS + 2 * reach], size[band], reach, grain)
+    return total
+
+
+def _gather_band(
+    padded: NDArray[np.float32], size: NDArray[np.float32], border: int, grain: int
+) -> NDArray[np.float32]:
+    height, width = size.shape
+    total = padded[border : border + height, border : border + width].copy()
+    reach = math.ceil(float(size.max()))
+    indices = _table_indices(size, reach, grain)
+    table = np.pad(disk_quadrant(grain), (0, 1)).astype(np.float32)  # padded: the last row and column need a neighbour
+    for small, large in ((a, b) for b in range(1, reach + 1) for a in range(b + 1)):
+        weight = _weight(indices[small], indices[large], table)
+        if not weight.any():
+            continue
+        ring = np.zeros_like(total)
+        for row, column in _offsets(small, large):
+            top, left = border + row, border + column
+            ring += padded[top : top + height, left : left + width]
+        ring *= weight[..., None]
+        total += ring
+    return total
+
+
+def _offsets(small: int, large: int) -> list[tuple[int, int]]:
+    """Return all offsets (rows, columns) whose absolute values are these two, in either order."""
+    signs = product((1, -1), repeat=2)
+    return sorted({(row * y, column * x) for row, column in signs for y, x in ((small, large), (large, small))})
+
+
+TableIndex: TypeAlias = tuple[NDArray[np.intp], NDArray[np.float32]]
+
+
+def _table_indices(size: NDArray[np.float32], reach: int, grain: int) -> list[TableIndex]:
+    """Return for each offset 0 to `reach` its position in the table: the row below it, and the fraction from there.
+
+    This repeats Blender's Blur node: where its size varies by pixel, it looks the weights up in a quadrant of the
+    largest disk, with bilinear interpolation.
+    """
+    scale = np.float32(grain + 1) / (size + 1)
+    found = []
+    for offset in range(reach + 1):
+        indices = np.minimum((offset + np.float32(0.5)) * scale - np.float32(0.5), grain) * np.float32(offset > 0)
+        low = indices.astype(np.intp)
+        found.append((low, indices - low.astype(np.float32)))
+    return found
+
+
+def _weight(first: TableIndex, second: TableIndex, table: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Interpolate the table bilinearly between four neighbours."""
+    (row, down), (column, right) = first, second
+    width = table.shape[1]
+    corner = row * width + column
+    upper, lower = (
+        table.take(corner + step) * (1 - right) + table.take(corner + step + 1) * right for step in (0, width)
+    )
+    return upper + (lower - upper) * down
+
+
+def disk_quadrant(grain: int) -> NDArray[np.bool_]:
+    """Return a mask (grain + 1, grain + 1): the offsets in a disk of radius grain - 1/2, so without the outermost."""
+    offsets = np.arange(grain + 1)
+    return offsets[:, None] ** 2 + offsets**2 <= (grain - 0.5) ** 2
+
+
+def build(canvas: Canvas, given: Mapping[str, Socket], _served: Mapping[str, float]) -> Socket:
+    """Blur with the Blur node, whose size varies by pixel."""
+    graph, image, depth_m = canvas.graph, canvas.image, canvas.depth_m
+    assert depth_m is not None
+    with graph.section("Circle of confusion"):
+        focal_m = given["focal_length_mm"] / 1000.0
+        beyond_m = graph.math("MAXIMUM", given["focus_m"] - focal_m, NEAREST_M)
+        aperture_m = focal_m / given["f_number"]
+        diameter_m = graph.math("MULTIPLY", aperture_m, focal_m / beyond_m, label="Of a point at infinity")
+        far_px = diameter_m * canvas.width_px * 500.0 / given["sensor_width_mm"]
+        nearness = graph.math("DIVIDE", given["focus_m"], depth_m, label="0 at infinity and where depth is void")
+        free_px = far_px * graph.math("ABSOLUTE", 1.0 - nearness)
+        radius_px = graph.math("MINIMUM", free_px, given["max_radius_px"], label="Radius in pixels")
+    with graph.section("A column for the largest disk"):
+        # The Blur node scales its disks down from the largest in the image. An added column, cut off again below,
+        # always holds the largest one, so that the weights do not depend on the frame.
+        grain = graph.math("CEIL", given["max_radius_px"]) + 1.0
+        column, wide, radius = _widened(canvas, radius_px)
+    with graph.section("Light that spreads"):
+        light = graph.clamp(radius, LEAST_LIGHT)
+        spread = _with_alpha(graph.math("MULTIPLY", wide, graph.vector(light, light, light)), light)
+    with graph.section("Blur"):
+        own = (graph.math("MAXIMUM", radius, 1.0) + 0.5) * ((grain + 1.0) / grain) - 1.0
+        size = graph.math("MAXIMUM", own, column * (grain - 0.5))
+        inputs = {"Image": spread, "Size": graph.vector(size, size), "Type": "Flat", "Separable": False}
+        blurred = graph.node("CompositorNodeBlur", inputs).out("Image", "color")
+        inputs = {"Image": blurred, "X": 0, "Y": 0, "Width": canvas.width_px, "Height": canvas.height_px}
+        kept = graph.node("CompositorNodeCrop", inputs | {"Alpha Crop": False}).out("Image", "color")
+    with graph.section("Mix"):
+        weight = _alpha(kept)
+        mean = graph.math("DIVIDE", kept, graph.vector(weight, weight, weight))
+        below = graph.math("MINIMUM", radius_px, 1.0)
+        share = below * below
+        return graph.mix(image, mean, graph.vector(share, share, share))
+
+
+def _widened(canvas: Canvas, radius_px: Socket) -> tuple[Socket, Socket, Socket]:
+    """Return a mask of the added column (1 there, 0 elsewhere), the image with the column, and the radius with it."""
+    graph = canvas.graph
+    size = graph.vector(canvas.width_px + 1.0, canvas.height_px)
+    wide = graph.node("CompositorNodeBlankImage", {"Size": size}).out("Image", "color")
+    pixel = graph.node("CompositorNodeImageCoordinates", {"Image": wide}).out("Pixel", "vector")
+    frame = graph.vector(canvas.width_px, canvas.height_px, 1.0)
+    where = graph.math("DIVIDE", graph.math("ADD", pixel, (0.5, 0.5, 1.0)), frame)
+    extend = {"Extension X": "Extend", "Extension Y": "Extend"}
+    inputs = {"Image": _with_alpha(canvas.image, radius_px), "UV": where, "Interpolation": "Nearest", **extend}
+    found = graph.node("CompositorNodeMapUV", inputs).out("Image", "color")
+    return pixel.x > canvas.width_px - 0.5, found, _alpha(found)
+
+
+def _with_alpha(image: Socket, alpha: Socket) -> Socket:
+    inputs = {"Image": image, "Alpha": alpha, "Type": "Replace Alpha"}
+    return image.graph.node("CompositorNodeSetAlpha", inputs).out("Image", "color")
+
+
+def _alpha(image: Socket) -> Socket:
+    node = image.graph.node("CompositorNodeSeparateColor", {"Image": image}, {"mode": "RGB"})
+    return node.out("Alpha", "float")
+
+
+PERTURBATION = ColourPerturbation(
+    name="defocus_depth",
+    label="Depth of field",
+    stage="lens",
+    order=20,
+    parameters=DefocusDepth,
+    severities={"f_number": (11, 8, 5.6, 4, 2.8)},
+    source="our own: full stops of a 50 mm lens on full frame, focused at 1.5 m",
+    about=About(
+        "Blurs what is nearer or farther than the focus, as a lens does",
+        "the depth of field of a thin lens, by planar depth; needs depth",
+        caption="a thin lens in focus at one distance.",
+    ),
+    apply=apply,
+    averages=True,
+    repeatable=True,
+    build=build,
+    needs_depth=True,
+)

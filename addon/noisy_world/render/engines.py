@@ -1,0 +1,504 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Cycles, EEVEE and Workbench: set up for unlit colours and planar depth, and rendered into float arrays."""
+
+import json
+import math
+import subprocess
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from typing import Any, Literal, TypeAlias
+
+import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+from ..channels.channel import Fact, Surface
+from ..core.errors import Message, MissingDependencyError, PresetKey, StorageError, either
+from ..core.file_access import ScratchFolder, utf8_name
+from ..core.frame_request import Shutter
+from ..core.lens import Bending
+from ..nodes.datablocks import camera_of, muted_output, override_scene, write_plain_floats
+from ..nodes.datablocks import cycles as cycles_of
+from .source import RenderedFrame
+
+EngineName: TypeAlias = Literal["cycles", "eevee", "workbench"]
+Device: TypeAlias = Literal["cpu", "gpu"]
+
+GPU_KINDS = ("OPTIX", "CUDA", "HIP", "METAL", "ONEAPI")  # OptiX before CUDA: both drive the same cards, OptiX faster
+
+AVERAGING_FILTER_PX = 1.5  # Blender's default
+CENTRE_FILTER_PX = 0.01  # the smallest width that Blender allows
+# Z is that of a pixel's first sample, which goes through the middle of the filter. Cycles looks the middle up in a
+# table of 1024 entries that is symmetric about entry 511, not 511.5, so it is half a step off, to the right and up. In
+# units of half the filter's width (which is the width set), a step there is the integral of the Blackman-Harris filter,
+# its coefficient a0 = 0.35875, divided by 511. With the averaging filter that is 5e-4 px, and depth along a wall would
+# be wrong by up to 1e-4 of itself.
+FILTER_MIDDLE = 0.5 * 0.35875 / 511
+
+
+@dataclass(frozen=True)
+class Engine:
+    """What differs between engines.
+
+    configure: sets a scene up for a seed and the number of samples that colours get.
+    set_samples: sets the samples per pixel of the next render, which can be changed at no cost.
+    shades: whether the material's nodes are evaluated; Workbench shows the colour attribute itself.
+    centre_depth: whether depth is that of the pixel's centre at any number of samples; if not, it is rendered
+    separately, with one sample.
+    blurs_textures: whether it shows more of a texture than the four texels around a point.
+    sample_offset_px: how far to the right of and above a pixel's centre its first sample is.
+    """
+
+    configure: Callable[[bpy.types.Scene, int, int], None]
+    set_samples: Callable[[bpy.types.Scene, int], None]
+    shades: bool
+    centre_depth: bool
+    blurs_textures: bool
+    sample_offset_px: Callable[[int], float]
+
+
+def configure(
+    scene: bpy.types.Scene, engine: Engine, *, seed: int, samples: int, threads: int, device: Device = "cpu"
+) -> None:
+    """Set a scene up for an engine. samples: rays per pixel, for colour. threads: 0 for all.
+
+    Raises MissingDependencyError where a GPU is asked for and none is found.
+    """
+    render = scene.render
+    render.use_persistent_data = True
+    render.use_compositing = False
+    render.use_sequencer = False
+    render.use_motion_blur = False
+    render.use_simplify = False
+    render.film_transparent = False
+    render.threads_mode = "FIXED" if threads else "AUTO"
+    if threads:
+        render.threads = threads
+    # Without a world the background is black, which is the colour of void.
+    scene.world = None
+    engine.configure(scene, seed, samples)
+    if device == "gpu":
+        enable_gpu()
+        cycles_of(scene).device = "GPU"
+
+
+def show_textures(scene: bpy.types.Scene) -> None:
+    """Make Workbench show textures, in place of the colour attribute; the other engines show what materials say."""
+    shading = _display(scene).shading
+    assert shading is not None
+    shading.color_type = "TEXTURE"
+
+
+def enable_gpu() -> str:
+    """Make Cycles use all graphics cards of the first of GPU_KINDS that is found, and nothing else.
+
+    Returns the kind and the cards' names. Raises MissingDependencyError where none is found.
+    """
+    preferences = bpy.context.preferences.addons["cycles"].preferences
+    built_in = {kind for kind, *_ in preferences.get_device_types(bpy.context)}
+    for kind in filter(built_in.__contains__, GPU_KINDS):
+        with muted_output():  # Blender prints many lines on drivers that it does not find
+            cards = [card for card in preferences.get_devices_for_type(kind) if card.type == kind]
+        if cards:
+            preferences.compute_device_type = kind
+            for device in preferences.devices:
+                device.use = device.type == kind
+            return f"{kind} {', '.join(card.name for card in cards)}"
+    raise MissingDependencyError(
+        f"render.device is gpu, but Cycles finds no graphics card here (it looked for "
+        f"{', '.join(kind for kind in GPU_KINDS if kind in built_in) or 'nothing, as it is built without'}); "
+        "use render.device: cpu, or install the card's driver"
+    )
+
+
+def _configure_cycles(scene: bpy.types.Scene, seed: int, samples: int) -> None:
+    """Configure Cycles without lights, bounces, denoiser and tiles."""
+    _set_engine(scene, "CYCLES")
+    cycles = cycles_of(scene)
+    cycles.device = "CPU"
+    cycles.seed = seed
+    cycles.use_animated_seed = True
+    sample_plainly(cycles, filter_width_px(samples))
+    cycles.transparent_max_bounces = 0
+    cycles.film_exposure = 1.0
+
+
+def sample_plainly(cycles: Any, filter_px: float) -> None:
+    """Let Cycles follow a camera's rays to what they meet and no further, by a fixed pattern."""
+    cycles.use_adaptive_sampling = False
+    cycles.use_denoising = False
+    cycles.use_auto_tile = False
+    cycles.use_light_tree = False
+    cycles.max_bounces = 0
+    cycles.sampling_pattern = "TABULATED_SOBOL"
+    cycles.pixel_filter_type = "BLACKMAN_HARRIS"
+    cycles.filter_width = filter_px
+
+
+def _configure_eevee(scene: bpy.types.Scene, _seed: int, samples: int) -> None:
+    """Configure EEVEE without lights, shadows and ray tracing; its samples follow a fixed pattern."""
+    _set_engine(scene, "BLENDER_EEVEE")
+    scene.render.filter_size = AVERAGING_FILTER_PX if samples > 1 else 0.0
+    eevee = _eevee(scene)
+    eevee.use_shadows = False
+    eevee.use_raytracing = False
+    eevee.use_fast_gi = False
+    eevee.use_overscan = False
+
+
+def _configure_workbench(scene: bpy.types.Scene, _seed: int, _samples: int) -> None:
+    """Configure Workbench to show the colour attribute, flat; nothing is random."""
+    _set_engine(scene, "BLENDER_WORKBENCH")
+    shading = _display(scene).shading
+    assert shading is not None
+    shading.light = "FLAT"
+    shading.color_type = "VERTEX"
+    shading.show_backface_culling = False
+    shading.show_cavity = False
+    shading.show_object_outline = False
+    shading.show_shadows = False
+    shading.show_specular_highlight = False
+    shading.show_xray = False
+    shading.use_dof = False
+
+
+def _cycles_samples(scene: bpy.types.Scene, samples: int) -> None:
+    cycles_of(scene).samples = samples
+
+
+def _eevee_samples(scene: bpy.types.Scene, samples: int) -> None:
+    _eevee(scene).taa_render_samples = samples
+
+
+def _workbench_samples(scene: bpy.types.Scene, samples: int) -> None:
+    name: Any = "OFF" if samples == 1 else str(samples)  # which numbers there are the preset has checked
+    _display(scene).render_aa = name
+
+
+def _set_engine(scene: bpy.types.Scene, name: str) -> None:
+    engine: Any = name  # the stubs know none but EEVEE: the others are add-ons to them
+    scene.render.engine = engine
+
+
+def _eevee(scene: bpy.types.Scene) -> bpy.types.SceneEEVEE:
+    assert scene.eevee is not None
+    return scene.eevee
+
+
+def _display(scene: bpy.types.Scene) -> bpy.types.SceneDisplay:
+    assert scene.display is not None
+    return scene.display
+
+
+def filter_width_px(samples: int) -> float:
+    """Return the width of Cycles' pixel filter: the least for a single sample, which shows the pixel's centre."""
+    return CENTRE_FILTER_PX if samples == 1 else AVERAGING_FILTER_PX
+
+
+def _no_offset(_samples: int) -> float:
+    return 0.0
+
+
+ENGINES: dict[EngineName, Engine] = {
+    "cycles": Engine(
+        _configure_cycles,
+        _cycles_samples,
+        shades=True,
+        centre_depth=True,
+        blurs_textures=False,
+        sample_offset_px=lambda samples: FILTER_MIDDLE * filter_width_px(samples),
+    ),
+    "eevee": Engine(
+        _configure_eevee,
+        _eevee_samples,
+        shades=True,
+        centre_depth=False,
+        blurs_textures=True,
+        sample_offset_px=_no_offset,
+    ),
+    "workbench": Engine(
+        _configure_workbench,
+        _workbench_samples,
+        shades=False,
+        centre_depth=False,
+        blurs_textures=False,
+        sample_offset_px=_no_offset,
+    ),
+}
+
+
+# Testing whether GL works here, in another process: where it does not, Blender may end without a message.
+
+
+MARK = "@gl "
+TIMEOUT_S = 180  # chosen: far longer than software GL takes to start
+ASK = f"""
+import bpy, gpu, json
+bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
+scene = bpy.context.scene
+scene.render.engine = "BLENDER_WORKBENCH"
+scene.render.resolution_x = scene.render.resolution_y = 4
+scene.camera = bpy.data.objects.new("camera", bpy.data.cameras.new("camera"))
+scene.collection.objects.link(scene.camera)
+bpy.ops.render.render()
+print({MARK!r} + json.dumps([gpu.platform.renderer_get(), gpu.platform.version_get()]))
+"""
+
+
+def gl_version() -> str:
+    """Render a few pixels with GL in another process; return GL's renderer and version.
+
+    Raises MissingDependencyError, which names Debian's packages, where that fails.
+    """
+    command = [bpy.app.binary_path, "-b", "--factory-startup", "--python-exit-code", "1", "--python-expr", ASK]
+    if not bpy.app.binary_path:
+        command = [sys.executable, "-c", ASK]
+    try:
+        asked = subprocess.run(command, capture_output=True, text=True, timeout=TIMEOUT_S, check=False)  # noqa: S603
+        answer = [line for line in asked.stdout.splitlines() if line.startswith(MARK)]
+        problem = "" if asked.returncode == 0 else f"Blender ended with status {asked.returncode}"
+    except subprocess.TimeoutExpired:
+        answer, problem = [], f"no answer within {TIMEOUT_S} s"
+    if problem or not answer:
+        packages = "libegl1 libgl1 libgl1-mesa-dri"
+        message = f"EEVEE and Workbench need OpenGL, which fails here ({problem or 'it told nothing'})"
+        other = Message("use ", PresetKey("render.engine", "cycles"), ", which needs none")
+        raise MissingDependencyError(message, remedy=either(f"run: apt-get install {packages}", other))
+    renderer, version = json.loads(answer[0].removeprefix(MARK))
+    return f"{renderer}, {version}"
+
+
+# Lines of a frame that are read one after another: each band of them is rendered at its own moment, by a border.
+
+
+BANDS_PER_PX = 32.0  # of what moves most while the image is read: a line is at most 1/64 px off; chosen
+
+
+@dataclass(frozen=True)
+class Band:
+    """Lines of an image (height, width) that see the same moment. after_s: the moment, after the frame's time stamp."""
+
+    rows: slice
+    columns: slice
+    after_s: float
+
+
+def bands_of(readout: Shutter, size_px: tuple[int, int], travel_px: float) -> list[Band]:
+    """Return the bands of an image that is read, in the image's order. size_px: width, height.
+
+    travel_px: how far anything goes on the image meanwhile, at most; it decides how many bands there are.
+    """
+    width, height = size_px
+    upright = readout.direction in ("right", "left")
+    count = width if upright else height
+    times_s = readout.line_times_s(count)
+    number = min(count, max(1, math.ceil(travel_px * BANDS_PER_PX)))
+    bands = []
+    for part in np.array_split(np.arange(count), number):
+        lines, after_s = slice(int(part[0]), int(part[-1]) + 1), float(times_s[part].mean())
+        bands.append(Band(slice(0, height), lines, after_s) if upright else Band(lines, slice(0, width), after_s))
+    return bands
+
+
+def whole(size_px: tuple[int, int]) -> Band:
+    """Return all of an image, at the frame's time stamp. size_px: width, height."""
+    return Band(slice(0, size_px[1]), slice(0, size_px[0]), 0.0)
+
+
+def behind_lens(band: Band, bending: Bending | None) -> tuple[Band, Bending | None]:
+    """Return what is rendered of a pinhole for a band behind a lens, and what bends it; the band itself without one."""
+    if bending is None:
+        return band, None
+    rows, columns, part = bending.part(band.rows, band.columns)
+    return replace(band, rows=rows, columns=columns), part
+
+
+def joined(
+    bands: Sequence[Band], size_px: tuple[int, int], passes_of: Callable[[Band], dict[str, NDArray[np.float32]]]
+) -> dict[str, NDArray[np.float32]]:
+    """Return the passes (H, W) of a frame. passes_of: gives those of a band's lines, by name."""
+    found: dict[str, NDArray[np.float32]] = {}
+    for band in bands:
+        for name, pixels in passes_of(band).items():
+            image = found.setdefault(name, np.empty((size_px[1], size_px[0]), np.float32))
+            image[band.rows, band.columns] = pixels
+    return found
+
+
+@contextmanager
+def bordered(scene: bpy.types.Scene, size_px: tuple[int, int], band: Band | None) -> Iterator[tuple[slice, slice]]:
+    """Let the scene render a band alone; give what of the rendered image is asked for. None: the whole image.
+
+    size_px: width, height of the frame, at the left top of the scene's image.
+    """
+    if band is None:
+        yield slice(size_px[1]), slice(size_px[0])
+        return
+    render = scene.render
+    # A quarter of a pixel beyond the pixels' edges, so that however it is rounded no neighbour is taken.
+    left, right = ((at + 0.25) / render.resolution_x for at in (band.columns.start, band.columns.stop))
+    top, bottom = ((render.resolution_y - at + 0.25) / render.resolution_y for at in (band.rows.start, band.rows.stop))
+    render.border_min_x, render.border_max_x = left, right
+    render.border_min_y, render.border_max_y = bottom, top
+    render.use_border = render.use_crop_to_border = True
+    try:
+        yield slice(None), slice(None)
+    finally:
+        render.use_border = False
+
+
+# Rendering frames in Blender into float arrays: colour and planar depth, each only if asked for.
+
+
+FAR_PLANE_TOLERANCE = 1e-4  # of the far plane's distance; chosen: a z-buffer rounds depths next to it by less
+EXR_BYTES_PER_PIXEL = 20  # five channels of float32
+BYTES_PER_PIXEL = 36  # nine channels, as where a denoiser keeps what it was given
+SURFACE_BYTES_PER_PIXEL = 28  # seven more: a normal, and a face with its alpha
+FACE_OUTPUT = "Noisy World face"
+FACE_ATTRIBUTE = "noisy_world_face"
+FACE_STEP = 4096  # a face's number is told in two parts below this, which float32 holds exactly; chosen
+
+
+@dataclass(frozen=True)
+class Passes(RenderedFrame):
+    """What a render gives. world: of the surface, where it is asked for; normals in the scene's axes."""
+
+    world: Surface | None = None
+
+
+class RenderFile:
+    """The scratch file, in memory, that a scene is rendered into.
+
+    In background mode Python cannot read a render result, but it can read an uncompressed float EXR, in 7 ms.
+    """
+
+    def __init__(
+        self, scene: bpy.types.Scene, size_px: tuple[int, int], bytes_per_pixel: int = BYTES_PER_PIXEL
+    ) -> None:
+        """Prepare the scene. size_px: width, height of the frames, which stand at the left top of the image."""
+        self._scene = scene
+        self.size_px = size_px
+        self._scratch = ScratchFolder(bytes_per_pixel * size_px[0] * size_px[1])
+        self.folder = self._scratch.path
+        self._path = self.folder / "frame.exr"
+        render = scene.render
+        render.filepath = utf8_name(self._path)
+        render.use_file_extension = False
+        render.use_overwrite = True
+        render.use_placeholder = False
+        write_plain_floats(render.image_settings)
+
+    def render(
+        self, layer: str, size_px: tuple[int, int] | None = None, *, band: Band | None = None
+    ) -> dict[str, NDArray[np.float32]]:
+        """Render the scene as it is, and return a layer's channels (H, W) by pass and channel, such as "Depth.Z".
+
+        size_px: width, height of this frame, where they are not those that were given. band: the lines of it that are
+        rendered and returned; None for all.
+        Raises StorageError where the scratch file could not be written, for instance on a full disk.
+        """
+        import OpenEXR  # needed only for rendering
+
+        self._path.unlink(missing_ok=True)
+        problem, crop = "", (slice(0), slice(0))
+        try:
+            with (
+                bordered(self._scene, size_px or self.size_px, band) as crop,
+                muted_output(),
+                override_scene(self._scene),
+            ):
+                bpy.ops.render.render(write_still=True)
+        except RuntimeError as error:  # Blender reports in this way that it could not write
+            problem = str(error).strip().splitlines()[-1]
+        if problem or not self._path.exists():
+            raise StorageError(
+                f"Blender could not write its scratch file: {problem or 'no file came'}", file=self._path
+            )
+        with OpenEXR.File(utf8_name(self._path), separate_channels=True) as file:
+            named = {tuple(name.rsplit(".", 2)): item.pixels[crop] for name, item in file.channels().items()}
+        return {".".join(name[1:]): pixels for name, pixels in named.items() if name[0] == layer}
+
+    def close(self) -> None:
+        """Remove the scratch file."""
+        self._scratch.remove()
+
+
+class FrameRenderer:
+    """Renders a scene into arrays.
+
+    Passes and camera are set once: setting them, even to equal values, makes Cycles load the whole scene again, which
+    takes as long as a frame. Moving the camera and changing the number of samples cost nothing.
+    """
+
+    def __init__(
+        self,
+        scene: bpy.types.Scene,
+        size_px: tuple[int, int],
+        *,
+        rgb: bool,
+        depth: bool,
+        encoded_colours: bool,
+        facts: frozenset[Fact] = frozenset(),
+    ) -> None:
+        """Prepare the scene.
+
+        size_px: width, height. rgb, depth: what is rendered. encoded_colours: the scene shows display-encoded values.
+        facts: what is told of the surface, with Cycles; for faces their materials have to say it (`tell_faces`).
+        """
+        self._scene = scene
+        self._rgb = rgb
+        self._depth = depth
+        self._encoded_colours = encoded_colours
+        self._facts = facts
+        bytes_per_pixel = EXR_BYTES_PER_PIXEL + (SURFACE_BYTES_PER_PIXEL if facts else 0)
+        self._file = RenderFile(scene, size_px, bytes_per_pixel)
+        layer = scene.view_layers[0]
+        layer.use_pass_combined = rgb
+        layer.use_pass_z = depth
+        layer.use_pass_normal = "normals" in facts
+        if "faces" in facts:
+            face = layer.aovs.add()
+            face.name, face.type = FACE_OUTPUT, "COLOR"
+        self._layer = layer.name
+
+    def close(self) -> None:
+        """Remove the scratch file."""
+        self._file.close()
+
+    def render(self, size_px: tuple[int, int] | None = None) -> Passes:
+        """Render the scene in its current state. size_px: width, height, where they are not those that were given.
+
+        Raises StorageError where the scratch file could not be written, for instance on a full disk.
+        """
+        channels = self._file.render(self._layer, size_px)
+        colours = None
+        if self._rgb:
+            colours = np.stack([channels[f"Combined.{name}"] for name in "RGB"], axis=-1)
+            if not self._encoded_colours:
+                colours = srgb_from_linear(colours)
+        depth_m = None
+        if self._depth:
+            depth_m = channels["Depth.Z"]
+            # Where nothing is hit, depth is the far plane's or, with Cycles, 1e10.
+            far_m = camera_of(self._scene.camera).clip_end * (1 - FAR_PLANE_TOLERANCE)
+            depth_m = np.where(depth_m < far_m, depth_m, np.float32(0))
+        return Passes(colours, depth_m, world=self._surface(channels) if self._facts else None)
+
+    def _surface(self, channels: dict[str, NDArray[np.float32]]) -> Surface:
+        normals = faces = None
+        if "normals" in self._facts:
+            normals = np.stack([channels[f"Normal.{name}"] for name in "XYZ"], axis=-1)
+        if "faces" in self._facts:
+            low, high, hit = (np.rint(channels[f"{FACE_OUTPUT}.{name}"]).astype(np.int32) for name in "RGB")
+            faces = np.where(hit > 0, high * FACE_STEP + low, -1).astype(np.int32)
+        return Surface(normals, faces)
+
+
+def srgb_from_linear(linear: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Encode linear light (any shape, float32) for a display (IEC 61966-2-1)."""
+    power = np.maximum(linear, np.float32(0.0031308)) ** np.float32(1 / 2.4)
+    return np.where(
+        linear <= np.float32(0.0031308), linear * np.float32(12.92), np.float32(1.055) * power - np.float32(0.055)
+    )

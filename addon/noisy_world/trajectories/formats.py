@@ -1,0 +1,173 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Trajectory formats, and reading a file of any: each is an object, and packages bring more.
+
+`docs/trajectories.md` says what each looks like and how it is recognised.
+"""
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.entry_points import Door, Registry
+from ..core.errors import InputError, Message, PresetKey
+from ..core.trajectory import AXES, DIRECTIONS, Axes, Direction, Trajectory, checked_rate, convert_convention
+from .matrix_poses import KITTI, LOG, MATRICES, REPLICA
+from .pose_files import (
+    LARGEST_STAMP_S,
+    STAMP_UNITS,
+    FilePoses,
+    PoseFile,
+    ReadOptions,
+    StampUnit,
+    StatedCamera,
+    TrajectoryFormat,
+)
+from .stamped_poses import EUROC, TUM
+from .transforms_json import TRANSFORMS
+
+Auto: TypeAlias = Literal["auto"]
+
+
+def _problem(item: TrajectoryFormat) -> str:
+    """Return what a format does not say of itself, in a sentence, or ""."""
+    if lacking := [name for name in ("name", "label", "meaning") if not getattr(item, name)]:
+        return f"its trajectory format lacks {', '.join(lacking)}"
+    if item.name == "auto" or not re.fullmatch(r"[a-z][a-z0-9_]*", item.name):
+        return f"{item.name!r} is no name of a format: small letters, digits and underscores, a letter first"
+    return ""
+
+
+DOOR = Door("noisy_world.trajectory_formats", "trajectory format", "FORMAT", (TrajectoryFormat,), _problem)
+
+TRAJECTORY_FORMATS = Registry[TrajectoryFormat](DOOR, lambda: (REPLICA, KITTI, TUM, EUROC, MATRICES, LOG, TRANSFORMS))
+"""Every format of files of poses by its name, ours and those of installed packages."""
+
+
+@dataclass(frozen=True, eq=False)
+class TrajectoryFile:
+    """What a file of poses holds.
+
+    format: what it was read as. axes, direction: those of its poses.
+    camera: the intrinsics that it states, None where it does not. trajectory.notes: what was left out.
+    """
+
+    format: str
+    direction: Direction
+    axes: Axes
+    trajectory: Trajectory
+    camera: StatedCamera | None
+
+
+def read_trajectory(
+    path: str | Path,
+    *,
+    format: str = "auto",  # noqa: A002 - the preset's key
+    direction: Direction | Auto = "auto",
+    axes: Axes | Auto = "auto",
+    rate_hz: float = 20.0,
+    stamp_unit: StampUnit | Auto = "auto",
+) -> Trajectory:
+    """Read the poses of a file, or of a folder with one pose a file; its notes say what was left out.
+
+    format: what the file is, where its content should not decide. direction, axes: the convention of its poses; "auto"
+    is the format's own: camera-to-world with OpenCV's axes for all of ours but transforms.json, which has OpenGL's.
+    stamp_unit: of its stamps, "auto" is the format's. Files without stamps get 0, 1 / rate_hz, ... seconds. Rotations
+    that are off by rounding are made orthonormal. Raises InputError, which names file and line, for anything that is
+    not a trajectory of rigid poses, and ValueError for an argument that does not exist, or a rate that is not positive.
+    """
+    found = read_trajectory_file(
+        path, format=format, direction=direction, axes=axes, rate_hz=rate_hz, stamp_unit=stamp_unit
+    )
+    return found.trajectory
+
+
+def read_trajectory_file(
+    path: str | Path,
+    *,
+    format: str = "auto",  # noqa: A002
+    direction: Direction | Auto = "auto",
+    axes: Axes | Auto = "auto",
+    rate_hz: float = 20.0,
+    stamp_unit: StampUnit | Auto = "auto",
+) -> TrajectoryFile:
+    """Read a file as `read_trajectory` does; return also what it is and what else it says."""
+    _check_name("direction", direction, DIRECTIONS)
+    _check_name("axes", axes, AXES)
+    checked_rate(rate_hz)
+    path = Path(path)
+    poses = read_file_poses(path, format=format, stamp_unit=stamp_unit)
+    own_axes = poses.axes if axes == "auto" else axes
+    own_direction = poses.direction if direction == "auto" else direction
+    c2w = convert_convention(poses.poses, direction=own_direction, axes=own_axes)
+    unit = None if stamp_unit == "auto" else stamp_unit
+    trajectory = Trajectory(c2w, _stamps_s(path, poses, rate_hz, unit), poses.notes)
+    return TrajectoryFile(poses.format, own_direction, own_axes, trajectory, poses.camera)
+
+
+def read_file_poses(
+    path: Path,
+    *,
+    format: str = "auto",  # noqa: A002
+    stamp_unit: StampUnit | Auto = "auto",
+    skip_lost: bool = False,
+) -> FilePoses:
+    """Read a file's poses as they stand there: with their stamps, or with their numbers where there are none.
+
+    skip_lost: whether a matrix that is not finite is a frame in which tracking was lost in every format of matrices,
+    and so left out; else in `matrices` and `log` alone. Raises InputError as `read_trajectory` does, NotFiniteError,
+    which is one, where a pose is not finite, and ValueError for an argument that does not exist.
+    """
+    _check_name("format", format, tuple(TRAJECTORY_FORMATS))
+    _check_name("stamp_unit", stamp_unit, STAMP_UNITS)
+    file, declared = PoseFile(path), format != "auto"
+    known = TRAJECTORY_FORMATS[format] if declared else _recognised(file)
+    if file.is_folder and not known.reads_folders:
+        remedy = "a folder holds one pose a file: format: matrices, or auto"
+        raise InputError(path, f"is a folder, which is not {known.name}", remedy=remedy)
+    return known.read(file, ReadOptions(declared, None if stamp_unit == "auto" else stamp_unit, skip_lost))
+
+
+def detect_format(path: str | Path) -> str:
+    """Tell the format of a file by its content. Raises InputError as read_trajectory does."""
+    return read_file_poses(Path(path)).format
+
+
+def _recognised(file: PoseFile) -> TrajectoryFormat:
+    """Return the format that recognises a file; where none does, one whose reader says what is wrong."""
+    names = [item.name for item in TRAJECTORY_FORMATS.values() if item.recognises(file)]
+    if len(names) > 1:
+        remedy = Message("say which: ", PresetKey("format"))
+        raise InputError(file.path, f"may be of the formats {' and '.join(names)}", remedy=remedy)
+    return TRAJECTORY_FORMATS[names[0]] if names else MATRICES if file.is_folder else TUM
+
+
+def _stamps_s(path: Path, poses: FilePoses, rate_hz: float, unit: StampUnit | None) -> NDArray[np.float64]:
+    if poses.stamps_s is not None:
+        stamps_s = poses.stamps_s
+    else:
+        assert poses.numbers is not None, "poses have stamps or numbers"
+        if unit is not None:
+            remedy = Message(
+                "leave ", PresetKey("stamp_unit"), " out; ", PresetKey("rate_hz"), " gives the frames' times"
+            )
+            raise InputError(path, f"has no time stamps ({poses.format}), so none in {unit}", remedy=remedy)
+        with np.errstate(over="ignore"):
+            stamps_s = poses.numbers / rate_hz
+    last_s = float(np.abs(stamps_s).max())
+    if not last_s <= LARGEST_STAMP_S:
+        problem = f"frames would reach {last_s:.3g} s, over 3,000 years, at {rate_hz:g} Hz"
+        stamps = Message("numbers that are time stamps need ", PresetKey("stamp_unit"))
+        remedy = Message("raise ", PresetKey("rate_hz"), ", or number the files from 0; ", stamps)
+        raise InputError(path, problem, remedy=remedy)
+    if np.any(np.diff(stamps_s) <= 0.0):
+        raise InputError(path, "numbers its frames too closely for float64 seconds", remedy="number them from 0")
+    return stamps_s
+
+
+def _check_name(what: str, name: str, known: tuple[str, ...]) -> None:
+    if name != "auto" and name not in known:
+        raise ValueError(f"{what} is auto or one of {', '.join(known)}, not {name!r}")
