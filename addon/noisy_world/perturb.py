@@ -41,8 +41,8 @@ if TYPE_CHECKING:
 
 # Checks and conversion of the arrays and numbers that callers of the library give.
 #
-# Each function names the argument in its errors: TypeError for what is of another kind, ValueError for values that it may
-# not have.
+# Each function names the argument in its errors: TypeError for what is of another kind, ValueError for values that it
+# may not have.
 
 
 LARGEST_SEED = 2**63 - 1  # as in presets

@@ -9,7 +9,17 @@ from group_tools import picture
 from preview_tools import IDENTIFIERS, SIZE, add, cycles_scene, steps_of
 from shown import evaluate_scene, image_of
 
-from noisy_world.nodes.chain_scene import PREVIOUS, GROUP, OWN, SPLIT, hide_chain, own_compositing, refresh_chain, show_chain, shown_chain  # fmt: skip
+from noisy_world.nodes.chain_scene import (
+    PREVIOUS,
+    GROUP,
+    OWN,
+    SPLIT,
+    hide_chain,
+    own_compositing,
+    refresh_chain,
+    show_chain,
+    shown_chain,
+)
 from noisy_world.nodes.chain_scene import is_edited
 from noisy_world.nodes.compositor import Compositor
 from noisy_world.perturbations.execution import move

@@ -145,8 +145,9 @@ def stacked(rows: Iterable[NDArray[np.uint8]]) -> NDArray[np.uint8]:
 
 # A sequence as a recording of Rerun: images, paths, the rig, the IMU, and what was done when.
 #
-# Every scene has a space of its own, SCENE, in which its sequences lie beside each other as SCENE/SETTING, so that their
-# paths can be compared. Times are the timeline `time`, seconds since the first frame, and the frames' numbers, `frame`.
+# Every scene has a space of its own, SCENE, in which its sequences lie beside each other as SCENE/SETTING, so that
+# their paths can be compared. Times are the timeline `time`, seconds since the first frame, and the frames' numbers,
+# `frame`.
 
 
 TRUE_COLOUR, PLANNED_COLOUR = (90, 170, 255), (255, 160, 60)

@@ -422,8 +422,8 @@ def _content(item: Any) -> Any:
 
 # A group's description without groups inside it: the same arithmetic, which Blender evaluates in fewer passes.
 #
-# Whatever a group takes or gives is a whole image in memory; between nodes of one group Blender goes on with a piece at a
-# time, in the processor's cache. People read groups inside groups; the generator needs none.
+# Whatever a group takes or gives is a whole image in memory; between nodes of one group Blender goes on with a piece
+# at a time, in the processor's cache. People read groups inside groups; the generator needs none.
 
 
 REPEATED = (

@@ -220,9 +220,9 @@ def checked_rate(rate_hz: float) -> float:
 
 # Poses to what is meaningful of them, so that the same preset draws the same images everywhere.
 #
-# Two versions of numpy, or two processors, give sines, products of matrices and decompositions whose last bits differ,
-# and an image shows a pixel at an edge otherwise for that. What is rounded here is far coarser than those, and far finer
-# than anything that is measured or seen.
+# Two versions of numpy, or two processors, give sines, products of matrices and decompositions whose last bits
+# differ, and an image shows a pixel at an edge otherwise for that. What is rounded here is far coarser than those,
+# and far finer than anything that is measured or seen.
 
 
 Float64 = NDArray[np.float64]

@@ -101,10 +101,10 @@ def _least(stop: int, asked: int | None) -> int:
 
 # Digests of a sequence's files in a few bytes a frame: one for a block of frames of a series of images.
 #
-# A series is what the images of one kind are called in a sequence, with * for the frame: `results/frame*.jpg`. A block is
-# BLOCK_FRAMES frames by their numbers. Its digest is that of a list with a line for each of its frames, in order: the
-# file's SHA-256 and its name. So a file that is damaged is found to the block, and a dataset's own frames.jsonl, whose
-# hashes the block's digest confirms, names the file.
+# A series is what the images of one kind are called in a sequence, with * for the frame: `results/frame*.jpg`. A
+# block is BLOCK_FRAMES frames by their numbers. Its digest is that of a list with a line for each of its frames, in
+# order: the file's SHA-256 and its name. So a file that is damaged is found to the block, and a dataset's own
+# frames.jsonl, whose hashes the block's digest confirms, names the file.
 
 
 # Chosen: 1,000 sequences of 2,000 frames take some 600 kB; a block of 10 would take ten times that.

@@ -26,8 +26,9 @@ from ..perturbations.steps import Setting
 
 # Sequences of whole numbers, kept as a range where they are one.
 #
-# A plan has a thousand sequences of up to a million frames, and in most of them each frame shows its own source frame. A
-# range says that in a few bytes; only what a perturbation chooses or pairs otherwise is kept number by number.
+# A plan has a thousand sequences of up to a million frames, and in most of them each frame shows its own source
+# frame. A range says that in a few bytes; only what a perturbation chooses or pairs otherwise is kept number by
+# number.
 
 
 BLOCK = 65536  # numbers that are made Python's own at once

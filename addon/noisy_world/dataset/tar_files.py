@@ -230,9 +230,9 @@ def _entry(name: str) -> tarfile.TarInfo:
 # A sequence as one tar, which serves two kinds of readers.
 #
 # Streams take `SETTING/SCENE/frames/000012.rgb.jpg`, `.depth.png` and `.json`, which follow one another: a sample of
-# WebDataset's, with all that a reader needs in its JSON. Unpacked, the tar is the folder that loaders of the layout read:
-# each image and text has the layout's name too, as a hard link, which streams pass over. Text files are stored under
-# names without a dot, by which streams pass over them as well.
+# WebDataset's, with all that a reader needs in its JSON. Unpacked, the tar is the folder that loaders of the layout
+# read: each image and text has the layout's name too, as a hard link, which streams pass over. Text files are stored
+# under names without a dot, by which streams pass over them as well.
 
 
 @dataclass(frozen=True)

@@ -107,8 +107,8 @@ def _severity(severities: Iterable[float | None]) -> str:
 
 # Texts in tables of comma-separated values, which people open in spreadsheets: none may be taken for a formula.
 #
-# A text that begins with = + - @, a tab or a carriage return gets an apostrophe before it, as spreadsheets do for a text
-# that is typed in. It is taken off where this program reads its tables. Numbers stay as they are.
+# A text that begins with = + - @, a tab or a carriage return gets an apostrophe before it, as spreadsheets do for a
+# text that is typed in. It is taken off where this program reads its tables. Numbers stay as they are.
 
 
 _FORMULA = re.compile(r"'*[=+\-@\t\r]")

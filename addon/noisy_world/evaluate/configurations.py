@@ -164,8 +164,8 @@ def write_text(path: Path, text: str) -> Path:
 
 # Co-SLAM (https://github.com/HengyiWang/Co-SLAM): `coslam.py --config CONFIGURATION`.
 #
-# As configs/Replica/replica.yaml, which a configuration inherits, and room0.yaml. Its loader takes the whole part of the
-# intrinsics (datasets/dataset.py divides them by the downsampling factor with //). Its checkpoints are
+# As configs/Replica/replica.yaml, which a configuration inherits, and room0.yaml. Its loader takes the whole part of
+# the intrinsics (datasets/dataset.py divides them by the downsampling factor with //). Its checkpoints are
 # OUTPUT/EXP_NAME/checkpointN.pt.
 
 

@@ -257,8 +257,8 @@ def optimised(c2w: Sequence[Float64], edges: Sequence[Edge], loops: Sequence[Edg
     )
     graph, first = gtsam.NonlinearFactorGraph(), gtsam.Values()
     graph.add(gtsam.PriorFactorPose3(0, gtsam.Pose3(c2w[0]), gtsam.noiseModel.Isotropic.Sigma(6, FIXED_SIGMA * UNIT)))
-    for number, pose in enumerate(c2w):
-        first.insert(number, gtsam.Pose3(pose))
+    for number, pose_c2w in enumerate(c2w):
+        first.insert(number, gtsam.Pose3(pose_c2w))
     for group, noise in ((edges, plain), (loops, robust)):
         for edge in group:
             graph.add(gtsam.BetweenFactorPose3(edge.first, edge.second, gtsam.Pose3(edge.first_from_second), noise))

@@ -182,8 +182,8 @@ def smoothed(depth_m: Depth) -> Depth:
 
 # Two views of a scene brought over each other by OpenCV's RGB-D odometry: the rigid motion between them.
 #
-# What holds for OpenCV 5.0 and is nowhere in its documentation: counts of iterations are taken from the first column of a
-# square matrix; frames have to be prepared; no first guess can be given.
+# What holds for OpenCV 5.0 and is nowhere in its documentation: counts of iterations are taken from the first column
+# of a square matrix; frames have to be prepared; no first guess can be given.
 
 
 Float64: TypeAlias = NDArray[np.float64]

@@ -302,8 +302,8 @@ def pairs_apart(along: Float64, delta: float, tolerance: float) -> Pairs:
 
 # Protocols: what is decided before a number is calculated, said by name.
 #
-# `strict` is ours. `paper` does what the published code of the paper does, faults included, as nothing that was published
-# can be compared otherwise.
+# `strict` is ours. `paper` does what the published code of the paper does, faults included, as nothing that was
+# published can be compared otherwise.
 
 
 Kind: TypeAlias = Literal["strict", "paper"]

@@ -435,9 +435,9 @@ def _several(runs: Columns) -> bool:
 
 # Where the spread of an error comes from: the scene, the seed, or the system's own chance on equal files.
 #
-# Random effects, nested: repeats on the files of one seed, seeds in a scene, scenes in a setting, whose effect is fixed.
-# Components are estimated by the method of moments (Henderson's method 1, Biometrics 9, 1953; Searle, Casella and
-# McCulloch, Variance Components, 1992, 5.3), which needs no normal values, no equal numbers and no iteration.
+# Random effects, nested: repeats on the files of one seed, seeds in a scene, scenes in a setting, whose effect is
+# fixed. Components are estimated by the method of moments (Henderson's method 1, Biometrics 9, 1953; Searle, Casella
+# and McCulloch, Variance Components, 1992, 5.3), which needs no normal values, no equal numbers and no iteration.
 
 
 ALL = "all"

@@ -30,8 +30,8 @@ from .pose_errors import (
 
 # Which samples of a true path stand for the frames that a system was given.
 #
-# The truth of a dataset has a sample for each frame. That of a motion capture comes at 100 to 200 Hz, several samples to
-# a frame, so what was tracked and lost cannot be counted in them.
+# The truth of a dataset has a sample for each frame. That of a motion capture comes at 100 to 200 Hz, several samples
+# to a frame, so what was tracked and lost cannot be counted in them.
 
 
 FramesFrom: TypeAlias = Literal["given", "estimate_rate", "truth"]

@@ -14,7 +14,6 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core import file_access
 from ..core.errors import InputError, Message, PresetKey
 from ..core.file_access import read_text
 from ..core.frame_table import FRAMES
@@ -317,7 +316,7 @@ def check_files(listing: Path, files: tuple[Path, ...]) -> None:
 def recorded_text(path: Path) -> str:
     """Return the text of a file. Raises InputError where it cannot be read."""
     try:
-        return file_access.read_text(path, encoding="utf-8-sig")
+        return read_text(path, encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(path, f"cannot be read: {error}") from error
 

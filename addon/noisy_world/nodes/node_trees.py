@@ -26,9 +26,9 @@ from .datablocks import interface, linking, new_node, new_socket, new_tree, set_
 
 # Files of node groups that were built before: to read one takes 10 ms, to build a large group takes seconds.
 #
-# They lie in the asset library that is shipped, and in this user's cache. What a file is found by changes with everything
-# that decides what is in it: the description, how groups are built, and what makes the images in them. Nothing depends on
-# the files: what cannot be read is built, and what cannot be written is not kept.
+# They lie in the asset library that is shipped, and in this user's cache. What a file is found by changes with
+# everything that decides what is in it: the description, how groups are built, and what makes the images in them.
+# Nothing depends on the files: what cannot be read is built, and what cannot be written is not kept.
 
 
 LEAST_NODES = 40  # chosen: fewer are built in about the time that a file takes

@@ -64,8 +64,8 @@ def absolute(path: str) -> str:
 
 # The file that a dataset of the open scene is made from: the saved one or, where that is behind, a copy.
 #
-# Blender writes other bytes each time it saves, and a dataset that goes on needs those that it was begun with. So a copy
-# is kept as long as nothing has changed that a render could show.
+# Blender writes other bytes each time it saves, and a dataset that goes on needs those that it was begun with. So a
+# copy is kept as long as nothing has changed that a render could show.
 
 
 SHOWN_BY = ("render", "view_settings", "display_settings", "cycles", "eevee", "display", "cycles_curves")

@@ -172,7 +172,8 @@ def _pattern_input(perturbation: ColourPerturbation) -> GroupInput:
 
 # A group's image at its input and output: scene-linear or encoded, clipped or not.
 #
-# The encoding is sRGB's. Above 1 its power goes on, so light comes back as it was; what a group gives is never negative.
+# The encoding is sRGB's. Above 1 its power goes on, so light comes back as it was; what a group gives is never
+# negative.
 
 
 BACK = "From encoded colour"

@@ -94,10 +94,10 @@ def tie_marker(lanes: int) -> Any:
 
 # Rays in packets, and the colours of what they meet, in one loop that numba compiles; imported where numba is.
 #
-# Neighbouring rays share their way through Embree's tree. But which of two triangles counts that a ray meets at nearly
-# one length, at an edge between them or where faces coincide, then hangs on the other rays of the packet. Such rays are
-# cast again alone, so that every value is that of a ray cast by itself. Nothing is contracted or reordered (no fastmath):
-# colours are those of `colours`, to the bit.
+# Neighbouring rays share their way through Embree's tree. But which of two triangles counts that a ray meets at
+# nearly one length, at an edge between them or where faces coincide, then hangs on the other rays of the packet. Such
+# rays are cast again alone, so that every value is that of a ray cast by itself. Nothing is contracted or reordered
+# (no fastmath): colours are those of `colours`, to the bit.
 
 
 # ruff: noqa: ANN001, ANN202, PLR0917 - numba calls by position and finds the types, from _SIGNATURE

@@ -39,8 +39,9 @@ from .triangles import (
 
 # Anti-aliasing: a pixel whose colour is not its neighbours' becomes the mean light of a grid of rays through it.
 #
-# The grid is regular and the same for every pixel (a box filter over the pixel), so nothing is random. Means are those of
-# linear light, as a sensor and Cycles take them; void is black. Where colours are alike a pixel keeps its centre's.
+# The grid is regular and the same for every pixel (a box filter over the pixel), so nothing is random. Means are
+# those of linear light, as a sensor and Cycles take them; void is black. Where colours are alike a pixel keeps its
+# centre's.
 
 
 # Of a display-encoded component, nominally [0, 1]. Chosen, in the embedded rooms at 9 samples: .1 gives 1 dB more for a

@@ -20,8 +20,8 @@ from .ply import DAMAGED
 
 # Checks that a glTF document's buffers, views and accessors lie inside one another (glTF 2.0, section 5).
 #
-# Blender's importer believes a document: with a stride below zero it reads memory that is none of the file's, and with a
-# count it takes memory for as many.
+# Blender's importer believes a document: with a stride below zero it reads memory that is none of the file's, and
+# with a count it takes memory for as many.
 
 
 _BYTES = {5120: 1, 5121: 1, 5122: 2, 5123: 2, 5125: 4, 5126: 4}  # by a component's type

@@ -43,8 +43,8 @@ from .scene_files import path_file_of, read_path, selected_poses, sha256_of_path
 
 # Checking a rendered frame against the mesh, the pose and the intrinsics, without any renderer.
 #
-# Users of such datasets lose most time with pose conventions. If axes, principal point, focal lengths, scale or pose went
-# wrong on the way through the renderer, vertices appear in front of the surface that was rendered.
+# Users of such datasets lose most time with pose conventions. If axes, principal point, focal lengths, scale or pose
+# went wrong on the way through the renderer, vertices appear in front of the surface that was rendered.
 
 
 # Chosen: an error of a convention moves nearly all vertices, a correct frame none but the exceptions named here.

@@ -89,13 +89,13 @@ def _check_frames(name: str, source: Source, folder: Path) -> None:
     source.optics(camera)
     count = min(MOST_FRAMES, len(path))
     whole = _frames(source, camera, path, range(count))
-    for k, images in enumerate(whole):
-        _check_images(name, source, camera, images, k)
+    for k, frame_images in enumerate(whole):
+        _check_images(name, source, camera, frame_images, k)
     for order in (range(count - 1, -1, -1), *([k] for k in range(count))):
         again = dict(zip(order, _frames(source, camera, path, order), strict=True))
-        for k, images in again.items():
+        for k, frame_images in again.items():
             message = f"frame {k} is another when it is asked for {'alone' if len(again) == 1 else 'in another order'}"
-            require(_equal(images, whole[k]), name, message)
+            require(_equal(frame_images, whole[k]), name, message)
     _check_capabilities(name, source, camera, path, whole)
     left = [file for file in _open_files() if Path(file).is_relative_to(folder)]
     require(not left, name, f"leaves {left[:1]} open when its context ends")
@@ -193,16 +193,16 @@ def _check_files(kind: SourceKind[Any], scene: Mapping[str, Any], folder: Path, 
     name, before = kind.name, source.hashes()
     require(before == source.hashes(), name, "has other hashes the second time")
     json.dumps(before)
-    for path in _named(scene):
-        text, renamed = _at(scene, path), _with(scene, path, GONE)
+    for key_path in _named(scene):
+        text, renamed = _at(scene, key_path), _with(scene, key_path, GONE)
         if not isinstance(text, str) or not (folder / text).exists():
             continue
-        key = ".".join(path)
+        key = ".".join(key_path)
         try:
             _opened(kind, renamed, folder)
         except InputError as error:
             message = f"does not name the key {key} where its file is not there, but says: {error}"
-            require(error.where.startswith(f"scenes.0.{path[0]}"), name, message)
+            require(error.where.startswith(f"scenes.0.{key_path[0]}"), name, message)
         else:
             require(False, name, f"takes a {key} that is not there; raise InputError that names the key")
         other = shutil.copytree(folder, folder.with_name(f"other {key}"))

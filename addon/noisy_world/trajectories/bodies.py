@@ -31,8 +31,8 @@ def blurred(rows: Float64, sigma: float) -> Float64:
 
 # How the camera of a body moves beside its mean way: closed formulas of walking, running, trotting, rolling, flying.
 #
-# Each gives offsets over time, in the body's own axes: x forward, y left, z up. What is periodic follows the phase of the
-# steps, whose rate follows the speed; what is slow and irregular are seeded waves.
+# Each gives offsets over time, in the body's own axes: x forward, y left, z up. What is periodic follows the phase of
+# the steps, whose rate follows the speed; what is slow and irregular are seeded waves.
 
 
 GRAVITY_M_S2 = 9.80665

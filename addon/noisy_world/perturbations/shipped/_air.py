@@ -93,15 +93,15 @@ def colour_of(red: float, green: float, blue: float) -> Float64:
 # The light of lamps on what floats in the air before them, estimated from the picture.
 #
 # A lamp of radiance L that covers the solid angle w, seen z away at the angle a from a ray, lights what is at the
-# distance d from it by L w z^2 / d^2. Over all places on the ray this is L w (2 C) pi / a divided by pi 2 z / z, so the
-# particles' mean light is C L w / a: with C = 1/8 for those that scatter to all sides alike (the integral in closed form:
-# Sun, Ramamoorthi, Narasimhan and Nayar, A practical analytic single scattering model for real time rendering, 2005). In
-# general C is half the integral of the phase function over the angle of scattering, as each angle has an equal share of
-# 1 / a. A drop of water that is looked through (Snell, Fresnel, once through; Garg and Nayar, Vision and rain, 2007)
-# throws light forward, and has C = 0.256.
+# distance d from it by L w z^2 / d^2. Over all places on the ray this is L w (2 C) pi / a divided by pi 2 z / z, so
+# the particles' mean light is C L w / a: with C = 1/8 for those that scatter to all sides alike (the integral in
+# closed form: Sun, Ramamoorthi, Narasimhan and Nayar, A practical analytic single scattering model for real time
+# rendering, 2005). In general C is half the integral of the phase function over the angle of scattering, as each
+# angle has an equal share of 1 / a. A drop of water that is looked through (Snell, Fresnel, once through; Garg and
+# Nayar, Vision and rain, 2007) throws light forward, and has C = 0.256.
 #
-# Even air with an extinction of b a metre takes 1 - exp(-b x) of the light up to a depth x, and so has that share of it,
-# but no more than 1 - exp(-2 b z): beyond twice the lamp's distance hardly any of its light is left.
+# Even air with an extinction of b a metre takes 1 - exp(-b x) of the light up to a depth x, and so has that share of
+# it, but no more than 1 - exp(-2 b z): beyond twice the lamp's distance hardly any of its light is left.
 #
 # Through fog of the optical depth t the share 1 / (1 + 0.75 (1 - g) t) of a lamp's light arrives at all, most of it
 # scattered many times (Eddington's approximation for a layer that absorbs nothing); g = 0.85 of water's droplets.

@@ -19,10 +19,10 @@ from ._noise import WhiteNoise, white_noise
 
 # Position, size, drying and running of drops on the glass; shared by both executions of lens_drops.
 #
-# Drops of a class of diameters, an octave each, have cells of their own, and a drop lies within its cell. A cell's clock
-# goes round as its drop dries; each turn draws, by a hash of cell and turn, whether a drop lands, where, and how large.
-# A strip of the glass has a clock of its own by which a drop grows, runs down, and leaves beads behind. So any frame
-# follows from its number alone. Lengths are in pixels of the reference width; y is counted from the top.
+# Drops of a class of diameters, an octave each, have cells of their own, and a drop lies within its cell. A cell's
+# clock goes round as its drop dries; each turn draws, by a hash of cell and turn, whether a drop lands, where, and
+# how large. A strip of the glass has a clock of its own by which a drop grows, runs down, and leaves beads behind. So
+# any frame follows from its number alone. Lengths are in pixels of the reference width; y is counted from the top.
 
 
 # --- classes of diameters; multiples of the median diameter ---
@@ -148,12 +148,12 @@ def drying_rate(number: int) -> float:
 # What is seen through a drop of water on a pane: a spherical cap that bends the light, on arrays and as nodes.
 #
 # A ray that meets the pane at a right angle goes on straight to the drop's surface, whose normal is tilted there by
-# alpha: sin(alpha) = rho sin(contact angle), with rho the distance from the drop's middle as a share of its radius. By
-# Snell's law it leaves at beta, sin(beta) = n sin(alpha), bent towards the drop's axis by beta - alpha. What passes
-# follows Fresnel's equations for unpolarised light; beyond the critical angle nothing does. Halimeh and Roser, "Raindrop
-# detection on car windshields using geometric-photometric environment construction and intensity-based correlation",
-# 2009, and von Bernuth, Volk and Bringmann, "Rendering physically correct raindrops on windshields for robustness
-# verification of camera-based object recognition", 2018, trace rays through the same cap.
+# alpha: sin(alpha) = rho sin(contact angle), with rho the distance from the drop's middle as a share of its radius.
+# By Snell's law it leaves at beta, sin(beta) = n sin(alpha), bent towards the drop's axis by beta - alpha. What
+# passes follows Fresnel's equations for unpolarised light; beyond the critical angle nothing does. Halimeh and Roser,
+# "Raindrop detection on car windshields using geometric-photometric environment construction and intensity-based
+# correlation", 2009, and von Bernuth, Volk and Bringmann, "Rendering physically correct raindrops on windshields for
+# robustness verification of camera-based object recognition", 2018, trace rays through the same cap.
 
 
 T = TypeVar("T")

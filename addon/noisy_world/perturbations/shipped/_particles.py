@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 # Rain and snow as numbers: how many particles of which size a cubic metre holds, and what those too small to see veil.
 #
 # Sizes are distributed exponentially, N(D) = n0 exp(-D / scale), in particles a cubic metre and a metre of diameter.
-# A particle is seen by itself where it spans at least an angle; all others, between it and the camera, are a veil. So at
-# depth z the veil is made of the diameters below angle * z.
+# A particle is seen by itself where it spans at least an angle; all others, between it and the camera, are a veil. So
+# at depth z the veil is made of the diameters below angle * z.
 
 
 EXTINCTION_EFFICIENCY = 2.0  # of particles much larger than light's wavelength (van de Hulst, 1957)

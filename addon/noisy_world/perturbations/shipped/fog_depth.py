@@ -115,9 +115,10 @@ def is_even(parameters: FogDepth) -> bool:
 
 # The glow around bright lights in fog: light that droplets send a little aside, again and again.
 #
-# Light scattered n times by small angles has gone aside by the square root of n times as much, so the glow's width grows
-# with the root of the optical depth (Narasimhan and Nayar, Shedding light on the weather, 2003, solve it exactly for a
-# point; the shape here is Gaussian). No light is added: what glows is what the fog has taken from the direct beam.
+# Light scattered n times by small angles has gone aside by the square root of n times as much, so the glow's width
+# grows with the root of the optical depth (Narasimhan and Nayar, Shedding light on the weather, 2003, solve it
+# exactly for a point; the shape here is Gaussian). No light is added: what glows is what the fog has taken from the
+# direct beam.
 
 
 Float32: TypeAlias = NDArray[np.float32]

@@ -20,11 +20,12 @@ from ._sizes import full_size
 
 # The discrete cosine transform of 8 x 8 blocks as node groups, three channels at once.
 #
-# The eight pixels of a run (part of a row or a column) are gathered into eight images that are an eighth as long. So each
-# coefficient is an image in which a block is one pixel, and calculating with it is cheap. The inverse transform gives
-# eight images again, which are joined at the end: looking pixels up is what takes time. The transform is orthonormal, as
-# JPEG's (ITU-T T.81, A.3.3), and separable: first rows, then columns. The forward transform uses libjpeg's integer
-# constants, so that coefficients close to a tie between two quantisation steps are rounded as libjpeg rounds them.
+# The eight pixels of a run (part of a row or a column) are gathered into eight images that are an eighth as long. So
+# each coefficient is an image in which a block is one pixel, and calculating with it is cheap. The inverse transform
+# gives eight images again, which are joined at the end: looking pixels up is what takes time. The transform is
+# orthonormal, as JPEG's (ITU-T T.81, A.3.3), and separable: first rows, then columns. The forward transform uses
+# libjpeg's integer constants, so that coefficients close to a tie between two quantisation steps are rounded as
+# libjpeg rounds them.
 
 
 SIZE = 8  # of JPEG's blocks (ITU-T T.81, A.1.1)
@@ -130,13 +131,13 @@ def places(position: Socket, along: Socket, per_part: int) -> list[Socket]:
 
 # What encoding to JPEG and decoding again do to an image, as nodes.
 #
-# This follows ITU-T T.81 and JFIF 1.02, and libjpeg where these leave a choice: every step rounds as libjpeg's default
-# ("slow integer") transforms do. Two differences are left: single precision rounds a tie the other way now and then, and
-# libjpeg enlarges the chroma of frames less than five pixels wide without interpolation.
+# This follows ITU-T T.81 and JFIF 1.02, and libjpeg where these leave a choice: every step rounds as libjpeg's
+# default ("slow integer") transforms do. Two differences are left: single precision rounds a tie the other way now
+# and then, and libjpeg enlarges the chroma of frames less than five pixels wide without interpolation.
 #
-# The work is done on three planes, the channels of one image: the upper half of luma, its lower half, and both chromas at
-# half size side by side. The planes have equal sizes, so each node works on all three. Their rows are counted downwards,
-# as JPEG counts blocks; Blender counts the rows of images upwards.
+# The work is done on three planes, the channels of one image: the upper half of luma, its lower half, and both
+# chromas at half size side by side. The planes have equal sizes, so each node works on all three. Their rows are
+# counted downwards, as JPEG counts blocks; Blender counts the rows of images upwards.
 
 
 # ITU-T T.81, tables K.1 and K.2, which libjpeg uses unscaled at quality 50: a row for each vertical frequency.

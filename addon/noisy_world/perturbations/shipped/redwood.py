@@ -20,9 +20,9 @@ from ._noise import look_up, scaled_normal, shifted_places, taken, uniform_codes
 
 # The table by which Redwood's simulator warps depth: over the image and at five distances, in a text file.
 #
-# The format is that of redwood-data.org's dist-model.txt, which Open3D reads: five lines of head, comments after %, then
-# for each of 80 x 80 cells, row by row, 3 numbers that do not count, 5 of how often it was measured, 10 that do not
-# count, and 5 factors, at 1, 3, 5, 7 and 9 m. A cell that was nowhere measured 8000 times has no depth.
+# The format is that of redwood-data.org's dist-model.txt, which Open3D reads: five lines of head, comments after %,
+# then for each of 80 x 80 cells, row by row, 3 numbers that do not count, 5 of how often it was measured, 10 that do
+# not count, and 5 factors, at 1, 3, 5, 7 and 9 m. A cell that was nowhere measured 8000 times has no depth.
 
 
 CELLS, DISTANCES = 80, 5

@@ -32,10 +32,10 @@ from ._noise import look_up, scaled_normal, uniform_codes
 
 # Light that reaches a surface by one bounce off others: what makes a time of flight camera's corners too deep.
 #
-# An approximation. Other surfaces are those of the frame alone, in patches of some pixels whose normals are their middle
-# pixel's; surfaces are matt, hide nothing from one another, and reflect once. Between patches light goes as between a
-# point and a disc (Siegel and Howell, Thermal Radiation Heat Transfer: cos cos A / (pi d^2 + A)), and between their
-# middles the result is interpolated.
+# An approximation. Other surfaces are those of the frame alone, in patches of some pixels whose normals are their
+# middle pixel's; surfaces are matt, hide nothing from one another, and reflect once. Between patches light goes as
+# between a point and a disc (Siegel and Howell, Thermal Radiation Heat Transfer: cos cos A / (pi d^2 + A)), and
+# between their middles the result is interpolated.
 
 
 COLUMNS = 40  # of patches; chosen: two patches from a corner within 2 % of an integral, in 60 ms
