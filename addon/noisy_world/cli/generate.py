@@ -8,14 +8,8 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
-from numpy.typing import NDArray
-
-from ..core.atomic_files import ELSEWHERE, storage_errors
 from ..core.dependencies import need
 from ..core.errors import StorageError
-from ..images.image_reading import read_pixels
-from ..images.video_files import WRITTEN, write_video
 from .arguments import (
     Parser,
     add_executor_options,
@@ -33,8 +27,10 @@ from .entry import Entry, blender_lacks, blender_problem, work_on
 from .listing import HELD, KNOWN, list_known, list_plan, print_plan
 
 if TYPE_CHECKING:
-    from pathlib import Path
     from threading import Event
+
+    import numpy as np
+    from numpy.typing import NDArray
 
     from ..core.progress import Progress
     from ..dataset.plan import Plan
@@ -43,7 +39,7 @@ if TYPE_CHECKING:
     from ..dataset.sequence import PlannedSequence
 
 
-# The outcome of a run in one line, for people and for programs.
+# --- the outcome of a run in one line, for people and for programs ---
 
 
 def tell_outcome(report: "Report", options: argparse.Namespace) -> None:
@@ -135,7 +131,7 @@ def generate(plan: "Plan", options: argparse.Namespace, entry: Entry) -> int:
     return 0
 
 
-def _written(plan: "Plan", out: "Path") -> list["Path"]:
+def _written(plan: "Plan", out: Path) -> list[Path]:
     """Return what of a dataset in a folder is told: the sequences' folders and the contact sheet."""
     folders = [out / sequence.folder for sequence in plan.sequences if sequence.frames]
     return [*folders, *([out / "overview.png"] if plan.preset.spec.output.overview else [])]
@@ -217,21 +213,7 @@ def _again(options: argparse.Namespace, _: list[str]) -> list[str] | None:
     return words
 
 
-GENERATE = Command(
-    name="generate",
-    group="make a dataset",
-    help="make the RGB-D dataset that a preset describes",
-    description="Make the RGB-D dataset that a preset describes.",
-    epilog="The same command again resumes a run that was stopped: finished frames are kept, and the result is the "
-    "same to the byte. In a Blender program: blender -b -P headless/generate.py -- PRESET [options].",
-    options=_generate_options,
-    settle=_settle_generate,
-    run=_generate,
-    again=_again,
-)
-
-
-# Where a command's dataset goes: the folder or the address that its options name.
+# --- where it goes ---
 
 
 def destination_of(
@@ -262,11 +244,13 @@ def destination_of(
     return AddressDestination(plan, open_store(address), options.scratch, put_by_workers=put_by_workers)
 
 
-# `generate --out walk.mp4`: the colour of a dataset as a video to look at, without keeping the dataset.
+# --- a video to look at, without keeping the dataset ---
 
 
 def is_video(out: Path) -> bool:
     """Tell whether a place for a dataset names a video."""
+    from ..images.video_files import WRITTEN
+
     return out.suffix.lower() in WRITTEN and not out.is_dir()
 
 
@@ -289,6 +273,11 @@ def videos_of(plan: "Plan", out: Path, *, overwrite: bool) -> dict[str, Path]:
 
 def make_videos(plan: "Plan", videos: dict[str, Path], make: Callable[[Path], object]) -> None:
     """Make the dataset in a folder beside the videos, write these, and remove it. make: makes it in a folder."""
+    import numpy as np
+
+    from ..core.atomic_files import ELSEWHERE, storage_errors
+    from ..images.video_files import write_video
+
     beside = next(iter(videos.values())).parent
     with storage_errors(beside, ELSEWHERE):
         beside.mkdir(parents=True, exist_ok=True)
@@ -309,8 +298,11 @@ def make_videos(plan: "Plan", videos: dict[str, Path], make: Callable[[Path], ob
                     made.replace(video)
 
 
-def _colours(files: list[Path]) -> Iterator[NDArray[np.uint8]]:
+def _colours(files: list[Path]) -> "Iterator[NDArray[np.uint8]]":
     import cv2
+    import numpy as np
+
+    from ..images.image_reading import read_pixels
 
     for file in files:
         yield np.asarray(read_pixels(file, cv2.IMREAD_COLOR_RGB), np.uint8)
@@ -318,3 +310,17 @@ def _colours(files: list[Path]) -> Iterator[NDArray[np.uint8]]:
 
 def _named(out: Path, sequence: "PlannedSequence") -> Path:
     return out.with_name(f"{out.stem}-{sequence.folder.replace('/', '-')}{out.suffix}")
+
+
+GENERATE = Command(
+    name="generate",
+    group="make a dataset",
+    help="make the RGB-D dataset that a preset describes",
+    description="Make the RGB-D dataset that a preset describes.",
+    epilog="The same command again resumes a run that was stopped: finished frames are kept, and the result is the "
+    "same to the byte. In a Blender program: blender -b -P headless/generate.py -- PRESET [options].",
+    options=_generate_options,
+    settle=_settle_generate,
+    run=_generate,
+    again=_again,
+)
