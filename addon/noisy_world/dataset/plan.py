@@ -4,6 +4,7 @@
 from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -39,7 +40,9 @@ from .sensors import (
     unit_of,
 )
 from .sequence import Numbers, PartsMade, PlannedSequence, lay_out, union
-from .shards import Shard
+
+if TYPE_CHECKING:
+    from .shards import Shard
 
 OTHER_LAYOUT = Message("choose another ", PresetKey("output.layout"), ", such as tum")
 
@@ -447,7 +450,7 @@ def _long_exposures(plan: Plan) -> list[str]:
 # Making a preset's plan, with its files found and all perturbations that are installed.
 
 
-def make_plan(preset: Preset, chosen: slice | None = None, shards: Sequence[Shard] = ()) -> Plan:
+def make_plan(preset: Preset, chosen: slice | None = None, shards: "Sequence[Shard]" = ()) -> Plan:
     """Find every file of a preset and lay out the work.
 
     chosen: the frames of each sequence to make, start and stop only; they keep their numbers.
