@@ -7,7 +7,7 @@ import bpy
 import numpy as np
 import pytest
 from cases import cases
-from group_tools import by_groups, keep_group, picture, step_of
+from group_tools import by_groups, described, keep_group, picture, step_of
 
 from srgb import encoded, linear
 from noisy_world.nodes.node_trees import STAMP, ensure_group, ensure_picture, remove_group
@@ -15,7 +15,6 @@ from noisy_world.core.labels import american
 from noisy_world.nodes.chain import build_chain
 from noisy_world.core.node_graph import Graph, GroupInput, BroughtImage
 from noisy_world.perturbations.groups import socket_name, socket_value
-from noisy_world.perturbations.groups import build_group
 from noisy_world.perturbations.kinds import ColourPerturbation
 from noisy_world.perturbations import registry
 
@@ -52,7 +51,7 @@ def trees():
     """Every perturbation's group, in the file as long as no test empties it."""
     for name in NAMES:
         keep_group(name)
-    return {name: ensure_group(build_group(registry()[name])) for name in NAMES}
+    return {name: ensure_group(described(name)) for name in NAMES}
 
 
 def test_every_perturbation_of_colour_has_a_group():
@@ -252,7 +251,7 @@ def test_a_pattern_is_fresh_fixed_or_drifts(tmp_path):
 
 
 def test_the_node_s_sockets_stand_in_panels():
-    tree = ensure_group(build_group(COLOUR["fog"]))
+    tree = ensure_group(described("fog"))
     sockets = [item for item in tree.interface.items_tree if item.item_type == "SOCKET" and item.in_out == "INPUT"]
     panels = {}
     for item in sockets:
@@ -274,7 +273,7 @@ def test_the_node_s_sockets_stand_in_panels():
 
 def test_building_again_saving_and_reloading_change_nothing_and_removing_leaves_nothing(empty, tmp_path):
     def build():
-        return [ensure_group(build_group(registry()[name])) for name in NAMES]
+        return [ensure_group(described(name)) for name in NAMES]
 
     nothing = stock()
     trees = build()
@@ -361,14 +360,14 @@ def test_a_picture_is_packed_upright_and_exact(empty):
 def test_a_user_s_own_group_of_the_same_name_is_neither_taken_nor_replaced(empty):
     theirs = bpy.data.node_groups.new("Contrast", "CompositorNodeTree")
     theirs.use_fake_user = True
-    ours = ensure_group(build_group(COLOUR["contrast"]))
+    ours = ensure_group(described("contrast"))
     assert (theirs.name, len(theirs.nodes)) == ("Contrast", 0)
     assert ours.name == "Contrast.001"
-    assert ensure_group(build_group(COLOUR["contrast"])) == ours
+    assert ensure_group(described("contrast")) == ours
     copied = ours.copy()  # a user's, to be changed
     copied.nodes.clear()
-    assert ensure_group(build_group(COLOUR["contrast"])) == ours
+    assert ensure_group(described("contrast")) == ours
     remove_group(ours)
-    again = ensure_group(build_group(COLOUR["contrast"]))
+    again = ensure_group(described("contrast"))
     assert again not in (theirs, copied)
     assert len(copied.nodes) == 0

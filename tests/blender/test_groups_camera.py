@@ -6,10 +6,9 @@ import math
 import bpy
 import numpy as np
 import pytest
-from group_tools import by_groups, picture
+from group_tools import by_groups, described, picture
 
 from noisy_world.perturbations.group_camera import OVERRIDE_CAMERA, looks_at_scene
-from noisy_world.perturbations.groups import build_group
 from noisy_world.perturbations.kinds import ColourPerturbation
 from noisy_world.perturbations import registry
 
@@ -81,7 +80,7 @@ def test_groups_see_the_scene_s_camera_without_a_hand(size, aspect, data, tmp_pa
     set_up(first)
     nodes = {}
     for name in NAMES:
-        sockets = {item.name for item in build_group(COLOUR[name]).inputs}
+        sockets = {item.name for item in described(name).inputs}
         given = GIVEN.get(name, {})
         told = {socket: value for socket, value in expected.items() if socket in sockets}
         nodes[f"{name} follows"] = name, given

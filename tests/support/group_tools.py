@@ -1,5 +1,6 @@
 """Node groups beside their references: the same parameters, the same frame."""
 
+import functools
 import hashlib
 from itertools import pairwise
 
@@ -42,9 +43,15 @@ def step_of(name, **values):
     return step
 
 
+@functools.cache
+def described(name):
+    """The description of a perturbation's group, made once: it takes tens of milliseconds."""
+    return build_group(registry()[name])
+
+
 def keep_group(name):
     """Make a perturbation's node group stay in the file: making it takes up to half a second, each evaluation 10 ms."""
-    ensure_group(build_group(registry()[name])).use_fake_user = True
+    ensure_group(described(name)).use_fake_user = True
 
 
 def keep_written(chains):
@@ -111,7 +118,7 @@ def by_groups(nodes, image, folder, *, frame=5, depth_m=None, set_up=None):
         return node.outputs["Image"]
 
     kinds = dict.fromkeys(kind for kind, _ in nodes.values())
-    groups = {kind: ensure_group(kind if isinstance(kind, Graph) else build_group(registry()[kind])) for kind in kinds}
+    groups = {kind: ensure_group(kind if isinstance(kind, Graph) else described(kind)) for kind in kinds}
     source, far = linked(image), None if depth_m is None else linked(depth_m)
     for place, (label, (name, values)) in enumerate(nodes.items()):
         node = tree.nodes.new("CompositorNodeGroup")

@@ -36,7 +36,6 @@ MOST_BYTES = 2**28  # of this user's files; chosen: a thousand groups
 LEFT_S = 3600.0  # what is not whole after this long is left by a process that ended
 SEEKABLE = 0x8F92EAB1  # at the end of a file in Zstandard's seekable format
 SHELF = Path(__file__).resolve().parents[1] / "assets" / "noisy_world_assets.blend"
-BUILDERS = ("kept_groups.py", "nodes.py", "typed.py", "../core/node_graphs/node_layout.py")  # of groups
 
 
 @dataclass(frozen=True)
@@ -108,7 +107,7 @@ def _shelf() -> dict[str, str]:
 def _key(graph: Graph) -> str | None:
     """Return what a group's files are found by; None where it cannot be told how its images are made."""
     makers = _makers(graph)
-    builders = _sources(tuple(str(Path(__file__).parent / name) for name in BUILDERS))
+    builders = _sources((__file__, new_node.__code__.co_filename, arrange.__code__.co_filename))
     made = _sources(tuple(sorted(set(makers)))) if None not in makers else None
     if made is None or builders is None:
         return None

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A mesh seen by rays alone, without Blender: Embree finds the triangles, numpy their colours."""
+"""Frames of a mesh or of a scene of one's own: by Blender's engines, or by rays alone, which need no Blender."""

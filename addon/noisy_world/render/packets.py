@@ -340,8 +340,7 @@ def _is_kept(folder: Path) -> bool:
 
 def _digest() -> str:
     """Return what stands for all that the compiled code is made of."""
-    sources = [read_text(Path(name)) for name in sorted({__file__, tie_marker.__code__.co_filename})]
-    lines = [*sources, numba.__version__, llvmlite.__version__, TILE_PX, BYTE, NEUTRAL_GREY]
+    lines = [read_text(Path(__file__)), numba.__version__, llvmlite.__version__, TILE_PX, BYTE, NEUTRAL_GREY]
     return hashlib.sha256(repr(lines).encode()).hexdigest()[:16]
 
 
