@@ -8,7 +8,14 @@ import numpy as np
 if __name__ == "__main__":
     sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "addon"))
 
-from noisy_world.evaluate.intervals import bootstrap_interval, exponential, here_interval, mean_interval, share_interval
+from noisy_world.evaluate.intervals import (
+    SceneValues,
+    bootstrap_interval,
+    exponential,
+    here_interval,
+    mean_interval,
+    share_interval,
+)
 
 SEEDS = 3
 
@@ -66,10 +73,22 @@ def here_coverage(scenes, sets, rng, *, errors=False, seeds=SEEDS):
     means = 3.0 * rng.standard_normal((sets, scenes, 1))
     spread = 1.0 if errors else np.exp(0.5 * rng.standard_normal((sets, scenes, 1)))
     values = means + spread * rng.standard_normal((sets, scenes, seeds))
-    pairs = zip(values, means.mean(axis=(1, 2)), strict=True)
-    if errors:
-        return float(np.mean([held(*exponential(here_interval(list(one))), np.exp(truth)) for one, truth in pairs]))
-    return float(np.mean([held(*here_interval(list(one)), truth) for one, truth in pairs]))
+    interval, truth = here_interval(scene_values(values)), means.mean(axis=(1, 2))
+    low, high = exponential(interval) if errors else interval
+    truth = np.exp(truth) if errors else truth
+    return float(np.mean((low <= truth) & (truth <= high)))
+
+
+def scene_values(groups):
+    """What scenes say whose values of each seed are on the last axis, or lists of unlike length."""
+    groups = [np.asarray(group, dtype=float) for group in groups]
+    count = np.array([group.shape[-1] for group in groups], dtype=float)
+    if groups and groups[0].ndim == 2:  # sets of scenes
+        stacked = np.array(groups)
+        count = np.full(stacked.shape[:-1], stacked.shape[-1], dtype=float)
+        return SceneValues(stacked.mean(axis=-1), stacked.var(axis=-1, ddof=1) / count, count - 1.0)
+    variances = [group.var(ddof=1) / len(group) if len(group) > 1 else np.nan for group in groups]
+    return SceneValues(np.array([group.mean() for group in groups]), np.array(variances), count - 1.0)
 
 
 def ratio_coverage(scenes, sets, rng, resamples=400):

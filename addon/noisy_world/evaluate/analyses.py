@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the runs of systems say together: intervals, tests, correlations, indicators, a prediction of failure."""
+"""What the runs of systems say together: from the tables of runs and of sequences to named tables with captions."""
 
-from collections.abc import Callable, Container
-from statistics import fmean
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,15 +10,15 @@ from numpy.typing import NDArray
 from ..core.dependencies import need
 from ..dataset.loader import OpenedSequence
 from .cases import CLEAN
-from .indicators import AGAINST_CLEAN, IMAGES, INDICATORS, MOTION, Indicators, indicators_of, motion_of
-from .intervals import Interval, bootstrap_interval, mean_interval
-from .metrics import IS_INCOMPLETE, Rate, corruption_error, resilience_rate
+from .indicators import AGAINST_CLEAN, IMAGES, MOTION, motion_of
+from .intervals import bootstrap_interval, mean_interval
+from .metrics import IS_INCOMPLETE
 from .prediction import indicator_correlations, perturbation_correlations, prediction_tables, system_correlations
 from .run_tables import (
     LEFT_OUT,
     SCORES,
     SETTING,
-    Columns,
+    groups,
     headline_of,
     measures_of,
     over_clean_table,
@@ -27,21 +26,10 @@ from .run_tables import (
     tidy_runs,
     tidy_sequences,
 )
-from .spread import (
-    against_clean_table,
-    curve_table,
-    difference_table,
-    grouped_table,
-    means_of_scenes,
-    spread_table,
-    variance_table,
-)
+from .spread import against_clean_table, curve_table, difference_table, grouped_table, spread_table, variance_table
 
 if TYPE_CHECKING:
-    from pandas import DataFrame
-
-
-# What the sequences of a dataset are like: images, depth and motion of each setting, and distributions of depth.
+    from pandas import DataFrame, Series
 
 
 DEPTH = ("depth_missing", "depth_median_m", "depth_noise_m", "depth_error_m")
@@ -62,225 +50,6 @@ COLUMNS = [
 
 DEPTH_BIN_M = 0.25
 FARTHEST_M = 10.0
-
-
-def sequences_tables(sequences: Columns) -> dict[str, "DataFrame"]:
-    """Return the tables images, depth and motion: each indicator of each setting, over its sequences.
-
-    mean, low, high: of the scenes' means, with the interval over scenes at large; minimum, maximum: of the sequences'
-    means; low_frames, high_frames: means of the sequences' 5 % and 95 % quantiles of frames.
-    """
-    parts = {"images": PICTURES, "depth": DEPTH, "motion": MOTION}
-    return {
-        part: _table(sequences, [name for name in names if f"{name}_mean" in sequences])
-        for part, names in parts.items()
-    }
-
-
-def _table(sequences: Columns, names: list[str]) -> "DataFrame":
-    rows: list[dict[str, Any]] = []
-    for key, group in sequences.groups(SETTING):
-        for name in names:
-            known = group.where(np.isfinite(group[f"{name}_mean"]))
-            values, of_scenes = known[f"{name}_mean"], means_of_scenes(known, f"{name}_mean")
-            row: dict[str, Any] = {**dict(zip(SETTING, key, strict=True)), "indicator": name, "n": len(known)}
-            if not len(values):
-                continue
-            row |= {"n_scenes": len(of_scenes), "mean": float(np.mean(of_scenes))}
-            row["low"], row["high"] = mean_interval(of_scenes)
-            row |= {"minimum": float(values.min()), "maximum": float(values.max())}
-            for end in ("low", "high"):
-                column = f"{name}_{end}"
-                row[f"{end}_frames"] = float(known[column].mean()) if column in known else float("nan")
-            rows.append(row)
-    return table_of(rows, COLUMNS)
-
-
-def depth_distribution(sequence: OpenedSequence, *, every: int = 10) -> "DataFrame":
-    """Return how a sequence's depth is distributed: the share of the pixels that have depth in each bin, and how many.
-
-    Bins of 25 cm up to 10 m; the last is what lies beyond, its to_m infinite. Columns: from_m, to_m, share, pixels.
-    every: of the frames. The share of pixels without depth is the indicator depth_missing. Raises ValueError for every
-    < 1.
-    """
-    from pandas import DataFrame
-
-    if every < 1:
-        raise ValueError(f"every is 1 or more, not {every}")
-    edges = np.append(np.arange(0.0, FARTHEST_M + DEPTH_BIN_M / 2.0, DEPTH_BIN_M), np.inf)
-    counts = np.zeros(len(edges) - 1, dtype=np.int64)
-    for frame in list(sequence)[::every]:
-        depth_m = frame.depth_m
-        places = (depth_m[depth_m > 0.0] / DEPTH_BIN_M).astype(np.int64)
-        counts += np.bincount(np.minimum(places, len(counts) - 1), minlength=len(counts))
-    shares = counts / counts.sum() if counts.sum() else np.full(len(counts), np.nan)
-    return DataFrame({"from_m": edges[:-1], "to_m": edges[1:], "share": shares, "pixels": counts})
-
-
-def motion_distribution(sequence: OpenedSequence) -> "DataFrame":
-    """Return quantiles of a sequence's motion over its frames: columns quantile and those of motion_of."""
-    from pandas import DataFrame
-
-    frames = list(sequence)
-    columns = motion_of(np.stack([frame.c2w for frame in frames]), [frame.stamp_s for frame in frames])
-    quantiles = (0.0, 0.05, 0.25, 0.5, 0.75, 0.95, 1.0)
-    found: dict[str, Any] = {"quantile": quantiles}
-    for name, values in columns.items():
-        known = values[np.isfinite(values)]
-        found[name] = np.quantile(known, quantiles) if known.size else np.full(len(quantiles), np.nan)
-    return DataFrame(found)
-
-
-# Mean resilience rates and mean corruption errors of systems, with intervals over scenes.
-
-
-Float64: TypeAlias = NDArray[np.float64]
-Row: TypeAlias = dict[str, Any]
-
-BASELINE = "rgbd_odometry"
-ALL = "all"
-ROBUSTNESS = [
-    *("system", "score", "perturbation", "n_perturbations", "n_scenes", "n_cells"),
-    *("mrr", "mrr_low", "mrr_high", "baseline", "mce", "mce_low", "mce_high"),
-]
-
-
-class _Cells(NamedTuple):
-    """Scores or errors of a system by scene, perturbation and setting: the mean of the runs of each."""
-
-    values: dict[tuple[str, str, str], float]
-
-    @property
-    def scenes(self) -> list[str]:
-        return sorted({scene for scene, _, _ in self.values})
-
-    @property
-    def perturbations(self) -> list[str]:
-        return sorted({perturbation for _, perturbation, _ in self.values})
-
-    def among(self, cells: Container[tuple[str, str, str]]) -> "_Cells":
-        """Return those whose keys are among others."""
-        return _Cells({key: value for key, value in self.values.items() if key in cells})
-
-    def of(self, perturbation: str) -> list[float]:
-        """Return the values of a perturbation, in order; of all under ALL."""
-        return [value for (_, name, _), value in self.values.items() if perturbation in (name, ALL)]
-
-    def sums(self) -> tuple[Float64, Float64]:
-        """Return (S, P) sums over the settings of each scene and perturbation, and how many there are."""
-        scenes, names = self.scenes, self.perturbations
-        sums, counts = np.zeros((len(scenes), len(names))), np.zeros((len(scenes), len(names)))
-        for (scene, name, _), value in self.values.items():
-            place = scenes.index(scene), names.index(name)
-            sums[place] += value
-            counts[place] += 1.0
-        return sums, counts
-
-
-def robustness_table(runs: Columns) -> "DataFrame":
-    """Return mRR and mCE of each system and score: over all perturbations, and the rate of each one.
-
-    The scores of a cell (scene and setting) are the mean of its runs. mRR compares with the system's own clean cells in
-    the same scenes, mCE with the baseline's errors (1 - score) in the cells that both have: rgbd_odometry, or the first
-    system by name where it was not run. The baseline has none, as it would be compared with itself.
-    """
-    rows: list[Row] = []
-    systems = sorted(set(runs["system"]))
-    baseline = BASELINE if BASELINE in systems else next(iter(systems), "")
-    for score in (name for name in SCORES if name in runs):
-        cells = {system: _cells_of(runs.where(runs["system"] == system), score) for system in systems}
-        for system in systems:
-            against = baseline if system != baseline else ""
-            rows += _of_system(cells[system], cells.get(against, _Cells({})), (system, score, against))
-    return table_of(rows, ROBUSTNESS)
-
-
-def _cells_of(runs: Columns, score: str) -> _Cells:
-    found: dict[tuple[str, str, str], float] = {}
-    for key, cell in runs.where(np.isfinite(runs[score])).groups(["scene", "perturbation", "setting"]):
-        found[(str(key[0]), str(key[1]), str(key[2]))] = float(np.mean(cell[score]))
-    return _Cells(found)
-
-
-def _of_system(own: _Cells, theirs: _Cells, names: tuple[str, str, str]) -> list[Row]:
-    system, score, baseline = names
-    perturbed = own.among({key for key in own.values if key[1] != CLEAN})
-    clean = {
-        scene: fmean(value for key, value in own.values.items() if key[:2] == (scene, CLEAN))
-        for scene in sorted({key[0] for key in own.values if key[1] == CLEAN})
-    }
-    rows: dict[str, Row] = {}
-    for name in (ALL, *perturbed.perturbations):
-        there = [key for key in perturbed.values if name in (key[1], ALL)]
-        counts = {"n_scenes": len({key[0] for key in there}), "n_cells": len(there)}
-        counts["n_perturbations"] = len({key[1] for key in there})
-        row: Row = {"system": system, "score": score, "perturbation": name, "baseline": baseline, **counts}
-        rows[name] = row | dict.fromkeys(("mrr", "mrr_low", "mrr_high", "mce", "mce_low", "mce_high"), float("nan"))
-    _add_resilience(rows, perturbed.among({key for key in perturbed.values if key[0] in clean}), clean, names[:2])
-    both = perturbed.among(theirs.values)
-    _add_corruption(rows, both, theirs.among(both.values), names[:2])
-    return list(rows.values())
-
-
-def _add_resilience(rows: dict[str, Row], perturbed: _Cells, clean: dict[str, float], names: tuple[str, str]) -> None:
-    if not perturbed.values:
-        return
-    own_clean = np.array([clean[scene] for scene in perturbed.scenes])
-    given = {name: perturbed.of(name) for name in perturbed.perturbations}
-    sums, counts = perturbed.sums()
-
-    def rates(taken: Float64) -> Float64:
-        of_clean = (taken @ own_clean / taken.sum(axis=1))[:, None]
-        return _ratio(_ratio(taken @ sums, taken @ counts), of_clean)
-
-    rate = resilience_rate(given, float(np.mean(own_clean)))
-    _fill(rows, "mrr", _Rates(rate, perturbed, rates), names)
-
-
-def _add_corruption(rows: dict[str, Row], scores: _Cells, baseline: _Cells, names: tuple[str, str]) -> None:
-    if not scores.values:
-        return
-    mine = _Cells({key: 1.0 - value for key, value in scores.values.items()})
-    theirs = _Cells({key: 1.0 - value for key, value in baseline.values.items()})
-    rate = corruption_error(
-        {name: mine.of(name) for name in mine.perturbations}, {name: theirs.of(name) for name in theirs.perturbations}
-    )
-    above, below = mine.sums()[0], theirs.sums()[0]
-    _fill(rows, "mce", _Rates(rate, mine, lambda taken: _ratio(taken @ above, taken @ below)), names)
-
-
-class _Rates(NamedTuple):
-    """rate: of all scenes. resampled: (B, S) how often each scene is taken -> (B, P) the rate of each perturbation."""
-
-    rate: Rate
-    cells: _Cells
-    resampled: Callable[[Float64], Float64]
-
-
-def _fill(rows: dict[str, Row], column: str, rates: _Rates, names: tuple[str, str]) -> None:
-    """Write a rate with its interval into the row of all perturbations and into each one's."""
-    rate, scenes = rates.rate, len(rates.cells.scenes)
-    kept = [rates.cells.perturbations.index(name) for name in rate.by_perturbation]
-    if rate.value is None:
-        return
-    mean = bootstrap_interval(lambda taken: rates.resampled(taken)[:, kept].mean(axis=1), scenes, column, *names, ALL)
-    _write(rows[ALL], column, rate.value, mean)
-    for name, place in zip(rate.by_perturbation, kept, strict=True):
-        one = bootstrap_interval(lambda taken, at=place: rates.resampled(taken)[:, at], scenes, column, *names, name)
-        _write(rows[name], column, rate.by_perturbation[name], one)
-
-
-def _write(row: Row, column: str, value: float, interval: Interval) -> None:
-    row |= {column: value, f"{column}_low": float(np.maximum(interval.low, 0.0)), f"{column}_high": interval.high}
-
-
-def _ratio(above: Float64, below: Float64) -> Float64:
-    """Return a quotient; NaN where it would be divided by 0."""
-    out = np.full(np.broadcast_shapes(above.shape, below.shape), np.nan)
-    return np.divide(above, below, out=out, where=np.broadcast_to(below, out.shape) > 0.0)
-
-
-# All analyses at once: from the tables of runs and of sequences to named tables with captions.
 
 
 _INTERVALS = (
@@ -354,12 +123,164 @@ def analyse(runs: "DataFrame", sequences: "DataFrame") -> dict[str, "DataFrame"]
     return {name: found[name] for name in CAPTIONS}
 
 
-__all__ = [
-    "CAPTIONS",
-    "INDICATORS",
-    "Indicators",
-    "analyse",
-    "depth_distribution",
-    "indicators_of",
-    "motion_distribution",
+def sequences_tables(sequences: "DataFrame") -> dict[str, "DataFrame"]:
+    """Return the tables images, depth and motion: each indicator of each setting, over its sequences.
+
+    mean, low, high: of the scenes' means, with the interval over scenes at large; minimum, maximum: of the sequences'
+    means; low_frames, high_frames: means of the sequences' 5 % and 95 % quantiles of frames.
+    """
+    parts = {"images": PICTURES, "depth": DEPTH, "motion": MOTION}
+    rows: dict[str, list[dict[str, Any]]] = {part: [] for part in parts}
+    for key, group in groups(sequences, SETTING):
+        for part, names in parts.items():
+            named = dict(zip(SETTING, key, strict=True))
+            rows[part] += [named | _of_indicator(group, name) for name in names if f"{name}_mean" in group]
+    return {part: table_of([row for row in rows[part] if row["n"]], COLUMNS) for part in parts}
+
+
+def _of_indicator(sequences: "DataFrame", name: str) -> dict[str, Any]:
+    known = sequences[np.isfinite(sequences[f"{name}_mean"])]
+    values = known[f"{name}_mean"]
+    of_scenes = values.groupby([known["scene"], known["seed"]]).mean().groupby(level="scene").mean()
+    row = {"indicator": name, "n": len(known), "n_scenes": len(of_scenes), "mean": of_scenes.mean()}
+    row |= {**mean_interval(of_scenes)._asdict(), "minimum": values.min(), "maximum": values.max()}
+    for end in ("low", "high"):
+        row[f"{end}_frames"] = known[f"{name}_{end}"].mean() if f"{name}_{end}" in known else float("nan")
+    return row
+
+
+def depth_distribution(sequence: OpenedSequence, *, every: int = 10) -> "DataFrame":
+    """Return how a sequence's depth is distributed: the share of the pixels that have depth in each bin, and how many.
+
+    Bins of 25 cm up to 10 m; the last is what lies beyond, its to_m infinite. Columns: from_m, to_m, share, pixels.
+    every: of the frames. The share of pixels without depth is the indicator depth_missing. Raises ValueError for every
+    < 1.
+    """
+    from pandas import DataFrame
+
+    if every < 1:
+        raise ValueError(f"every is 1 or more, not {every}")
+    edges = np.append(np.arange(0.0, FARTHEST_M + DEPTH_BIN_M / 2.0, DEPTH_BIN_M), np.inf)
+    counts = np.zeros(len(edges) - 1, dtype=np.int64)
+    for frame in list(sequence)[::every]:
+        depth_m = frame.depth_m
+        places = (depth_m[depth_m > 0.0] / DEPTH_BIN_M).astype(np.int64)
+        counts += np.bincount(np.minimum(places, len(counts) - 1), minlength=len(counts))
+    shares = counts / counts.sum() if counts.sum() else np.full(len(counts), np.nan)
+    return DataFrame({"from_m": edges[:-1], "to_m": edges[1:], "share": shares, "pixels": counts})
+
+
+def motion_distribution(sequence: OpenedSequence) -> "DataFrame":
+    """Return quantiles of a sequence's motion over its frames: columns quantile and those of motion_of."""
+    from pandas import DataFrame
+
+    frames = list(sequence)
+    columns = motion_of(np.stack([frame.c2w for frame in frames]), [frame.stamp_s for frame in frames])
+    quantiles = (0.0, 0.05, 0.25, 0.5, 0.75, 0.95, 1.0)
+    found: dict[str, Any] = {"quantile": quantiles}
+    for name, values in columns.items():
+        known = values[np.isfinite(values)]
+        found[name] = np.quantile(known, quantiles) if known.size else np.full(len(quantiles), np.nan)
+    return DataFrame(found)
+
+
+# --- robustness ---
+#
+# Kong et al., "Robo3D: Towards robust and reliable 3D perception against corruptions", ICCV 2023, with the corruption
+# error after Hendrycks and Dietterich, ICLR 2019. Scores go from 0 (worst) to 1, such as `success_auc`; an error is
+# 1 - score there.
+
+Float64: TypeAlias = NDArray[np.float64]
+Row: TypeAlias = dict[str, Any]
+
+BASELINE = "rgbd_odometry"
+ALL = "all"
+ROBUSTNESS = [
+    *("system", "score", "perturbation", "n_perturbations", "n_scenes", "n_cells"),
+    *("mrr", "mrr_low", "mrr_high", "baseline", "mce", "mce_low", "mce_high"),
 ]
+
+
+def robustness_table(runs: "DataFrame") -> "DataFrame":
+    """Return mRR and mCE of each system and score: over all perturbations, and the rate of each one.
+
+    The scores of a cell (scene and setting) are the mean of its runs. mRR compares with the system's own clean cells in
+    the same scenes, mCE with the baseline's errors (1 - score) in the cells that both have: rgbd_odometry, or the first
+    system by name where it was not run. The baseline has none, as it would be compared with itself.
+    """
+    rows: list[Row] = []
+    systems = sorted(set(runs["system"]))
+    baseline = BASELINE if BASELINE in systems else next(iter(systems), "")
+    for score in (name for name in SCORES if name in runs):
+        known = runs[runs[score].notna()]
+        cells = known.groupby(["system", "perturbation", "scene", "setting"])[score].mean()
+        for system in systems:
+            against = baseline if system != baseline else ""
+            own, theirs = (
+                cells[cells.index.get_level_values("system") == name].droplevel("system") for name in (system, against)
+            )
+            rows += _of_system(own, theirs, (system, score, against))
+    return table_of(rows, ROBUSTNESS)
+
+
+def _of_system(own: "Series", theirs: "Series", names: tuple[str, str, str]) -> list[Row]:
+    """Return a row for all perturbations, and for each. own, theirs: scores by perturbation, scene and setting."""
+    is_clean = own.index.get_level_values("perturbation") == CLEAN
+    perturbed, clean = own[~is_clean], own[is_clean].groupby(level="scene").mean()
+    rows: dict[str, Row] = {}
+    every = perturbed.index.to_frame(index=False)
+    for name in (ALL, *sorted(set(every["perturbation"]))):
+        there = every if name == ALL else every[every["perturbation"] == name]
+        counts = {f"n_{of}s": there[of].nunique() for of in ("perturbation", "scene")} | {"n_cells": len(there)}
+        named = dict(zip(("system", "score", "baseline"), names, strict=True))
+        rows[name] = {**named, "perturbation": name, **counts}
+    held = perturbed[perturbed.index.get_level_values("scene").isin(clean.index)]
+    _fill(rows, "mrr", held, names[:2], lambda taken, sums: _resilience(taken, sums, held, clean))
+    both = perturbed[perturbed.index.isin(theirs.index)]
+    below = _sums(1.0 - theirs.reindex(both.index))
+    _fill(rows, "mce", 1.0 - both, names[:2], lambda taken, sums: _ratio(taken @ sums, taken @ below))
+    return list(rows.values())
+
+
+def _resilience(taken: Float64, sums: Float64, scores: "Series", clean: "Series") -> Float64:
+    """(B, S), (S, P) -> (B, P): for each perturbation the mean of its scores over the mean clean one."""
+    scenes = sorted(set(scores.index.get_level_values("scene")))
+    of_clean = (taken @ clean.reindex(scenes).to_numpy() / taken.sum(axis=1))[:, None]
+    return _ratio(_ratio(taken @ sums, taken @ _sums(scores.notna().astype(float))), of_clean)
+
+
+def _sums(cells: "Series") -> Float64:
+    """Return (S, P): the sum over the settings of each scene and perturbation, both in order."""
+    return cells.groupby(level=["scene", "perturbation"]).sum().unstack("perturbation").fillna(0.0).to_numpy()
+
+
+def _fill(
+    rows: dict[str, Row],
+    column: str,
+    cells: "Series",
+    names: tuple[str, str],
+    rates: Callable[[Float64, Float64], Float64],
+) -> None:
+    """Write a rate with its interval into the row of all perturbations and into each one's.
+
+    rates: (B, S) how often each scene is taken, and (S, P) sums -> (B, P) the rate of each perturbation.
+    """
+    if cells.empty:
+        return
+    sums, scenes = _sums(cells), cells.index.get_level_values("scene").nunique()
+    perturbations = sorted(set(cells.index.get_level_values("perturbation")))
+    once = rates(np.ones((1, scenes)), sums)[0]
+    kept = np.flatnonzero(np.isfinite(once))
+    parts = {perturbations[place]: np.array([place]) for place in kept}
+    for name, places in {ALL: kept, **parts}.items() if len(kept) else ():
+        interval = bootstrap_interval(
+            lambda taken, at=places: rates(taken, sums)[:, at].mean(axis=1), scenes, column, *names, name
+        )
+        ends = {f"{column}_low": np.maximum(interval.low, 0.0), f"{column}_high": interval.high}
+        rows[name] |= {column: float(once[places].mean()), **ends}
+
+
+def _ratio(above: Float64, below: Float64) -> Float64:
+    """Return a quotient; NaN where it would be divided by 0."""
+    out = np.full(np.broadcast_shapes(above.shape, below.shape), np.nan)
+    return np.divide(above, below, out=out, where=np.broadcast_to(below, out.shape) > 0.0)

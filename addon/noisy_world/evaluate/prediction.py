@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Can a sequence's indicators tell whether a system will fail on it? A small model, tested on other scenes."""
+"""What goes together: perturbations and systems with one another, errors with what sequences are like.
+
+And whether that tells if a system will fail on a sequence: a small model, tested on other scenes.
+"""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -10,16 +13,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .cases import CLEAN
-from .intervals import NONE, Interval, bootstrap_interval, clipped
+from .intervals import NO_INTERVAL, Interval, bootstrap_interval, clipped
 from .metrics import success_over_clean_name
-from .run_tables import SEQUENCE, SUCCESS, Columns, Key, errors_of, hashable, indicators_in, table_of
+from .run_tables import SEQUENCE, SUCCESS, errors_of, groups, indicators_in, table_of
 
 if TYPE_CHECKING:
     from pandas import DataFrame
-
-
-# Which perturbations are alike to systems, which systems fail together, and what of a sequence goes with errors.
-
 
 Float64: TypeAlias = NDArray[np.float64]
 
@@ -33,30 +32,30 @@ FEWEST = 4
 """Pairs of values below which no correlation is given."""
 
 
-def perturbation_correlations(runs: Columns) -> "DataFrame":
+def perturbation_correlations(runs: "DataFrame") -> "DataFrame":
     """Return Spearman's correlation of the ATE under each two perturbations: over systems, scenes and severities.
 
     The modes apart; "" are perturbations without modes. A failed run is worse than any other.
     """
     rows = []
-    for (mode,), of_mode in runs.where(runs["perturbation"] != CLEAN).groups(["mode"]):
+    for (mode,), of_mode in groups(runs[runs["perturbation"] != CLEAN], ["mode"]):
         rows += _pairs(mode, of_mode, ["system", "scene", "severity"], "perturbation")
     return table_of(rows, PAIRS)
 
 
-def system_correlations(runs: Columns) -> "DataFrame":
+def system_correlations(runs: "DataFrame") -> "DataFrame":
     """Return Spearman's correlation of the ATE of each two systems: over scenes and perturbed settings, each mode.
 
     Mode "all" is over all settings. A failed run is worse than any other.
     """
-    perturbed = runs.where(runs["perturbation"] != CLEAN)
+    perturbed = runs[runs["perturbation"] != CLEAN]
     rows = _pairs(ALL, perturbed, ["scene", "setting"], "system")
-    for (mode,), of_mode in perturbed.groups(["mode"]):
+    for (mode,), of_mode in groups(perturbed, ["mode"]):
         rows += _pairs(mode, of_mode, ["scene", "setting"], "system")
     return table_of(rows, PAIRS)
 
 
-def indicator_correlations(runs: Columns, sequences: Columns) -> "DataFrame":
+def indicator_correlations(runs: "DataFrame", sequences: "DataFrame") -> "DataFrame":
     """Return Pearson's correlation of ATE and log10 ATE with each indicator's mean, for each system.
 
     Over all sequences (perturbation "all") and those of each perturbation with the clean ones. Pearson's leaves out
@@ -64,12 +63,12 @@ def indicator_correlations(runs: Columns, sequences: Columns) -> "DataFrame":
     independent.
     """
     rows = []
-    for (system,), of_system in runs.groups(["system"]):
+    for (system,), of_system in groups(runs, ["system"]):
         joined = with_indicators(of_system, sequences, indicators_in(sequences))
         clean = joined["perturbation"] == CLEAN
         chosen = {ALL: joined}
         for name in sorted(set(joined["perturbation"][~clean])):
-            chosen[name] = joined.where(clean | (joined["perturbation"] == name))
+            chosen[name] = joined[clean | (joined["perturbation"] == name)]
         for perturbation, group in chosen.items():
             for name in indicators_in(sequences):
                 row = {"system": system, "perturbation": perturbation, "indicator": name.removesuffix("_mean")}
@@ -77,20 +76,15 @@ def indicator_correlations(runs: Columns, sequences: Columns) -> "DataFrame":
     return table_of(rows, INDICATED)
 
 
-def with_indicators(runs: Columns, sequences: Columns, names: list[str]) -> Columns:
+def with_indicators(runs: "DataFrame", sequences: "DataFrame", names: list[str]) -> "DataFrame":
     """Return a row for each sequence that was run: SEQUENCE, perturbation, columns of its indicators, and its error.
 
     error: the median ATE of the runs, infinite for a failed one.
     """
-    places = {key: place for place, key in enumerate(sequences.rows(SEQUENCE))}
-    found = [(key, group) for key, group in runs.groups([*SEQUENCE, "perturbation"]) if key[:3] in places]
-    at = np.array([places[key[:3]] for key, _ in found], dtype=np.int64)
-    columns = {
-        name: np.array([key[place] for key, _ in found]) for place, name in enumerate((*SEQUENCE, "perturbation"))
-    }
-    columns |= {name: sequences[name][at] for name in names}
-    columns["error"] = np.array([float(np.median(errors_of(group))) for _, group in found])
-    return Columns(columns, len(found))
+    errors = runs[[*SEQUENCE, "perturbation"]].assign(error=errors_of(runs))
+    medians = errors.groupby([*SEQUENCE, "perturbation"], as_index=False)["error"].median()
+    last = sequences.drop_duplicates(SEQUENCE, keep="last")
+    return medians.merge(last[[*SEQUENCE, *names]], on=SEQUENCE)
 
 
 def pearson(x: ArrayLike, y: ArrayLike) -> tuple[float, float, float, float]:
@@ -100,9 +94,9 @@ def pearson(x: ArrayLike, y: ArrayLike) -> tuple[float, float, float, float]:
     a, b = np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64)
     if len(a) < FEWEST or _constant(a) or _constant(b):
         return float("nan"), float("nan"), float("nan"), float("nan")
-    found: Any = pearsonr(a, b)
-    low, high = found.confidence_interval(0.95)
-    return float(found.statistic), float(low), float(high), float(found.pvalue)
+    result: Any = pearsonr(a, b)
+    low, high = result.confidence_interval(0.95)
+    return float(result.statistic), float(low), float(high), float(result.pvalue)
 
 
 def spearman(x: ArrayLike, y: ArrayLike) -> tuple[float, float]:
@@ -112,37 +106,35 @@ def spearman(x: ArrayLike, y: ArrayLike) -> tuple[float, float]:
     a, b = rankdata(np.asarray(x, dtype=np.float64)), rankdata(np.asarray(y, dtype=np.float64))
     if len(a) < FEWEST or _constant(a) or _constant(b):
         return float("nan"), float("nan")
-    found: Any = spearmanr(a, b)
-    return float(found.statistic), float(found.pvalue)
+    result: Any = spearmanr(a, b)
+    return float(result.statistic), float(result.pvalue)
 
 
-def _with_indicator(group: Columns, name: str) -> dict[str, Any]:
-    known = group.where(np.isfinite(group[name]))
-    values, errors = known[name], known["error"]
+def _with_indicator(group: "DataFrame", name: str) -> dict[str, Any]:
+    known = group[np.isfinite(group[name])]
+    values, errors = known[name].to_numpy(), known["error"].to_numpy()
     finite = np.isfinite(errors)
     positive = finite & (errors > 0.0)
-    row: dict[str, Any] = {"n": int(finite.sum()), "n_scenes": len(set(known["scene"])), "n_ranked": len(known)}
+    row: dict[str, Any] = {"n": int(finite.sum()), "n_scenes": known["scene"].nunique(), "n_ranked": len(known)}
     logs = np.log10(errors[positive])
-    for suffix, given, of in (("", values[finite], errors[finite]), ("_log10", values[positive], logs)):
+    for suffix, indicated, of in (("", values[finite], errors[finite]), ("_log10", values[positive], logs)):
         columns = (f"pearson{suffix}", f"low{suffix}", f"high{suffix}", f"p{suffix}")
-        row |= dict(zip(columns, pearson(given, of), strict=True))
+        row |= dict(zip(columns, pearson(indicated, of), strict=True))
     row["spearman"], row["spearman_p"] = spearman(values, errors)
     return row
 
 
-def _pairs(mode: str, runs: Columns, cell: list[str], compared: str) -> list[dict[str, Any]]:
+def _pairs(mode: str, runs: "DataFrame", cell: list[str], compared: str) -> list[dict[str, Any]]:
     """Return Spearman's correlations of the errors of each two values of a column, over the cells that both have."""
-    errors: dict[str, dict[Key, float]] = {}
-    for (name, *key), group in runs.groups([compared, *cell]):
-        place = hashable(key)
-        errors.setdefault(str(name), {})[place] = float(np.median(errors_of(group)))
+    errors = runs[[compared, *cell]].assign(error=errors_of(runs))
+    table = errors.groupby([*cell, compared], dropna=False)["error"].median().unstack(compared)
     rows = []
-    scene = cell.index("scene")
-    for a, b in combinations(sorted(errors), 2):
-        both = [place for place in errors[a] if place in errors[b]]
-        rho, p = spearman(*([errors[name][place] for place in both] for name in (a, b)))
-        row = {"mode": mode, "a": a, "b": b, "n": len(both), "n_scenes": len({place[scene] for place in both})}
-        rows.append({**row, "spearman": rho, "p": p})
+    for a, b in combinations(table.columns, 2):
+        both = table[[a, b]].dropna()
+        rho, p = spearman(both[a], both[b])
+        row = {"mode": mode, "a": a, "b": b, "n": len(both)}
+        scenes = both.index.get_level_values("scene").nunique()
+        rows.append({**row, "n_scenes": scenes, "spearman": rho, "p": p})
     return rows
 
 
@@ -150,6 +142,8 @@ def _constant(values: Any) -> bool:
     """Tell whether values do not vary, but for rounding."""
     return float(np.ptp(values)) <= 1e-13 * float(np.max(np.abs(values), initial=0.0))
 
+
+# --- can the data alone tell? ---
 
 FEATURES = {
     "orb_tracked_low": True,
@@ -231,7 +225,7 @@ def fit_failure_model(features: ArrayLike, failed: ArrayLike, penalty: float = P
     return FailureModel(float(best.x[0]), np.asarray(best.x[1:]), mean, deviation)
 
 
-def prediction_tables(runs: Columns, sequences: Columns) -> tuple["DataFrame", "DataFrame", "DataFrame"]:
+def prediction_tables(runs: "DataFrame", sequences: "DataFrame") -> tuple["DataFrame", "DataFrame", "DataFrame"]:
     """Return how well failure is predicted in scenes that the model has not seen, coefficients, and each prediction.
 
     A failure is a run without the success that `outcome` names, of OUTCOMES those that the runs have; an incomplete one
@@ -244,20 +238,23 @@ def prediction_tables(runs: Columns, sequences: Columns) -> tuple["DataFrame", "
     folds, coefficients, predicted = [], [], []
     names = [name for name in FEATURES if name in sequences]
     outcomes = [name for name in OUTCOMES if name in runs and np.isfinite(runs[name]).any()] or [SUCCESS]
-    for (system,), of_system in runs.groups(["system"]):
+    for (system,), of_system in groups(runs, ["system"]):
         for outcome in outcomes:
             labelled = _labelled(of_system, sequences, names, outcome)
             if not len(labelled):
                 continue
             key = {"system": system, "outcome": outcome}
-            features, failed, scenes = transformed(labelled, names), labelled["failed"], labelled["scene"]
+            features, failed = transformed(labelled, names), labelled["failed"].to_numpy()
+            scenes = labelled["scene"].to_numpy()
             chance, base = held_out_predictions(features, failed, scenes)
             folds += [{**key, **row} for row in _folds(failed, chance, base, scenes, system)]
             model = fit_failure_model(features, failed)
             for name, *values in zip(names, model.coefficients, model.mean, model.deviation, strict=True):
                 row = dict(zip(("coefficient", "mean", "standard_deviation"), map(float, values), strict=True))
                 coefficients.append({**key, "feature": name, **row, "n": len(failed)})
-            for place, *values in zip(labelled.rows(SEQUENCE), failed, chance, base, strict=True):
+            for place, *values in zip(
+                labelled[SEQUENCE].itertuples(index=False, name=None), failed, chance, base, strict=True
+            ):
                 row = dict(zip(("without_success", "predicted", "base_rate"), map(float, values), strict=True))
                 predicted.append({**key, **dict(zip(SEQUENCE, place, strict=True)), **row})
     return table_of(folds, FOLDS), table_of(coefficients, COEFFICIENTS), table_of(predicted, PREDICTED)
@@ -270,7 +267,7 @@ def _folds(
     for scene in [*sorted(set(scenes)), ALL]:
         chosen = np.ones(len(scenes), bool) if scene == ALL else scenes == scene
         row = {"held_out": scene, "n_fitted": np.nan if scene == ALL else int((~chosen).sum())}
-        ends = auc_interval(failed, chance, scenes, system) if scene == ALL else NONE
+        ends = auc_interval(failed, chance, scenes, system) if scene == ALL else NO_INTERVAL
         row |= {"n_scenes": len(set(scenes[chosen])), "auc_low": ends.low, "auc_high": ends.high}
         yield row | judged(failed, chance, base, chosen)
 
@@ -282,7 +279,7 @@ def auc_interval(failed: Float64, score: Float64, scenes: NDArray[Any], *names: 
     """
     every = sorted(set(scenes))
     if not np.isfinite(score).all() or not every:
-        return NONE
+        return NO_INTERVAL
     bad = [score[(failed == 1.0) & (scenes == scene)] for scene in every]
     good = [score[(failed == 0.0) & (scenes == scene)] for scene in every]
     ahead = np.array([[_pairs_in_order(one, other) for other in good] for one in bad])
@@ -337,23 +334,20 @@ def auc(failed: ArrayLike, score: ArrayLike) -> float:
     return float((ranks[y].sum() - bad * (bad + 1) / 2.0) / (bad * good)) if bad and good else float("nan")
 
 
-def transformed(table: Columns, names: Sequence[str]) -> Float64:
+def transformed(table: "DataFrame", names: Sequence[str]) -> Float64:
     """Return features as the model sees them: the logarithm of those that FEATURES says; NaN stays."""
-    found = np.zeros((len(table), len(names)))
-    for place, name in enumerate(names):
-        values = table[name]
-        found[:, place] = np.log(np.maximum(values, 0.0) + BOTTOM) if FEATURES[name] else values
-    return found
+    columns = [np.log(np.maximum(table[name], 0.0) + BOTTOM) if FEATURES[name] else table[name] for name in names]
+    return np.array(columns, dtype=np.float64).reshape(len(names), len(table)).T
 
 
-def _labelled(runs: Columns, sequences: Columns, names: list[str], outcome: str) -> Columns:
+def _labelled(runs: "DataFrame", sequences: "DataFrame", names: list[str], outcome: str) -> "DataFrame":
     """Return the sequences that a system was run on, with indicators and whether half of the runs or more failed."""
     if outcome == TWICE_CLEAN:
-        runs = runs.where((runs["perturbation"] != CLEAN) & np.isfinite(runs[outcome]))
-    joined = with_indicators(runs, sequences, names)
-    failed = 1.0 - np.nan_to_num(runs[outcome]) if outcome in runs else runs["failed"]
-    shares = {key: np.mean(group["lost"]) for key, group in runs.with_column("lost", failed).groups(SEQUENCE)}
-    return joined.with_column("failed", np.array([float(shares[key] >= 0.5) for key in joined.rows(SEQUENCE)]))
+        runs = runs[(runs["perturbation"] != CLEAN) & runs[outcome].notna()]
+    lost = 1.0 - runs[outcome].fillna(0.0) if outcome in runs else runs["failed"]
+    shares = lost.groupby([runs[name] for name in SEQUENCE]).mean().rename("share").reset_index()
+    joined = with_indicators(runs, sequences, names).merge(shares, on=SEQUENCE)
+    return joined.assign(failed=(joined["share"] >= 0.5).astype(float))
 
 
 def _standardised(features: ArrayLike, mean: Float64, deviation: Float64) -> Float64:

@@ -1,15 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How results spread over scenes, seeds and repeats: means with intervals, and differences to clean, scene by scene.
+"""How results spread over scenes, seeds and repeats, whether they differ from clean, and where the spread comes from.
 
 Errors are averaged on the scale of logarithms: their means are geometric, and compared by ratios. All else is averaged
-as it is.
+as it is. Tables are worked out for all groups of runs and all measures at once: arrays are (groups, measures), and of
+scenes (groups, measures, scenes).
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from math import isfinite, isnan
-from statistics import fmean
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,20 +16,23 @@ from numpy.typing import ArrayLike, NDArray
 from .cases import CLEAN
 from .intervals import (
     Interval,
+    SceneValues,
     clipped,
     difference_here_interval,
     exponential,
     here_interval,
     mean_interval,
+    mean_over_scenes,
     mean_p,
     share_interval,
 )
 from .run_tables import (
+    COUNTS,
     FAILED,
     HEADLINE,
     INCOMPLETE,
     SETTING,
-    Columns,
+    groups,
     is_averaged_in_logs,
     is_error,
     is_score,
@@ -41,15 +43,251 @@ from .run_tables import (
 )
 
 if TYPE_CHECKING:
-    from pandas import DataFrame
-
-
-# Whether a setting differs from clean: tests, corrected for their number, with the size of the effect.
-
+    from pandas import DataFrame, Index
 
 Float64: TypeAlias = NDArray[np.float64]
 Row: TypeAlias = dict[str, Any]
-Unit: TypeAlias = tuple[Any, ...]  # a scene, or a scene and a seed
+
+MEAN = ["average", "mean", "low", "high", "here_low", "here_high"]
+EXTREMES = ["median", "minimum", "maximum"]
+SPREAD = [*COUNTS, *MEAN, *EXTREMES, "standard_deviation"]
+DIFFERENCE = [
+    *("n", "n_scenes", "average", "mean", "clean_mean", "difference", "low", "high", "here_low", "here_high"),
+    *("ratio", "ratio_low", "ratio_high", "p", "p_holm"),
+]
+CURVE = ["system", "perturbation", "mode", "severity"]
+
+
+def spread_table(runs: "DataFrame", measures: Sequence[str]) -> "DataFrame":
+    """Return the spread of each measure for each system and setting, the columns SPREAD.
+
+    mean: of the scenes' means, so that scenes weigh alike; average: which kind; low, high: its interval over scenes at
+    large; here_*: over other seeds (or repeats, where there is one seed) in these scenes. The others are over all runs
+    that have a value; the standard deviation of an error is the factor by which it spreads.
+    """
+    grouped = GroupedRuns.of(runs, ["system", *SETTING], measures)
+    return grouped.table({**grouped.counts(), **grouped.means(grouped.cells()), **grouped.extremes()}, SPREAD)
+
+
+def grouped_table(runs: "DataFrame", measures: Sequence[str], by: Sequence[str]) -> "DataFrame":
+    """Return each system's perturbed runs, grouped by columns: measures over all settings of a group, with intervals.
+
+    In a scene and seed, settings weigh alike: their runs are averaged first. Clean runs are left out.
+    """
+    grouped = GroupedRuns.of(runs[runs["perturbation"] != CLEAN], ["system", *by], measures)
+    columns = {"n_settings": grouped.settings, **grouped.counts(), **grouped.means(grouped.cells_over_settings())}
+    return grouped.table({**columns, **grouped.extremes()}, ["n_settings", *COUNTS, *MEAN, *EXTREMES])
+
+
+def curve_table(runs: "DataFrame", measures: Sequence[str]) -> "DataFrame":
+    """Return failure curves: each measure over severity for each system, perturbation and mode; clean is severity 0.
+
+    Perturbations without severities are not in it.
+    """
+    from pandas import concat
+
+    is_clean = runs["perturbation"] == CLEAN
+    graded = runs[runs["severity"].notna() & ~is_clean]
+    lines = graded[CURVE[:-1]].drop_duplicates()
+    clean = lines.merge(runs[is_clean].drop(columns=CURVE[1:]), on="system").assign(severity=0.0)
+    grouped = GroupedRuns.of(concat([clean[list(graded)], graded], ignore_index=True), CURVE, measures)
+    alone, averaged = grouped.means(grouped.cells()), grouped.means(grouped.cells_over_settings())
+    means = {name: np.where(grouped.settings > 1, averaged[name], alone[name]) for name in MEAN}
+    return grouped.table({**grouped.counts(), **means, **grouped.extremes()}, [*COUNTS, *MEAN, *EXTREMES])
+
+
+def difference_table(runs: "DataFrame", measures: Sequence[str]) -> "DataFrame":
+    """Return how each setting differs from clean in the same scenes, for each system and measure, columns DIFFERENCE.
+
+    Of an error, the ratio of the geometric means, if no clean one is 0, which here_* then are of; of all else the
+    difference. Scenes without a value on one side are left out. n: values of these runs. p: of no difference over
+    scenes at large, whose interval low, high or ratio_low, ratio_high is; p_holm: Holm's correction of p over the
+    settings of one system and measure.
+    """
+    is_clean = runs["perturbation"] == CLEAN
+    grouped = GroupedRuns.of(runs[~is_clean], ["system", *SETTING], measures)
+    clean = GroupedRuns.of(runs[is_clean], ["system"], measures)
+    ours, theirs = grouped.cells(), clean.cells()
+    place = {name: number for number, name in enumerate(clean.names["system"])}
+    at = grouped.names["system"].map(place).fillna(-1).to_numpy(dtype=int)  # the last is that of no clean runs
+    scenes = grouped.scene_values(ours)
+    others = clean.scene_values(theirs, scenes=sorted(set(grouped.runs["scene"])))
+    others = SceneValues(*(np.pad(part, ((0, 1), (0, 0), (0, 0)), constant_values=np.nan)[at] for part in others))
+    both = np.isfinite(scenes.mean) & np.isfinite(others.mean)
+    scenes, others = (SceneValues(*(np.where(both, part, np.nan) for part in each)) for each in (scenes, others))
+    apart = scenes.mean - others.mean
+    means, clean_means = mean_over_scenes(scenes.mean), mean_over_scenes(others.mean)
+    ends, here = mean_interval(apart), difference_here_interval(scenes, others)
+    logs = grouped.in_logs
+    least = runs[is_clean].groupby("system")[list(measures)].min().reindex(grouped.names["system"])
+    without = logs & (least.to_numpy(dtype=np.float64) == 0.0)
+    ratio, of_ratio, of_here = _exp(means - clean_means, logs), exponential(ends), exponential(here)
+    columns = {
+        "n": np.where(both, grouped.counted(ours), 0).sum(axis=-1),
+        "n_scenes": both.sum(axis=-1),
+        "average": grouped.average,
+        "mean": _exp(means, logs),
+        "clean_mean": _exp(clean_means, logs),
+        "difference": np.where(logs, np.nan, means - clean_means),
+        "low": np.where(logs, np.nan, ends.low),
+        "high": np.where(logs, np.nan, ends.high),
+        "ratio": np.where(logs & ~without, ratio, np.nan),
+        "p": np.where(without, np.nan, mean_p(apart)),
+    }
+    for end in ("low", "high"):
+        columns[f"ratio_{end}"] = np.where(logs & ~without, getattr(of_ratio, end), np.nan)
+        in_scale = np.where(logs, getattr(of_here, end), getattr(here, end))
+        columns[f"here_{end}"] = np.where(without, np.nan, in_scale)
+    table = grouped.table(columns, DIFFERENCE)
+    table["p_holm"] = table.groupby(["system", "measure"])["p"].transform(lambda family: holm(family.to_numpy()))
+    return table
+
+
+class GroupedRuns(NamedTuple):
+    """Runs in groups: by the values of some columns, those without a value first.
+
+    names: a row for each group. numbers: (N,) the group of each run. values: (N, M) measures, errors as logarithms.
+    """
+
+    runs: "DataFrame"
+    names: "DataFrame"
+    numbers: NDArray[np.int64]
+    values: "DataFrame"
+
+    @classmethod
+    def of(cls, runs: "DataFrame", keys: Sequence[str], measures: Sequence[str]) -> "GroupedRuns":
+        """Group runs."""
+        names = runs[list(keys)].drop_duplicates()
+        order = names.reset_index(drop=True).sort_values(list(keys), na_position="first").index.to_numpy()
+        met = runs.groupby(list(keys), dropna=False, sort=False).ngroup().to_numpy()  # as they come
+        rank = np.empty(len(order), dtype=np.int64)
+        rank[order] = np.arange(len(order))
+        columns = {name: log_errors(runs[name]) if is_averaged_in_logs(name) else runs[name] for name in measures}
+        values = runs[[]].assign(**columns)
+        return cls(runs, names.iloc[order].reset_index(drop=True), rank[met], values.where(np.isfinite(values)))
+
+    @property
+    def measures(self) -> list[str]:
+        """The measures' names."""
+        return list(map(str, self.values.columns))
+
+    @property
+    def in_logs(self) -> NDArray[np.bool_]:
+        """(1, M): which are errors, as logarithms."""
+        return np.array([[is_averaged_in_logs(name) for name in self.measures]])
+
+    @property
+    def average(self) -> NDArray[Any]:
+        """(1, M): which mean is taken of each."""
+        return np.where(self.in_logs, "geometric", "arithmetic").astype(object)
+
+    @property
+    def settings(self) -> NDArray[np.int64]:
+        """(G, 1): how many settings each group has."""
+        return self.runs.groupby(self.numbers)["setting"].nunique().to_numpy(dtype=np.int64)[:, None]
+
+    def table(self, columns: Mapping[str, Any], order: Sequence[str]) -> "DataFrame":
+        """Return a row for each group and measure. columns: arrays that go with (G, M)."""
+        shape = len(self.names), len(self.measures)
+        if not shape[0]:
+            return table_of([], [*self.names.columns, "measure", *order])
+        table = self.names.loc[self.names.index.repeat(shape[1])].reset_index(drop=True)
+        table["measure"] = np.tile(np.array(self.measures, dtype=object), shape[0])
+        filled = {name: np.broadcast_to(columns.get(name, np.nan), shape).ravel() for name in order}
+        return table.assign(**filled)
+
+    def counts(self) -> dict[str, Any]:
+        """Return how many runs there are, failed or are incomplete, and have a value, in how many scenes."""
+        ended = self.runs.groupby(self.numbers)[[FAILED, INCOMPLETE]].sum().to_numpy().astype(int)
+        known = self.values.notna().groupby([self.numbers, self.runs["scene"]]).sum()
+        return {
+            "n_runs": np.bincount(self.numbers, minlength=len(self.names))[:, None],
+            "n_failed": ended[:, :1],
+            "n_incomplete": ended[:, 1:],
+            "n": known.groupby(level=0).sum().to_numpy(),
+            "n_scenes": (known > 0).groupby(level=0).sum().to_numpy(),
+        }
+
+    def extremes(self) -> dict[str, Any]:
+        """Return median, least and largest of the runs that have a value, and their standard deviation."""
+        raw = self.runs[self.measures].where(self.values.notna()).groupby(self.numbers)
+        deviation = self.values.groupby(self.numbers).std().to_numpy()
+        return {
+            "median": raw.median().to_numpy(),
+            "minimum": raw.min().to_numpy(),
+            "maximum": raw.max().to_numpy(),
+            "standard_deviation": _exp(deviation, self.in_logs),
+        }
+
+    def cells(self) -> "DataFrame":
+        """Return the values by group, scene and seed: a row for each repeat."""
+        keys = self.runs[["scene", "seed"]].assign(group=self.numbers)
+        return self.values.set_index([keys["group"], keys["scene"], keys["seed"]])
+
+    def cells_over_settings(self) -> "DataFrame":
+        """Return one value for each group, scene and seed: the mean of its settings' means.
+
+        A setting that was run with fewer seeds than others is the same for all (nothing in it is random), so its mean
+        stands for the missing ones.
+        """
+        keys = [self.numbers, self.runs["scene"], self.runs["setting"], self.runs["seed"]]
+        means = self.values.groupby(keys).mean()
+        means.index.names = ["group", "scene", "setting", "seed"]
+        settings = means.groupby(level=["group", "scene", "setting"]).mean()
+        seeds = means.index.droplevel(["setting"]).unique()
+        every = settings.index.to_frame(index=False).merge(seeds.to_frame(index=False), on=["group", "scene"])
+        every = every.set_index(["group", "scene", "setting", "seed"]).index
+        of_setting = settings.reindex(every.droplevel(["seed"])).set_axis(every)
+        over = means.reindex(every).fillna(of_setting).groupby(level=["group", "scene", "seed"]).mean()
+        met = means.notna().groupby(level=["group", "scene", "seed"]).any()  # some setting was run with the seed
+        return over.where(met.reindex(over.index))
+
+    def counted(self, cells: "DataFrame") -> NDArray[np.int64]:
+        """(G, M, S): how many values there are of each scene."""
+        return np.nan_to_num(self._of_scenes(cells.notna().groupby(level=["group", "scene"]).sum())).astype(int)
+
+    def scene_values(self, cells: "DataFrame", scenes: Sequence[str] | None = None) -> SceneValues:
+        """Return what each scene says, (G, M, S). scenes: by default those of the runs, in order."""
+        means = cells.groupby(level=["group", "scene", "seed"]).mean().groupby(level=["group", "scene"])
+        repeats = cells.groupby(level=["group", "scene"])
+        several = means.count() > 1
+        size = means.count().where(several, repeats.count())
+        variance = means.var().where(several, repeats.var()) / size
+        return SceneValues(*(self._of_scenes(part, scenes) for part in (means.mean(), variance, size - 1.0)))
+
+    def means(self, cells: "DataFrame") -> dict[str, Any]:
+        """Return the means over scenes with both of their intervals, the columns MEAN."""
+        scenes, logs = self.scene_values(cells), self.in_logs
+        mean, here, runs = mean_over_scenes(scenes.mean), here_interval(scenes), self.counted(cells).sum(axis=-1)
+        score, share, error = (
+            np.array([[tells(name) for name in self.measures]]) for tells in (is_score, is_share, is_error)
+        )
+        of_shares = share_interval(np.where(score[..., None], scenes.mean, np.nan), np.where(share, runs, np.inf))
+        at_large = mean_interval(scenes.mean)
+        columns: dict[str, Any] = {"average": self.average, "mean": _exp(mean, logs)}
+        for prefix, plain in (("", at_large), ("here_", here)):
+            positive = clipped(plain, 0.0, np.inf)
+            of_score = of_shares if prefix == "" else clipped(plain)
+            for name, *ends in zip(Interval._fields, plain, positive, of_score, exponential(plain), strict=True):
+                columns[f"{prefix}{name}"] = np.select([logs, score, error], [ends[3], ends[2], ends[1]], ends[0])
+        return columns
+
+    def _of_scenes(self, table: "DataFrame", scenes: Sequence[str] | None = None) -> Float64:
+        """Return a table of groups and scenes, a column for each measure, as (G, M, S)."""
+        from pandas import MultiIndex
+
+        every = sorted(set(self.runs["scene"])) if scenes is None else scenes
+        index = MultiIndex.from_product([range(len(self.names)), every])
+        found = table.reindex(index).to_numpy(dtype=np.float64)
+        return found.reshape(len(self.names), len(every), len(self.measures)).transpose(0, 2, 1)
+
+
+def _exp(values: Float64, logs: NDArray[np.bool_]) -> Float64:
+    """Return values, of which some are logarithms, on their own scales."""
+    return np.exp(values, out=np.array(values), where=np.broadcast_to(logs, values.shape))
+
+
+# --- whether a setting differs from clean ---
 
 TESTS = [
     *("unit", "n", "n_clean", "mean", "clean_mean", "welch_t", "welch_freedom", "welch_p", "welch_p_holm", "hedges_g"),
@@ -58,7 +296,7 @@ TESTS = [
 UNITS = {"scene": ["scene"], "scene and seed": ["scene", "seed"]}
 
 
-def against_clean_table(runs: Columns, measures: Sequence[str]) -> "DataFrame":
+def against_clean_table(runs: "DataFrame", measures: Sequence[str]) -> "DataFrame":
     """Return Welch's test and Wilcoxon's signed-rank test of each setting against clean.
 
     Each is done twice: a value for each scene, which speaks for scenes at large, and a value for each scene and seed,
@@ -67,27 +305,50 @@ def against_clean_table(runs: Columns, measures: Sequence[str]) -> "DataFrame":
     settings of one system, measure and unit.
     """
     rows: list[Row] = []
-    for (system,), of_system in runs.groups(["system"]):
+    tested, ranked = _columns(runs, measures)
+    for (system,), of_system in groups(runs, ["system"]):
         is_clean = of_system["perturbation"] == CLEAN
-        clean, perturbed = of_system.where(is_clean), of_system.where(~is_clean)
-        for measure in measures:
-            for unit, keys in UNITS.items():
-                family = [
-                    {"system": system, **dict(zip(SETTING, key, strict=True)), "measure": measure, "unit": unit}
-                    | _tested(group, clean, measure, keys)
-                    for key, group in perturbed.groups(SETTING)
-                ]
-                _correct(family)
-                rows += family
-    return table_of(rows, ["system", *SETTING, "measure", *TESTS])
+        clean = of_system.index[is_clean]
+        settings = list(groups(of_system[~is_clean], SETTING))
+        for unit, keys in UNITS.items():
+            clean_means = _by_unit(tested, runs, clean, keys).mean().to_numpy().T
+            clean_medians = _by_unit(ranked, runs, clean, keys).median()
+            of_scenes = _by_unit(ranked, runs, clean, ["scene"]).median()
+            for key, group in settings:
+                means = _by_unit(tested, runs, group.index, keys).mean().to_numpy().T
+                medians = _by_unit(ranked, runs, group.index, keys).median()
+                pairs = zip(medians.to_numpy().T, _beside(medians.index, clean_medians, of_scenes).T, strict=True)
+                named = {"system": system, **dict(zip(SETTING, key, strict=True)), "unit": unit}
+                for measure, mean, of_measure, (ours, theirs) in zip(measures, means, clean_means, pairs, strict=True):
+                    row = welch(mean[~np.isnan(mean)], of_measure[~np.isnan(of_measure)])
+                    if is_averaged_in_logs(measure):
+                        row |= {name: float(np.exp(row[name])) for name in ("mean", "clean_mean")}
+                    both = ~np.isnan(ours) & ~np.isnan(theirs)
+                    rows.append({**named, "measure": measure, **row, **wilcoxon(ours[both], theirs[both])})
+    table = table_of(rows, ["system", *SETTING, "measure", *TESTS])
+    for test in ("welch", "wilcoxon"):
+        families = table.groupby(["system", "measure", "unit"])[f"{test}_p"]
+        table[f"{test}_p_holm"] = families.transform(lambda family: holm(family.to_numpy())).astype(float)
+    order = table["measure"].map({name: place for place, name in enumerate(measures)})
+    keys = table.assign(_order=order).sort_values(["system", "_order", "unit"], kind="stable").index
+    return table.loc[keys].reset_index(drop=True)
 
 
-def _tested(runs: Columns, clean: Columns, measure: str, keys: list[str]) -> Row:
-    sample, reference = _units(runs, measure, keys), _units(clean, measure, keys)
-    row = welch(sample, reference) | wilcoxon(*_paired(runs, clean, measure, keys))
-    if is_averaged_in_logs(measure):
-        row |= {name: float(np.exp(row[name])) for name in ("mean", "clean_mean")}
-    return row
+def _columns(runs: "DataFrame", measures: Sequence[str]) -> "tuple[DataFrame, DataFrame]":
+    """Return what means and ranks are taken of: logarithms of errors, and errors in which a failed run is infinite."""
+    logs = {name: log_errors(runs[name]) if is_averaged_in_logs(name) else runs[name] for name in measures}
+    ranks = {name: worst_if_failed(runs, name) if is_error(name) else runs[name] for name in measures}
+    return runs[[]].assign(**logs), runs[[]].assign(**ranks)
+
+
+def _by_unit(values: "DataFrame", runs: "DataFrame", chosen: Any, keys: list[str]) -> Any:
+    return values.loc[chosen].groupby([runs.loc[chosen, name] for name in keys])
+
+
+def _beside(units: "Index", clean: "DataFrame", of_scenes: "DataFrame") -> Float64:
+    """Return the clean value beside each unit's: its own seed's, or else that of all its scene's runs."""
+    own, scenes = clean.reindex(units).to_numpy(), of_scenes.reindex(units.get_level_values("scene")).to_numpy()
+    return np.where(np.isnan(own), scenes, own)
 
 
 def welch(sample: ArrayLike, clean: ArrayLike) -> Row:
@@ -101,13 +362,13 @@ def welch(sample: ArrayLike, clean: ArrayLike) -> Row:
     row: Row = {"n": len(first), "n_clean": len(second)}
     row["mean"] = float(np.mean(first)) if len(first) else float("nan")
     row["clean_mean"] = float(np.mean(second)) if len(second) else float("nan")
-    nothing = dict.fromkeys(("welch_t", "welch_freedom", "welch_p", "hedges_g"), float("nan"))
+    row |= dict.fromkeys(("welch_t", "welch_freedom", "welch_p", "hedges_g"), float("nan"))
     if len(first) < 2 or len(second) < 2:
-        return row | nothing
+        return row
     variances = _variance(first), _variance(second)
     squared = variances[0] / len(first), variances[1] / len(second)
     if not sum(variances) > 0.0:
-        return row | nothing
+        return row
     deviations = np.sqrt(variances)
     result: Any = ttest_ind_from_stats(
         *(row["mean"], deviations[0], len(first)), *(row["clean_mean"], deviations[1], len(second)), equal_var=False
@@ -164,281 +425,15 @@ def holm(p: ArrayLike) -> Float64:
     return out
 
 
-def _correct(family: list[Row]) -> None:
-    for test in ("welch", "wilcoxon"):
-        for row, corrected in zip(family, holm([row[f"{test}_p"] for row in family]), strict=True):
-            row[f"{test}_p_holm"] = float(corrected)
-
-
-def _units(runs: Columns, measure: str, keys: list[str]) -> Float64:
-    """Return a value for each unit: the mean of its runs that have one; of an error, of their logarithms."""
-    values = log_errors(runs[measure]) if is_averaged_in_logs(measure) else runs[measure]
-    return np.array([np.mean(found) for found in _by_unit(runs, values, keys).values()])
-
-
-def _paired(runs: Columns, clean: Columns, measure: str, keys: list[str]) -> tuple[Float64, Float64]:
-    """Return the units' values and those of clean beside them: its own seed's, or else the mean of its scene's.
-
-    A unit's value is the median of its runs; of errors a failed run's is infinite.
-    """
-    mine, theirs = _medians(runs, measure, keys), _medians(clean, measure, keys)
-    of_scene = _medians(clean, measure, ["scene"])
-    pairs = []
-    for unit, value in mine.items():
-        other = theirs.get(unit, of_scene.get(unit[:1]))
-        if other is not None:
-            pairs.append((value, other))
-    both = np.array(pairs, dtype=np.float64).reshape(-1, 2)
-    return both[:, 0], both[:, 1]
-
-
-def _medians(runs: Columns, measure: str, keys: list[str]) -> dict[Unit, float]:
-    values = worst_if_failed(runs, measure) if is_error(measure) else runs[measure]
-    return {unit: float(np.median(found)) for unit, found in _by_unit(runs, values, keys).items()}
-
-
-def _by_unit(runs: Columns, values: Float64, keys: list[str]) -> dict[Unit, list[float]]:
-    """Return values by unit, in order, NaN left out."""
-    found: dict[Unit, list[float]] = {}
-    for unit, value in sorted(zip(runs.rows(keys), values.tolist(), strict=True), key=lambda row: row[0]):
-        if not isnan(value):
-            found.setdefault(unit, []).append(value)
-    return found
-
-
-Cells: TypeAlias = dict[str, dict[int, list[float]]]
-"""Values by scene and seed, one for each repeat; of errors their logarithms."""
-
-GEOMETRIC, ARITHMETIC = "geometric", "arithmetic"
-COUNTS = ["n_runs", "n_failed", "n_incomplete", "n", "n_scenes"]
-MEAN = ["average", "mean", "low", "high", "here_low", "here_high"]
-SPREAD = [*COUNTS, *MEAN, "median", "minimum", "maximum", "standard_deviation"]
-DIFFERENCE = [
-    *("n", "n_scenes", "average", "mean", "clean_mean", "difference", "low", "high", "here_low", "here_high"),
-    *("ratio", "ratio_low", "ratio_high", "p", "p_holm"),
-]
-
-
-def spread_of(runs: Columns, measure: str) -> Row:
-    """Return how a measure spreads over runs, the columns SPREAD.
-
-    mean: of the scenes' means, so that scenes weigh alike; average: which kind; low, high: its interval over scenes at
-    large; here_*: over other seeds (or repeats, where there is one seed) in these scenes. The others are over all runs
-    that have a value; the standard deviation of an error is the factor by which it spreads.
-    """
-    values = runs[measure][np.isfinite(runs[measure])]
-    row: Row = dict.fromkeys(SPREAD, float("nan"))
-    cells = cells_of(runs, measure)
-    row |= {"n_runs": len(runs), "n": len(values), "n_scenes": len(cells), "average": average_of(measure)}
-    row |= {f"n_{name}": int(runs[name].sum()) for name in (FAILED, INCOMPLETE)}
-    if not len(values):
-        return row
-    row |= means_with_intervals(cells, measure)
-    row |= {"median": float(np.median(values)), "minimum": float(values.min()), "maximum": float(values.max())}
-    if len(values) > 1:
-        in_logs = is_averaged_in_logs(measure)
-        deviation = float(np.std(log_errors(values) if in_logs else values, ddof=1))
-        row["standard_deviation"] = float(np.exp(deviation)) if in_logs else deviation
-    return row
-
-
-def average_of(measure: str) -> str:
-    """Return which mean is taken of a measure."""
-    return GEOMETRIC if is_averaged_in_logs(measure) else ARITHMETIC
-
-
-def means_with_intervals(cells: Cells, measure: str) -> Row:
-    """Return the mean over scenes with both of its intervals, the columns MEAN."""
-    units = units_of(cells)
-    of_scenes = _means(units)
-    mean, here = float(np.mean(of_scenes)), here_interval(units)
-    if is_averaged_in_logs(measure):
-        (low, high), (here_low, here_high) = exponential(mean_interval(of_scenes)), exponential(here)
-        mean = float(np.exp(mean))
-    else:
-        runs = sum(len(values) for seeds in cells.values() for values in seeds.values())
-        (low, high), (here_low, here_high) = _interval(of_scenes, runs, measure), _possible(here, measure)
-    row = {"average": average_of(measure), "mean": mean, "low": low, "high": high}
-    return row | {"here_low": here_low, "here_high": here_high}
-
-
-def difference_of(runs: Columns, clean: Columns, measure: str) -> Row:
-    """Return how a measure differs from clean in the same scenes, the columns DIFFERENCE.
-
-    Of an error, the ratio of the geometric means, if no clean one is 0, which here_* then are of; of all else the
-    difference. Scenes without a
-    value on one side are left out. n: values of these runs. p: of no difference over scenes at large, whose interval
-    low, high or ratio_low, ratio_high is; p_holm is left to `difference_table`.
-    """
-    row: Row = dict.fromkeys(DIFFERENCE, float("nan"))
-    mine, theirs = cells_of(runs, measure), cells_of(clean, measure)
-    scenes = [scene for scene in mine if scene in theirs]
-    row |= {"n": sum(len(values) for scene in scenes for values in mine[scene].values()), "n_scenes": len(scenes)}
-    row["average"] = average_of(measure)
-    if not scenes:
-        return row
-    ours, others = (units_of({scene: cells[scene] for scene in scenes}) for cells in (mine, theirs))
-    means, clean_means = _means(ours), _means(others)
-    row |= {"mean": float(np.mean(means)), "clean_mean": float(np.mean(clean_means))}
-    difference = row["mean"] - row["clean_mean"]
-    ends, here = mean_interval(means - clean_means), difference_here_interval(ours, others)
-    row["p"] = mean_p(means - clean_means)
-    if not is_averaged_in_logs(measure):
-        row |= {"difference": difference, "low": ends.low, "high": ends.high}
-        return row | dict(zip(("here_low", "here_high"), here, strict=True))
-    row |= {name: float(np.exp(row[name])) for name in ("mean", "clean_mean")}
-    if (clean[measure] == 0.0).any():
-        return row | {"p": float("nan")}
-    row["ratio"] = float(np.exp(difference))
-    row["ratio_low"], row["ratio_high"] = exponential(ends)
-    row["here_low"], row["here_high"] = exponential(here)
-    return row
-
-
-def cells_of(runs: Columns, measure: str) -> Cells:
-    """Return the values of a measure by scene and seed, both in order; runs without one are left out."""
-    found: Cells = {}
-    values = log_errors(runs[measure]) if is_averaged_in_logs(measure) else runs[measure]
-    rows = zip(runs.rows(("scene", "seed")), values.tolist(), strict=True)
-    for (scene, seed), value in sorted(rows, key=lambda row: row[0]):
-        if isfinite(value):
-            found.setdefault(scene, {}).setdefault(seed, []).append(value)
-    return found
-
-
-def units_of(cells: Cells) -> list[Float64]:
-    """Return for each scene what is independent there: a mean of each seed, or where there is one seed, its repeats."""
-    return [
-        np.array([sum(values) / len(values) for values in seeds.values()])
-        if len(seeds) > 1
-        else np.array(next(iter(seeds.values())))
-        for seeds in cells.values()
-    ]
-
-
-def means_of_scenes(table: Columns, measure: str) -> Float64:
-    """Return the mean of each scene: of its seeds' means."""
-    return _means(units_of(cells_of(table, measure)))
-
-
-def spread_table(runs: Columns, measures: list[str]) -> "DataFrame":
-    """Return the spread of each measure for each system and setting."""
-    keys = ["system", *SETTING]
-    rows = [
-        {**dict(zip(keys, key, strict=True)), "measure": measure, **spread_of(group, measure)}
-        for key, group in runs.groups(keys)
-        for measure in measures
-    ]
-    return table_of(rows, [*keys, "measure", *SPREAD])
-
-
-def difference_table(runs: Columns, measures: list[str]) -> "DataFrame":
-    """Return how each setting differs from clean, for each system and measure, scene by scene.
-
-    p_holm: Holm's correction of p over the settings of one system and measure.
-    """
-    keys = ["system", *SETTING]
-    rows = []
-    for (system,), of_system in runs.groups(["system"]):
-        is_clean = of_system["perturbation"] == CLEAN
-        reference = of_system.where(is_clean)
-        of_settings: list[Row] = []
-        for key, group in of_system.where(~is_clean).groups(SETTING):
-            shared = {"system": system, **dict(zip(SETTING, key, strict=True))}
-            of_settings += [{**shared, "measure": name, **difference_of(group, reference, name)} for name in measures]
-        for name in measures:
-            family = [row for row in of_settings if row["measure"] == name]
-            for row, corrected in zip(family, holm([row["p"] for row in family]), strict=True):
-                row["p_holm"] = float(corrected)
-        rows += of_settings
-    return table_of(rows, [*keys, "measure", *DIFFERENCE])
-
-
-def _means(groups: list[Float64]) -> Float64:
-    return np.array([np.mean(group) for group in groups])
-
-
-def _interval(of_scenes: Float64, runs: int, measure: str) -> Interval:
-    if is_score(measure):
-        return share_interval(of_scenes, runs if is_share(measure) else np.inf)
-    return _possible(mean_interval(of_scenes), measure)
-
-
-def _possible(interval: Interval, measure: str) -> Interval:
-    if is_score(measure):
-        return clipped(interval)
-    return clipped(interval, 0.0, np.inf) if is_error(measure) else interval
-
-
-# Results over many settings: of each system, by perturbation, by mode, by severity; and curves over severity.
-
-
-SHOWN = [*MEAN, "median", "minimum", "maximum"]
-GROUPED = ["n_settings", *COUNTS, *SHOWN]
-CURVE = ["system", "perturbation", "mode", "severity", "measure", *COUNTS, *SHOWN]
-
-
-def grouped_table(runs: Columns, measures: list[str], by: list[str]) -> "DataFrame":
-    """Return each system's perturbed runs, grouped by columns: measures over all settings of a group, with intervals.
-
-    In a scene and seed, settings weigh alike: their runs are averaged first. Clean runs are left out.
-    """
-    keys = ["system", *by]
-    rows: list[dict[str, Any]] = []
-    for key, group in runs.where(runs["perturbation"] != CLEAN).groups(keys):
-        for measure in measures:
-            row = spread_of(group, measure) | over_settings(group, measure)
-            named = {**dict(zip(keys, key, strict=True)), "measure": measure, "n_settings": len(set(group["setting"]))}
-            rows.append({**named, **{name: row[name] for name in GROUPED if name in row}})
-    return table_of(rows, [*keys, "measure", *GROUPED])
-
-
-def over_settings(runs: Columns, measure: str) -> dict[str, Any]:
-    """Return mean and intervals of a measure over settings: of each scene and seed, the mean of its settings' means.
-
-    A setting that was run with fewer seeds than others is the same for all (nothing in it is random), so its mean
-    stands for the missing ones.
-    """
-    settings = [cells_of(group, measure) for _, group in runs.groups(["setting"])]
-    found: Cells = {}
-    for scene in sorted({scene for cells in settings for scene in cells}):
-        there = [cells[scene] for cells in settings if scene in cells]
-        means = [{seed: fmean(values) for seed, values in seeds.items()} for seeds in there]
-        for seed in sorted({seed for of_setting in means for seed in of_setting}):
-            of_seed = [of_setting.get(seed, fmean(of_setting.values())) for of_setting in means]
-            found.setdefault(scene, {})[seed] = [fmean(of_seed)]
-    return means_with_intervals(found, measure) if found else {}
-
-
-def curve_table(runs: Columns, measures: list[str]) -> "DataFrame":
-    """Return failure curves: each measure over severity for each system, perturbation and mode; clean is severity 0.
-
-    Perturbations without severities are not in it.
-    """
-    rows: list[dict[str, Any]] = []
-    graded = runs.where(np.isfinite(runs["severity"]) & (runs["perturbation"] != CLEAN))
-    for (system, perturbation, mode), group in graded.groups(["system", "perturbation", "mode"]):
-        clean = runs.where((runs["perturbation"] == CLEAN) & (runs["system"] == system))
-        steps = [(0.0, clean)] if len(clean) else []
-        steps += [(severity, of_one) for (severity,), of_one in group.groups(["severity"])]
-        for severity, of_one in steps:
-            named = {"system": system, "perturbation": perturbation, "mode": mode, "severity": severity}
-            for measure in measures:
-                row = spread_of(of_one, measure) | (over_settings(of_one, measure) if _several(of_one) else {})
-                rows.append({**named, "measure": measure, **{name: row[name] for name in (*COUNTS, *SHOWN)}})
-    return table_of(rows, CURVE)
-
-
-def _several(runs: Columns) -> bool:
-    return len(set(runs["setting"])) > 1
-
-
-# Where the spread of an error comes from: the scene, the seed, or the system's own chance on equal files.
+# --- where the spread comes from ---
 #
 # Random effects, nested: repeats on the files of one seed, seeds in a scene, scenes in a setting, whose effect is
-# fixed. Components are estimated by the method of moments (Henderson's method 1, Biometrics 9, 1953; Searle, Casella
-# and McCulloch, Variance Components, 1992, 5.3), which needs no normal values, no equal numbers and no iteration.
+# fixed.
+# Components are estimated by the method of moments (Henderson's method 1, Biometrics 9, 1953; Searle, Casella and
+# McCulloch, Variance Components, 1992, 5.3), which needs no normal values, no equal numbers and no iteration.
 
+Cells: TypeAlias = dict[Any, dict[Any, list[float]]]
+"""Logarithms of errors by scene and seed, one for each repeat."""
 
 ALL = "all"
 LEVELS = ("scene", "seed", "repeat")
@@ -506,7 +501,7 @@ def components_of(moments: Moments) -> dict[str, float]:
     return found
 
 
-def variance_table(runs: Columns) -> "DataFrame":
+def variance_table(runs: "DataFrame") -> "DataFrame":
     """Return the components of the errors of each system: in each setting, and over all perturbed ones (ALL).
 
     Factors are exp of a component's standard deviation, shares those of the components that are known; a component
@@ -515,16 +510,24 @@ def variance_table(runs: Columns) -> "DataFrame":
     """
     rows = []
     measures = [name for name in HEADLINE if name in runs and is_averaged_in_logs(name)]
-    for (system,), of_system in runs.groups(["system"]):
+    for (system,), of_system in groups(runs, ["system"]):
         for measure in measures:
-            cells = {key: cells_of(group, measure) for key, group in of_system.groups(SETTING)}
-            cells = {key: found for key, found in cells.items() if found}
-            perturbed = [found for key, found in cells.items() if key[1] != CLEAN]
+            cells = {key: _cells_of(group, measure) for key, group in groups(of_system, SETTING)}
+            cells = {key: each for key, each in cells.items() if each}
+            perturbed = [each for key, each in cells.items() if key[1] != CLEAN]
             named = {"system": system, "measure": measure}
-            rows += [named | {"setting": key[0]} | _row([found], moments_of(found)) for key, found in cells.items()]
+            rows += [named | {"setting": key[0]} | _row([each], moments_of(each)) for key, each in cells.items()]
             if len(perturbed) > 1:
                 rows.append(named | {"setting": ALL} | _row(perturbed, _pooled(perturbed)))
     return table_of([row for row in rows if any(row[f"{level}_freedom"] for level in LEVELS)], VARIANCE)
+
+
+def _cells_of(runs: "DataFrame", measure: str) -> Cells:
+    cells: Cells = {}
+    known = runs[runs[measure].notna()].sort_values(["scene", "seed"], kind="stable")
+    for scene, seed, value in zip(known["scene"], known["seed"], log_errors(known[measure]).tolist(), strict=True):
+        cells.setdefault(scene, {}).setdefault(seed, []).append(value)
+    return cells
 
 
 def _pooled(settings: Sequence[Cells]) -> Moments:

@@ -3,7 +3,14 @@
 
 import numpy as np
 import pytest
-from interval_coverage import coverage, geometric_coverage, here_coverage, quantile_coverage, ratio_coverage
+from interval_coverage import (
+    coverage,
+    geometric_coverage,
+    here_coverage,
+    quantile_coverage,
+    ratio_coverage,
+    scene_values,
+)
 from scipy import stats
 
 from noisy_world.evaluate.intervals import (
@@ -47,9 +54,9 @@ def test_no_spread_is_no_interval():
     for values in ([], [0.3], [0.1 + 0.2, 0.3, 0.3], [0.0, 0.0]):
         assert np.isnan(mean_interval(values)).all()
         assert np.isnan(mean_p(values))
-    assert np.isnan(here_interval([[1.0, 2.0], [3.0]])).all()  # one seed in a scene
-    assert np.isnan(here_interval([[1.0, 1.0], [3.0, 3.0]])).all()
-    assert np.isnan(here_interval([])).all()
+    assert np.isnan(here_interval(scene_values([[1.0, 2.0], [3.0]]))).all()  # one seed in a scene
+    assert np.isnan(here_interval(scene_values([[1.0, 1.0], [3.0, 3.0]]))).all()
+    assert np.isnan(here_interval(scene_values([]))).all()
     assert np.isnan(share_interval([1.0])).all()
     assert np.isnan(bootstrap_interval(lambda taken: taken[:, 0], 1, "one")).all()
     assert np.isnan(bootstrap_interval(lambda taken: np.full(len(taken), np.nan), 4, "nothing")).all()
@@ -83,9 +90,11 @@ def test_two_groups_of_one_scene_have_welchs_interval():
     rng = np.random.default_rng(2)
     first, second = rng.normal(5.0, 3.0, 4), rng.normal(2.0, 1.0, 7)
     expected = stats.ttest_ind(first, second, equal_var=False).confidence_interval(0.95)
-    assert difference_here_interval([first], [second]) == pytest.approx(tuple(expected), rel=1e-9)
-    assert here_interval([first]) == pytest.approx(mean_interval(first), rel=1e-12)
-    exact = difference_here_interval([first], [[2.0]])
+    assert difference_here_interval(scene_values([first]), scene_values([second])) == pytest.approx(
+        tuple(expected), rel=1e-9
+    )
+    assert here_interval(scene_values([first])) == pytest.approx(mean_interval(first), rel=1e-12)
+    exact = difference_here_interval(scene_values([first]), scene_values([[2.0]]))
     assert exact == pytest.approx(np.array(mean_interval(first)) - 2.0, rel=1e-12)
 
 
@@ -93,7 +102,7 @@ def test_the_mean_of_these_scenes_has_welchs_degrees_of_freedom():
     # By hand: variances 1/2 and 9/2 of two values each, so 1/16 and 9/16 of the mean's, with f + 2 = 3 for each.
     freedom = 0.625**2 / ((0.0625**2 + 0.5625**2) / 3.0) - 2.0
     assert 1.6 < freedom < 1.7
-    low, high = here_interval([[0.0, 1.0], [5.0, 8.0]])
+    low, high = here_interval(scene_values([[0.0, 1.0], [5.0, 8.0]]))
     assert (low + high) / 2.0 == pytest.approx(3.5)
     assert high - 3.5 == pytest.approx(stats.t.ppf(0.975, freedom) * np.sqrt(0.625), rel=1e-9)
 

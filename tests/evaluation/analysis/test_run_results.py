@@ -53,7 +53,7 @@ def test_an_incomplete_run_is_counted_and_in_no_mean_of_an_error():
 
 def test_an_incomplete_run_ranks_with_the_failed():
     runs = tidy_runs(table())
-    errors = dict(zip(runs.rows(["scene", "setting"]), errors_of(runs), strict=True))
+    errors = dict(zip(runs[["scene", "setting"]].itertuples(index=False, name=None), errors_of(runs), strict=True))
     assert errors[("a", "frost")] == errors[("d", "frost")] == np.inf
     assert errors[("c", "frost")] == 0.09
 

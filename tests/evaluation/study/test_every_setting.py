@@ -16,7 +16,7 @@ from worlds import ROOT
 from noisy_world.cli import command
 from noisy_world.perturbations.kinds import SEQUENCE_KINDS
 from noisy_world.perturbations.parsing import is_sensor
-from noisy_world.evaluate import analyses
+from noisy_world.evaluate import analyses as tables
 from noisy_world.evaluate import report
 from noisy_world.evaluate.figures import Picture
 from noisy_world.perturbations import registry
@@ -126,8 +126,8 @@ def worlds(tmp_path_factory):
 @pytest.fixture
 def quick(monkeypatch):
     """A report without analyses and pictures, which take most of its time."""
-    analyse = analyses.analyse
-    monkeypatch.setattr(analyses, "analyse", lambda runs, sequences: analyse(runs.head(0), sequences.head(0)))
+    analyse = tables.analyse
+    monkeypatch.setattr(tables, "analyse", lambda runs, sequences: analyse(runs.head(0), sequences.head(0)))
     monkeypatch.setattr(report, "_run_pictures", lambda *_: [])
     monkeypatch.setattr(report, "_heat_map", lambda *_: None)
 
