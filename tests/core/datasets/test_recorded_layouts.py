@@ -118,6 +118,61 @@ def test_each_layout_comes_back_as_it_was_written(name, tmp_path):
         )
 
 
+def without_depth(folder):
+    """Take away the depth of a recording, and what says that there is any."""
+    for path in [path for path in folder.rglob("*") if path.is_file()]:
+        inside = path.relative_to(folder).as_posix()
+        if re.search(r"(^|[/.])depth(0|_0)?(/|\.png|\.txt)", inside):
+            path.unlink()
+        elif path.name == "transforms.json":
+            document = json.loads(path.read_text())
+            for frame in document["frames"]:
+                del frame["depth_file_path"]
+            path.write_text(json.dumps(document))
+        elif path.name == "rgb.csv":
+            rows = [line.split(",")[:2] for line in path.read_text().splitlines()]
+            path.write_text("".join(",".join(row) + "\n" for row in rows))
+    for path in sorted(folder.rglob("*"), reverse=True):
+        if path.is_dir() and not any(path.iterdir()):
+            path.rmdir()
+
+
+@pytest.mark.parametrize(
+    "name", ["bundlefusion", "euroc", "nerfstudio", "open3d", "scannet", "seven_scenes", "tum", "vslamlab"]
+)
+def test_a_recording_may_lack_depth(name, tmp_path):
+    {**WRITERS, **WRITTEN}[name](tmp_path)
+    whole = find_sequence(tmp_path)
+    without_depth(tmp_path)
+    found = find_sequence(tmp_path)
+    assert (found.rgb_files, found.depth_files) == (whole.rgb_files, ())
+    assert found.frame(1).rgb.any()
+    assert np.array_equal(found.trajectory.c2w, whole.trajectory.c2w)
+    assert np.array_equal(found.stamps.rgb.seconds, whole.stamps.rgb.seconds)
+    assert (found.camera, found.optics.distortion) == (whole.camera, whole.optics.distortion)
+
+
+def test_a_list_of_pairs_is_a_recording(tmp_path):
+    WRITTEN["tum"](tmp_path)
+    whole = find_sequence(tmp_path)
+    rows = [
+        [f"{depth.stem} depth/{depth.name}", f"{rgb.stem} rgb/{rgb.name}"]  # which are named by their stamps
+        for rgb, depth in zip(whole.rgb_files, whole.depth_files, strict=True)
+    ]
+    for name in ("rgb.txt", "depth.txt", "associations.txt", "cam_params.json"):
+        (tmp_path / name).unlink(missing_ok=True)
+    (tmp_path / "calibration.txt").write_text("58 57 31.25 23.75\n")
+    for order in (slice(None), slice(None, None, -1)):  # depth first, as some tools have it
+        (tmp_path / "associations.txt").write_text("".join(" ".join(row[order]) + "\n" for row in rows))
+        found = find_sequence(tmp_path)
+        assert (found.rgb_files, found.depth_files) == (whole.rgb_files, whole.depth_files)
+        assert found.stamps.depth.exact_ns == whole.stamps.depth.exact_ns
+        assert np.array_equal(found.trajectory.c2w, whole.trajectory.c2w)
+    assert intrinsics(found.known_camera) == (64, 48, 58, 57, 31.25, 23.75)
+    (tmp_path / "calibration.txt").write_text("58 57 31.25\n")
+    refused(find_sequence, tmp_path, names=("calibration.txt", "fx fy cx cy"))
+
+
 @pytest.mark.parametrize("name", sorted(WRITERS.keys() - {"icl_nuim", "nerfstudio"}))  # told by their poses
 def test_frames_are_kept_where_no_file_has_poses(name, tmp_path):
     WRITERS[name](tmp_path)
