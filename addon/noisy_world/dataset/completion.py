@@ -15,7 +15,7 @@ from ..layouts.asl import imu_texts
 from ..layouts.cam_params import stated_optics
 from ..preset.keys import canonical
 from ..sources.scene_kinds import Scene
-from ..trajectories.rig import ImuSamples, Rig, measure
+from ..trajectories.rig import ImuSamples, RecordedImu, Rig, measure
 from .dataset_folder import Dataset
 from .folder_state import OVERVIEW
 from .frame import motion_of_frames
@@ -36,6 +36,11 @@ def channel_texts(format_: OutputFormat, scene: Scene) -> dict[str, str]:
         elif (mesh := scene.source.mesh) is not None:
             texts[f"{item.name}.json"] = canonical(item.content(mesh(), scene.source.location))
     return texts
+
+
+def _recorded_imu(plan: Plan, render: Render, sequence: PlannedSequence) -> RecordedImu | None:
+    """Return the IMU of a recording, as it was recorded; None where its path is another in this sequence."""
+    return None if plan.rig is not None or sequence.skips else render.scene.source.capabilities.imu
 
 
 def _imu_samples(plan: Plan, sequence: PlannedSequence, paths: SensorPaths, stamps: FrameStamps) -> ImuSamples | None:
@@ -92,10 +97,10 @@ class Completion:
                 paths = written_paths(sequence, self._paths_of(render))
                 stamps = render.scene.source.frame_stamps
                 frames = tuple(records)
-                imu = _imu_samples(self._plan, sequence, paths, stamps)
-                facts = SequenceFacts(
-                    *(format_, render.camera, self._written_rig(render), frames, paths, stamps, render.optics, imu)
-                )
+                rig, imu = self._written_rig(render), _imu_samples(self._plan, sequence, paths, stamps)
+                if (recorded := _recorded_imu(self._plan, render, sequence)) is not None:
+                    rig, imu = recorded.rig, recorded.samples
+                facts = SequenceFacts(format_, render.camera, rig, frames, paths, stamps, render.optics, imu)
                 texts = format_.layout.sequence_texts(facts) | imu_texts(facts)
                 texts |= channel_texts(format_, render.scene)
                 if not one_camera:

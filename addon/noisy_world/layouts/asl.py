@@ -1,13 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The files of the ASL format as EuRoC has them: data.csv with nanoseconds, sensor.yaml, and an IMU's.
-
-Reading and writing the files of the ASL format as EuRoC has them: data.csv, with nanoseconds, and sensor.yaml.
+"""The files of the ASL format as EuRoC has them, read and written: data.csv with nanoseconds, sensor.yaml, an IMU's.
 
 Where these files lie in a sequence is decided in `euroc`.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -26,10 +24,10 @@ from ..core.geometry import (
 )
 from ..core.json_text import finite_number
 from ..core.lens import Distortion
-from ..core.schema import read_yaml
+from ..core.schema import read_yaml, shown
 from ..core.trajectory import NS_PER_S, Stamps, Trajectory, rounded_numbers, rounded_poses
 from ..trajectories.formats import read_trajectory
-from ..trajectories.rig import Imu, ImuSamples, ImuStates
+from ..trajectories.rig import Imu, ImuModel, ImuSamples, ImuStates, RecordedImu, Rig, Sensor
 from .association import StampedFiles
 from .cam_params import checked_distortion
 from .layout import IMU_FILES, SequenceFacts, lines
@@ -317,11 +315,47 @@ def read_samples(text: str, file: Path | str) -> tuple[NDArray[np.int64], NDArra
     try:
         stamps_ns = np.array([int(row[0]) for row in rows], dtype=np.int64)
         values = np.array([[float(cell) for cell in row[1:]] for row in rows], dtype=np.float64)
-    except ValueError as error:
-        raise InputError(file, f"is no list of samples: {error}") from error
+    except (ValueError, OverflowError) as error:
+        raise InputError(file, f"is no list of samples: {shown(str(error))}") from error
     if values.shape != (len(rows), 6):
         raise InputError(file, "has to have seven numbers in each row")
     return stamps_ns, values
+
+
+def read_imu(folder: Path, body_from_rgb: NDArray[np.float64]) -> RecordedImu | None:
+    """Return the IMU of a folder with its data.csv and, if there is one, its sensor.yaml; None without samples.
+
+    body_from_rgb: (4, 4), the pose of the colour camera on the body. Raises InputError where the files are wrong.
+    """
+    path, description = folder / "data.csv", folder / "sensor.yaml"
+    if not path.is_file():
+        return None
+    stamps_ns, values = read_samples(recorded_text(path), path)
+    if not len(stamps_ns) or stamps_ns.min() < 0 or not np.isfinite(values).all():
+        raise InputError(path, "holds no samples, a negative time stamp, or what is no finite number")
+    steps_s = np.diff(stamps_ns) / NS_PER_S
+    rate_hz = 1.0 / float(np.median(steps_s)) if len(steps_s) and np.median(steps_s) > 0 else Imu.rate_hz
+    imu = _described_imu(description, rate_hz) if description.is_file() else Imu(np.eye(4), ImuModel(), rate_hz)
+    samples = ImuSamples(imu, stamps_ns, values[:, :3], values[:, 3:])
+    return RecordedImu(Rig(Sensor(body_from_rgb), None, imu), samples, path)
+
+
+def _described_imu(path: Path, rate_hz: float) -> Imu:
+    """Return the IMU that a sensor.yaml describes; what it does not say of the noise is 0."""
+    document = _load_yaml(path)
+    numbers = {
+        name: finite_number(document.get(key, 0.0))
+        for name, key in (
+            ("gyro_noise_density", "gyroscope_noise_density"),
+            ("gyro_random_walk", "gyroscope_random_walk"),
+            ("accel_noise_density", "accelerometer_noise_density"),
+            ("accel_random_walk", "accelerometer_random_walk"),
+        )
+    }
+    if wrong := [name for name, number in numbers.items() if number is None or number < 0]:
+        raise InputError(path, "has to be a number from 0 on", where=wrong[0])
+    model = replace(ImuModel(), **{name: number or 0.0 for name, number in numbers.items()})
+    return Imu(_body_from_sensor(path, document), model, finite_number(document.get("rate_hz")) or rate_hz)
 
 
 def imu_yaml(imu: Imu, body_from_imu: NDArray[np.float64], more: Sequence[str] = ()) -> str:
@@ -349,12 +383,10 @@ def imu_texts(facts: SequenceFacts) -> dict[str, str]:
     rgb_from_imu = rounded_poses(invert_pose(rig.rgb.robot_from_sensor) @ samples.imu.robot_from_sensor)
     rows = ["# The IMU's pose in the colour camera's frame; T_BS is its pose in the robot's, with OpenCV's axes."]
     rows += ["T_cam_imu:", *(f"  - [{', '.join(map(yaml_number, row))}]" for row in rgb_from_imu.tolist())]
-    texts = [
-        samples_csv(samples),
-        imu_yaml(samples.imu, samples.imu.robot_from_sensor, rows),
-        states_csv(samples.true_states(facts.frames_ns)),
-    ]
-    return dict(zip(IMU_FILES, texts, strict=True))
+    texts = [samples_csv(samples), imu_yaml(samples.imu, samples.imu.robot_from_sensor, rows)]
+    if (states := samples.true_states(facts.frames_ns)) is not None:
+        texts.append(states_csv(states))
+    return dict(zip(IMU_FILES, texts, strict=False))
 
 
 def _imu_files_rows(stamps_ns: NDArray[np.int64], values: NDArray[np.float64]) -> Iterable[str]:

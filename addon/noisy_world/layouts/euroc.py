@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.errors import InputError
+from ..core.frame_request import SensorPaths
 from ..core.geometry import invert_pose
 from ..core.lens import DepthCamera, Optics
-from ..core.trajectory import FrameStamps, Trajectory
+from ..core.trajectory import FrameStamps, Stamps, Trajectory
 from ..trajectories.rig import Rig, Sensor, sensor_trajectory
 from .asl import (
     DEPTH_SCALE_KEY,
@@ -22,6 +23,7 @@ from .asl import (
     imu_yaml,
     poses_csv,
     read_images_csv,
+    read_imu,
     read_poses_csv,
     read_sensor_yaml,
     samples_csv,
@@ -142,32 +144,43 @@ class EurocLayout(Layout):
                 distortion=facts.optics.distortion if seen is None or seen.shares_lens else None,
                 depth_scale_per_m=facts.format.depth_scale_per_m,
             )
-        if facts.timed is None:
+        if facts.timed is not None:
+            texts |= self._state_texts(facts, *facts.timed, body_from_robot, body_from_rgb)
+        if facts.imu is None:
             return texts
-        chosen, stamps = facts.timed
-        followed = chosen.rgb
+        known = None if facts.timed is None else facts.imu.true_states(facts.frames_ns)
+        if known is not None:
+            texts[f"{self.truth}/data.csv"] = states_csv(known)
+        texts[f"{IMU}/data.csv"] = samples_csv(facts.imu)
+        texts[f"{IMU}/sensor.yaml"] = imu_yaml(facts.imu.imu, np.eye(4))
+        return texts | settings_texts(
+            *(facts.camera, facts.optics.distortion, facts.imu.imu, body_from_rgb),
+            rate_hz=rate_hz or 1.0,
+            depth_scale_per_m=facts.format.depth_scale_per_m,
+        )
+
+    def _state_texts(
+        self,
+        facts: SequenceFacts,
+        chosen: SensorPaths,
+        stamps: Stamps,
+        body_from_robot: NDArray[np.float64],
+        body_from_rgb: NDArray[np.float64],
+    ) -> dict[str, str]:
+        """Return the files of where the body was and, where that is another path, was meant to be."""
+        rgb_from_body = Sensor(invert_pose(body_from_rgb))
+        followed = chosen.rgb if facts.rig is None else sensor_trajectory(chosen.rgb, rgb_from_body)
         if chosen.robot is not None:
             followed = sensor_trajectory(chosen.robot, Sensor(invert_pose(body_from_robot)))
         states = {self.truth: (followed, "where the body was")}
         if chosen.nominal is not None:
             # The nominal path is the colour camera's; this layout holds poses of the body.
-            rgb_from_body = Sensor(invert_pose(body_from_rgb))
-            states[NOMINAL_STATE] = (
-                sensor_trajectory(chosen.nominal, rgb_from_body),
-                "where the body was meant to be",
-            )
+            meant = sensor_trajectory(chosen.nominal, rgb_from_body)
+            states[NOMINAL_STATE] = (meant, "where the body was meant to be")
+        texts: dict[str, str] = {}
         for folder, (path, comment) in states.items():
             texts[f"{folder}/data.csv"] = poses_csv(path, stamps.ns)
             texts[f"{folder}/sensor.yaml"] = sensor_yaml("pose", comment, np.eye(4))
-        if facts.imu is not None:
-            texts[f"{self.truth}/data.csv"] = states_csv(facts.imu.true_states(facts.frames_ns))
-            texts[f"{IMU}/data.csv"] = samples_csv(facts.imu)
-            texts[f"{IMU}/sensor.yaml"] = imu_yaml(facts.imu.imu, np.eye(4))
-            texts |= settings_texts(
-                *(facts.camera, facts.optics.distortion, facts.imu.imu, body_from_rgb),
-                rate_hz=rate_hz or 1.0,
-                depth_scale_per_m=facts.format.depth_scale_per_m,
-            )
         return texts
 
     def recognises(self, folder: Path) -> bool:
@@ -217,6 +230,7 @@ class EurocLayout(Layout):
             colour_file,
             found.notes,
             optics=optics,
+            imu=read_imu(folder / IMU, colour_sensor.body_from_sensor),
         )
 
 

@@ -24,6 +24,7 @@ from ..core.trajectory import FrameStamps, Stamps, Trajectory
 from ..images.image_files import WholeFile, check_whole, read_header
 from ..images.image_header import ImageHeader
 from ..images.image_reading import check_colour, check_depth, check_size_px, read_colour, read_light, read_steps, spoken
+from ..trajectories.rig import RecordedImu
 
 # The SHA-256 of each file of a recording that this program wrote, as its frames.jsonl tells them.
 
@@ -140,7 +141,7 @@ class StoredSequence:
     camera_path the file that says them; None where none does. notes: sentences that the user should see. void_steps:
     what depth images hold where there is no depth, besides 0. optics: what its cameras have beyond one pinhole.
     assumed: says that the camera is the dataset's documented one, which another may replace; "" where a file says it.
-    likely: a camera that its folder's name hints at, where none is known.
+    likely: a camera that its folder's name hints at, where none is known. imu: what its IMU measured; None without one.
     """
 
     folder: Path
@@ -159,6 +160,7 @@ class StoredSequence:
     optics: Optics = PINHOLE
     assumed: str = ""
     likely: Intrinsics | None = None
+    imu: RecordedImu | None = None
 
     @cached_property
     def size_px(self) -> SizePx:

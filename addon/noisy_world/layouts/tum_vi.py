@@ -45,8 +45,8 @@ class TumViLayout(EurocLayout):
         texts = super().sequence_texts(facts)
         truth = f"{MOCAP}/data.csv"
         if truth in texts:
-            if facts.imu is not None:
-                texts[IMU_FILES[2]] = texts[truth]  # all 17 columns
+            if texts[truth].partition("\n")[0].count(",") >= _POSE_COLUMNS:  # all 17, as the true states are known
+                texts[IMU_FILES[2]] = texts[truth]
             rows = [row.split(",")[:_POSE_COLUMNS] for row in texts[truth].splitlines()[1:]]
             texts[truth] = lines([MOCAP_HEADER, *map(",".join, rows)])
             texts[f"{DSO}/gt_imu.csv"] = lines([TRUTH_HEADER, *map(",".join, rows)])

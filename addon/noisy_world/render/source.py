@@ -26,6 +26,7 @@ from ..images.image_files import WholeFile
 from ..layouts import Modality, OutputFormat
 from ..perturbations.kinds import small_light, small_of
 from ..scenes.polygon_mesh import Mesh, SceneObject
+from ..trajectories.rig import RecordedImu
 
 if TYPE_CHECKING:
     from ..preset.keys import EngineName
@@ -170,7 +171,7 @@ class SourceCapabilities:
     say. distorts: whether its frames pass the lens that a preset's camera has. depth_cameras: whether depth
     may have another camera than colour. unmeasured_m: of a source whose depth was measured, so that void is what was
     not: how far a frame counts that measured nothing at all, by its number, metres. None where void is the sky, as
-    that of a renderer: infinitely far.
+    that of a renderer: infinitely far. imu: what an IMU measured beside the frames; None without one.
     """
 
     rendered: bool
@@ -188,6 +189,7 @@ class SourceCapabilities:
     distorts: bool = False
     depth_cameras: bool = False
     unmeasured_m: Callable[[int], float] | None = None
+    imu: RecordedImu | None = None
 
 
 @dataclass(frozen=True)

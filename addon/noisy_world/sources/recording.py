@@ -155,7 +155,12 @@ class Recording(SimpleSource):
         depth = bool(self.stored.depth_files)
         unmeasured_m = self._measured if depth and self.void != "sky" else None
         return SourceCapabilities(
-            rendered=False, any_pose=False, depth=depth, instants_only=RECORDED, unmeasured_m=unmeasured_m
+            rendered=False,
+            any_pose=False,
+            depth=depth,
+            instants_only=RECORDED,
+            unmeasured_m=unmeasured_m,
+            imu=self.stored.imu,
         )
 
     @property
@@ -221,6 +226,7 @@ class Recording(SimpleSource):
             **({"depth_scale_per_m": stored.depth_scale_per_m} if stored.depth_files else {}),
             **stored.optics.content(),
             **{key: True for key in ("undistort", "register") if getattr(self, key)},
+            **({} if stored.imu is None else {"imu_sha256": sha256_of_file(stored.imu.path)}),
             **_timing(stored),
         }
 

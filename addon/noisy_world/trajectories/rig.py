@@ -5,6 +5,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
+from pathlib import Path
 from typing import Any, Literal, TypeAlias
 
 import numpy as np
@@ -265,19 +266,41 @@ class Imu:
 
 @dataclass(frozen=True, eq=False)
 class ImuSamples:
-    """What an IMU measured along a path, N samples.
+    """What an IMU measured, N samples.
 
-    imu: which one. stamps_ns: (N,) of its own clock. passed_s: (N,) since the path's beginning, by the cameras' clock.
-    rate_rad_s, force_m_s2: (N, 3) as measured. gyro_bias_rad_s, accel_bias_m_s2: (N, 3) the true biases.
+    imu: which one. stamps_ns: (N,) of its own clock. rate_rad_s, force_m_s2: (N, 3) as measured.
     """
 
     imu: Imu
-    path: Trajectory
-    first_ns: int
     stamps_ns: NDArray[np.int64]
-    passed_s: Float64
     rate_rad_s: Float64
     force_m_s2: Float64
+
+    def true_states(self, also_ns: NDArray[np.int64]) -> "ImuStates | None":
+        """Return the true states at the samples, and at other times (M,); None where nobody knows them."""
+        del also_ns
+
+
+@dataclass(frozen=True, eq=False)
+class RecordedImu:
+    """The IMU of a recording. rig: where it and the colour camera sit on their body. path: the file of the samples."""
+
+    rig: Rig
+    samples: ImuSamples
+    path: Path
+
+
+@dataclass(frozen=True, eq=False)
+class SimulatedImuSamples(ImuSamples):
+    """What an IMU measured along a path that is known.
+
+    first_ns: the path's first stamp. passed_s: (N,) since then, by the cameras' clock. gyro_bias_rad_s,
+    accel_bias_m_s2: (N, 3) the true biases.
+    """
+
+    path: Trajectory
+    first_ns: int
+    passed_s: Float64
     gyro_bias_rad_s: Float64
     accel_bias_m_s2: Float64
 
@@ -322,7 +345,7 @@ def imu_motion(path: Trajectory, imu: Imu, passed_s: Float64) -> BodyMotion:
     return motion_of(path.continuous, path.stamps_s[0] + passed_s).carried(imu.robot_from_sensor)
 
 
-def measure(path: Trajectory, imu: Imu, first_ns: int, identifiers: Identifiers) -> ImuSamples:
+def measure(path: Trajectory, imu: Imu, first_ns: int, identifiers: Identifiers) -> SimulatedImuSamples:
     """Return what an IMU measures along a robot's path; before and after it the robot goes on as fast as there.
 
     first_ns: the first stamp to the nanosecond. identifiers: the preset's seed and the scene.
@@ -337,7 +360,8 @@ def measure(path: Trajectory, imu: Imu, first_ns: int, identifiers: Identifiers)
     rate_rad_s, force_m_s2 = imu_motion(path, imu, passed_s).felt(imu.gravity_m_s2)
     errors = ImuErrors(imu.model, imu.rate_hz, stream(*identifiers, IMU_STREAM, "sequence"))
     measured = errors.added(rounded_numbers(rate_rad_s), rounded_numbers(force_m_s2))
-    return ImuSamples(imu, path, first_ns, stamps_ns, passed_s, *map(rounded_numbers, measured))
+    rate_rad_s, force_m_s2, *biases = map(rounded_numbers, measured)
+    return SimulatedImuSamples(imu, stamps_ns, rate_rad_s, force_m_s2, path, first_ns, passed_s, *biases)
 
 
 @dataclass(frozen=True, eq=False)
