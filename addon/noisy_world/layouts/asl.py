@@ -331,8 +331,8 @@ def read_imu(folder: Path, body_from_rgb: NDArray[np.float64]) -> RecordedImu | 
     if not path.is_file():
         return None
     stamps_ns, values = read_samples(recorded_text(path), path)
-    if not len(stamps_ns) or stamps_ns.min() < 0 or not np.isfinite(values).all():
-        raise InputError(path, "holds no samples, a negative time stamp, or what is no finite number")
+    if stamps_ns.min() < 0 or not np.isfinite(values).all():
+        raise InputError(path, "holds a negative time stamp, or what is no finite number")
     steps_s = np.diff(stamps_ns) / NS_PER_S
     rate_hz = 1.0 / float(np.median(steps_s)) if len(steps_s) and np.median(steps_s) > 0 else Imu.rate_hz
     imu = _described_imu(description, rate_hz) if description.is_file() else Imu(np.eye(4), ImuModel(), rate_hz)

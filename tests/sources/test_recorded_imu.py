@@ -1,0 +1,88 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""An IMU that was recorded beside the frames passes through, and says where it sits."""
+
+import numpy as np
+import pytest
+import yaml
+from recorded_layouts import WRITTEN
+from recorded_presets import preset_of
+from refusals import refused
+from written import run
+
+from noisy_world.layouts import find_sequence
+
+RNG = np.random.default_rng(3)
+FIRST_NS = 1403636579763555584
+SAMPLES = [[str(FIRST_NS + 5_000_001 * k), *map(repr, RNG.normal(size=6).tolist())] for k in range(40)]
+MEASURED = [[int(row[0]), *map(float, row[1:])] for row in SAMPLES]
+BODY_FROM_IMU = np.array([[0.0, -1.0, 0.0, 0.02], [1.0, 0.0, 0.0, -0.1], [0.0, 0.0, 1.0, 0.3], [0.0, 0.0, 0.0, 1.0]])
+
+
+def with_imu(folder, layout="euroc"):
+    WRITTEN[layout](folder)
+    imu = folder / "mav0/imu0"
+    imu.mkdir()
+    (imu / "data.csv").write_text("#timestamp [ns],w,a\n" + "".join(",".join(row) + "\n" for row in SAMPLES))
+    described = {"T_BS": BODY_FROM_IMU.ravel().tolist(), "rate_hz": 200, "gyroscope_noise_density": 1.7e-4}
+    (imu / "sensor.yaml").write_text(yaml.safe_dump(described))
+    return folder
+
+
+def made(folder, layout, **setting):
+    scene = {"name": "box", "sequence": str(with_imu(folder / "recording"))}
+    settings = [{"name": "noise", "perturb": [{"gaussian_noise": {"severity": 1}}, *setting.values()]}]
+    run(preset_of(folder / "p", scene, settings=settings, output={"layout": layout}), folder / "out")
+    return folder / "out/noise/box"
+
+
+def numbers(path):
+    rows = [line.split(",") for line in path.read_text().splitlines()[1:]]
+    return [[int(row[0]), *map(float, row[1:])] for row in rows]
+
+
+def matrix(values):
+    return np.reshape(values["data"] if isinstance(values, dict) else values, (4, 4))
+
+
+def test_samples_come_back_to_the_bit_and_poses_stay(tmp_path):
+    sequence = made(tmp_path, "euroc")
+    assert numbers(sequence / "mav0/imu0/data.csv") == MEASURED
+    before, after = find_sequence(tmp_path / "recording"), find_sequence(sequence)
+    assert np.abs(before.trajectory.c2w - after.trajectory.c2w).max() < 1e-9
+    # The body is the IMU now: what was between the two sensors is between them still.
+    camera = matrix(yaml.safe_load((sequence / "mav0/cam0/sensor.yaml").read_text())["T_BS"])
+    was = before.imu.rig.rgb.robot_from_sensor
+    np.testing.assert_allclose(camera, np.linalg.inv(BODY_FROM_IMU) @ was, rtol=0, atol=1e-12)
+    described = yaml.safe_load((sequence / "mav0/imu0/sensor.yaml").read_text())
+    assert described["gyroscope_noise_density"] == 1.7e-4
+    np.testing.assert_array_equal(matrix(described["T_BS"]), np.eye(4))
+
+
+def test_every_layout_has_it(tmp_path):
+    sequence = made(tmp_path, "tum")
+    assert numbers(sequence / "imu.csv") == MEASURED
+    was = find_sequence(tmp_path / "recording").imu.rig.rgb.robot_from_sensor
+    rgb_from_imu = yaml.safe_load((sequence / "imu.yaml").read_text())["T_cam_imu"]
+    np.testing.assert_allclose(rgb_from_imu, np.linalg.inv(was) @ BODY_FROM_IMU, rtol=0, atol=1e-8)
+    assert not (sequence / "imu_states.csv").exists()  # which nobody knows
+
+
+def test_frames_that_are_skipped_have_another_path_and_no_imu(tmp_path):
+    assert not (made(tmp_path, "tum", motion={"faster_motion": {"factor": 2}}) / "imu.csv").exists()
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "said"),
+    [
+        ("data.csv", "#t\n1,2,3\n", "seven numbers"),
+        ("data.csv", "#t\n", "seven numbers"),
+        ("data.csv", "#t\n5,1,1,1,1,1,nan\n", "no finite number"),
+        ("data.csv", "#t\n-5,1,1,1,1,1,1\n", "negative time stamp"),
+        ("data.csv", "#t\nx,1,1,1,1,1,1\n", "no list of samples"),
+        ("sensor.yaml", "gyroscope_noise_density: much\n", "number from 0 on"),
+        ("sensor.yaml", "rate_hz: 200\n", "T_BS"),
+    ],
+)
+def test_a_damaged_imu_is_one_line(tmp_path, name, text, said):
+    (with_imu(tmp_path) / "mav0/imu0" / name).write_text(text)
+    refused(find_sequence, tmp_path, names=(name, said))
