@@ -55,6 +55,12 @@ FORMAT_CHOICES: dict[str, Choice] = {
 }
 """What `writes.format` may be, by name."""
 
+MOVED = {
+    "noisy_world.evaluation.odometry": "noisy_world.evaluate.odometry",
+    "noisy_world.evaluation.systems.configurations": "noisy_world.evaluate.configurations",
+}
+"""Programs of ours by the names that older definitions have for them."""
+
 _PLACEHOLDER = re.compile(r"\{(\w*)\}")
 _VARIABLE = re.compile(r"[A-Za-z_][A-Za-z0-9_]*=.*", re.DOTALL)
 _NAME = re.compile(r"[a-z0-9][a-z0-9_\-]{0,63}")
@@ -234,12 +240,15 @@ class System:
     def digest(self) -> str:
         """SHA-256 of what decides results in the definition, as 64 hexadecimal digits.
 
-        Keys that have their defaults are not in it, so that it stays when a release adds one.
+        Keys that have their defaults are not in it, so that it stays when a release adds one; programs of ours have
+        their older names in it, so that studies of before grow.
         """
         usual = asdict(System("", (), Writes("")))
+        older = {name: before for before, name in MOVED.items()}
         deciding = {
             name: value for name, value in asdict(self).items() if name not in UNDECISIVE and value != usual[name]
         }
+        deciding |= {"command": [older.get(word, word) for word in self.command]} if self.command else {}
         return hashlib.sha256(json.dumps(deciding, sort_keys=True).encode()).hexdigest()
 
 
@@ -300,7 +309,7 @@ def _check_word(system: System, word: str, place: ConfigPath) -> None:
 
 def filled(words: tuple[str, ...], values: Mapping[str, str | Path]) -> list[str]:
     """Return a command with its placeholders filled in. Raises KeyError for one that has no value."""
-    return [_PLACEHOLDER.sub(lambda found: str(values[found[1]]), word) for word in words]
+    return [_PLACEHOLDER.sub(lambda named: str(values[named[1]]), MOVED.get(word, word)) for word in words]
 
 
 # Which systems there are: those that come along or are brought by installed packages, by name; others by file.

@@ -88,6 +88,15 @@ def test_the_digest_is_of_what_counts(tmp_path):
     assert read_system(written(tmp_path / "elsewhere")).digest == digest
 
 
+def test_a_study_of_before_its_programs_moved_grows(tmp_path):
+    # As release 0.1.0's definition has it, and its digest.
+    assert find_system("rgbd_odometry").digest.startswith("5658c06b8455")
+    assert find_system("splatam_s").digest.startswith("7b2f3316c192")
+    before = find_system("rgbd_odometry").command[2].replace("evaluate", "evaluation")
+    older = read_system(written(tmp_path, command=["{python}", "-m", before, "{frames}", "{out}"]))
+    assert filled(older.command[2:3], {}) == ["noisy_world.evaluate.odometry"]
+
+
 def test_the_shipped_systems_are_named_like_their_files():
     assert {"orb_slam3", "orb_slam3_mono", "plain_odometry", "rgbd_odometry"} <= set(shipped_names())
     for name in shipped_names():
