@@ -30,7 +30,7 @@ def contract_problem(item: Channel) -> str:
 KINDS = (SurfaceChannel, PairChannel)
 DOOR = Door[Channel]("noisy_world.channels", "channel", "CHANNEL", KINDS, contract_problem)
 
-CHANNELS = Registry[Channel](DOOR, lambda: held_in(__name__, DOOR.attribute))
+CHANNELS = Registry[Channel](DOOR, lambda: held_in(__name__, DOOR.attribute, Channel))
 """Every channel by its name in presets, ours and those of installed packages, in the order in which they are made."""
 
 COLOUR_AND_DEPTH = frozenset({"rgb", "depth"})

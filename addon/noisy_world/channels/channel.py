@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.depth_range import OutOfRange
+from ..core.entry_points import LAST
 from ..core.geometry import Intrinsics
 from ..core.trajectory import FrameStamps
 from ..images.pixels import decode_exr, decode_npy, decode_steps, encode_exr, encode_npy, encode_png
@@ -104,7 +105,7 @@ class Channel(ABC):
     """
 
     name: ClassVar[str]
-    order: ClassVar[int] = 100
+    order: ClassVar[int] = LAST
     label: ClassVar[str]
     meaning: ClassVar[str]
     spoken: ClassVar[str]

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import Any, NoReturn
 
 from ..core.dependencies import NEEDED
-from ..core.entry_points import Door, Registry
+from ..core.entry_points import Door, Registry, held_in
 from ..core.errors import did_you_mean
 from .arguments import Parser
 from .entry import CONTINUES, Entry, ended, exit_status, say
@@ -48,7 +48,8 @@ MODULES = {
 }
 """Our subcommands in the order of --help, and the module of each, which holds it under its name: RENDER_CLEAN.
 
-A module is imported when one of its subcommands is used, or asked what it is.
+A module is imported when one of its subcommands is used, or asked what it is. What is not here is found in a module
+that holds a COMMAND.
 """
 # What people look for under another word, and under the names that there were before 0.1.0.
 OTHER_WORDS = {
@@ -124,7 +125,7 @@ def _problem(command: Command) -> str:
 
 
 def _own() -> Iterable[Command]:
-    return map(_own_command, MODULES)
+    return (*map(_own_command, MODULES), *held_in(__package__, DOOR.attribute, Command))
 
 
 def _own_command(name: str) -> Command:
@@ -132,9 +133,9 @@ def _own_command(name: str) -> Command:
     return getattr(module, name.upper().replace("-", "_"))
 
 
-COMMANDS: Registry[Command] = Registry(
-    Door("noisy_world.commands", "subcommand", "COMMAND", (Command,), _problem), _own
-)
+DOOR = Door("noisy_world.commands", "subcommand", "COMMAND", (Command,), _problem)
+
+COMMANDS: Registry[Command] = Registry(DOOR, _own)
 """All subcommands by name, ours first; those that packages bring come by entry points."""
 
 

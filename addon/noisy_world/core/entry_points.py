@@ -7,11 +7,14 @@ point.
 """
 
 import importlib
+import importlib.util
 import pkgutil
+import re
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
@@ -24,6 +27,7 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 S = TypeVar("S")
 
+LAST = 1000  # the `order` of what says none
 PACKAGE = "noisy_world"  # the name by which installed packages import us; inside Blender our own name is another
 
 
@@ -105,15 +109,24 @@ def collected(door: Door[T], own: Iterable[T]) -> dict[str, Brought[T]]:
     return found
 
 
-def held_in(package: str, attribute: str) -> list[Any]:
-    """Return what the modules of a package of ours hold under a name, sorted by its `order` and its name.
+def held_in(package: str | None, attribute: str, kind: type[T]) -> list[T]:
+    """Return what the modules of a package of ours hold under a name, sorted by `order` and name.
 
-    One file is enough to bring one; modules that hold none, or whose names begin with an underscore, are passed over.
+    So a file is enough to bring one; it may hold a tuple of several. Only those whose text has a line that sets the
+    name are imported, and those whose names begin with an underscore are passed over.
     """
-    names = (module.name for module in pkgutil.iter_modules(importlib.import_module(package).__path__))
-    modules = (importlib.import_module(f"{package}.{name}") for name in names if not name.startswith("_"))
-    held = (getattr(module, attribute) for module in modules if hasattr(module, attribute))
-    return sorted(held, key=lambda item: (item.order, item.name))
+    assert package is not None, "a module of ours is in one"
+    spec = importlib.util.find_spec(package)
+    assert spec is not None
+    holds = re.compile(rf"^{attribute}\b.* = ", re.MULTILINE)
+    held: list[T] = []
+    for folder in spec.submodule_search_locations or ():
+        for file in sorted(Path(folder).glob("[!_]*.py")):
+            if holds.search(file.read_text(encoding="utf-8")):
+                found = getattr(importlib.import_module(f"{package}.{file.stem}"), attribute)
+                several = found if isinstance(found, tuple) else (found,)
+                held += [item for item in several if isinstance(item, kind)]
+    return sorted(held, key=lambda item: (getattr(item, "order", LAST), _name(item)))
 
 
 def add(found: dict[str, Brought[T]], name: str, new: Brought[T], word: str) -> None:

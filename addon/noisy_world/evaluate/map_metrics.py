@@ -11,7 +11,7 @@ from typing import Literal, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..core.entry_points import Door, Registry
+from ..core.entry_points import Door, Registry, held_in
 from ..core.errors import InputError
 from ..core.geometry import nearest_rotation, pose, rotation_angle_rad
 from ..scenes.polygon_mesh import Mesh
@@ -477,7 +477,7 @@ _METRICS = (
 
 DOOR = Door("noisy_world.map_metrics", "metric", "METRIC", (MapMetric,))
 
-MAP_METRICS = Registry(DOOR, lambda: _METRICS)
+MAP_METRICS = Registry(DOOR, lambda: (*_METRICS, *held_in(__package__, DOOR.attribute, MapMetric)))
 """In the order in which they are shown, then those of installed packages; in tables their names begin with `map.`."""
 
 MAP_PREFIX = "map."

@@ -5,21 +5,11 @@ import re
 from collections.abc import Iterable
 from pathlib import Path, PurePosixPath
 
-from ..core.entry_points import Door, Registry
+from ..core.entry_points import Door, Registry, held_in
 from ..core.errors import InputError
 from .association import PosePolicy
-from .colour_depth import Open3DLayout, RedwoodLayout
-from .euroc import EurocLayout
-from .icl_nuim import IclNuimLayout
 from .layout import Beyond, Colour, FrameNames, Image, Layout, Modality, OutputFormat, RecordedLayout, SequenceFacts
-from .nerfstudio import NerfstudioLayout
-from .replica import ReplicaLayout
-from .scannet import ScanNetLayout
-from .seven_scenes import BundleFusionLayout, SevenScenesLayout
 from .stored_recording import StoredSequence
-from .tum import TumLayout
-from .tum_vi import TumViLayout
-from .vslamlab import VslamLabLayout
 
 __all__ = [
     "EVERY",
@@ -55,23 +45,12 @@ def _problem(layout: Layout | RecordedLayout) -> str:
 
 DOOR = Door[Layout | RecordedLayout]("noisy_world.layouts", "layout", "LAYOUT", (Layout, RecordedLayout), _problem)
 
-EVERY = Registry[Layout | RecordedLayout](
-    DOOR,
-    lambda: (
-        ReplicaLayout(),
-        TumLayout(),
-        EurocLayout(),
-        TumViLayout(),
-        VslamLabLayout(),
-        SevenScenesLayout(),
-        BundleFusionLayout(),
-        ScanNetLayout(),
-        IclNuimLayout(),
-        Open3DLayout(),
-        RedwoodLayout(),
-        NerfstudioLayout(),
-    ),
-)
+
+def _own() -> Iterable[Layout | RecordedLayout]:
+    return (layout for kind in DOOR.kinds for layout in held_in(__name__, DOOR.attribute, kind))
+
+
+EVERY = Registry[Layout | RecordedLayout](DOOR, _own)
 """Every layout by its name, ours and those of installed packages."""
 
 LAYOUTS = EVERY.only(Layout)

@@ -64,6 +64,7 @@ class Open3DLayout(_LoggedLayout):
     """`color/00000.jpg`, `depth/00000.png`, `intrinsic.json` and a `.log` of poses."""
 
     name = "open3d"
+    order = 100
     label = "Open3D"
     meaning = (
         "a recording of Open3D's RealSense or Azure Kinect recorder, with a .log of poses such as its reconstruction's"
@@ -91,6 +92,7 @@ class RedwoodLayout(_LoggedLayout):
     """`image` or `rgb`, `depth` and a trajectory in Redwood's format."""
 
     name = "redwood"
+    order = 110
     label = "Redwood"
     meaning = "a sequence of the Redwood datasets: depth in mm, the PrimeSense's factory camera"
     files = "rgb/ (or image/, colors/), depth/, *.log or *-traj.txt"
@@ -243,3 +245,6 @@ def _stamped(folder: Path) -> tuple[list[int], StampedFiles]:
     if late is not None:
         raise InputError(ordered[late], "is not later than the image before it, by the times in their names")
     return numbers, StampedFiles(Stamps.of_ns(stamp_us * 1000 for stamp_us in stamps_us), tuple(ordered))
+
+
+LAYOUT = Open3DLayout(), RedwoodLayout()

@@ -59,6 +59,7 @@ class EurocLayout(Layout):
     """
 
     name = "euroc"
+    order = 30
     label = "EuRoC ASL"
     meaning = "of the EuRoC MAV datasets, which visual-inertial systems read"
     images = ("png",)
@@ -275,3 +276,6 @@ def _body(rig: Rig | None) -> tuple[str, NDArray[np.float64]]:
 def _rate_hz(path: Trajectory) -> float | None:
     """Return the frames per second; None for a single frame."""
     return None if len(path) == 1 else 1 / float(np.median(np.diff(path.stamps_s)))
+
+
+LAYOUT = EurocLayout()

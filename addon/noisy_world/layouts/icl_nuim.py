@@ -32,6 +32,7 @@ class IclNuimLayout(NumberedLayout):
     """`rgb/0.png`, `depth/0.png`, and a trajectory `*.gt.freiburg`."""
 
     name = "icl_nuim"
+    order = 90
     label = "ICL-NUIM"
     meaning = "a sequence of ICL-NUIM in its TUM form; its left-handed axes (negative fy) are mirrored"
     files = "rgb/0.png, depth/0.png, *.gt.freiburg"
@@ -68,3 +69,6 @@ class IclNuimLayout(NumberedLayout):
         if params is None or params.camera is None:
             return Cameras(CAMERA, assumed=_ASSUMED, depth_scale_per_m=scale_per_m)
         return Cameras(params.camera, params.path, depth_scale_per_m=scale_per_m)
+
+
+LAYOUT = IclNuimLayout()

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from ..channels import CHANNELS, COLOUR_AND_DEPTH
 from ..channels.channel import FileKind
 from ..core.depth_range import Beyond, DepthRange, OutOfRange
+from ..core.entry_points import LAST
 from ..core.errors import InputError, Message, PresetKey
 from ..core.frame_request import SensorPaths
 from ..core.geometry import Intrinsics
@@ -51,19 +52,20 @@ _SPOKEN: dict[Image, str] = {"jpg": "JPEG", "png": "PNG", "exr": "EXR"}
 class Layout(ABC):
     """How a dataset lies on disk: the names of its files, the text files beside the images, and how it is read.
 
-    name: in presets. label, meaning: for people. images: the image kinds that colour may be stored as. colours: "rgb",
-    "grey" or both. The first of each is the default. depth_scale_per_m: steps of the depth images per metre, unless a
-    preset gives another. conventions: those that differ from the manifest's for all layouts. patterns: glob patterns of
-    all files that a sequence's folder may hold. setting_files: the names of those that a setting's folder may hold.
-    Patterns and setting_files say what to remove when a dataset is replaced. gaps: whether frames may lack a pose.
-    optics: whether its files can say that depth has a camera of its own, and how a lens distorts. lists_depth: whether
-    each depth image stands in a list under a time stamp of its own. holds_imu: whether
+    name: in presets. order: in lists, ours first. label, meaning: for people. images: the image kinds that colour may
+    be stored as. colours: "rgb", "grey" or both. The first of each is the default. depth_scale_per_m: steps of the
+    depth images per metre, unless a preset gives another. conventions: those that differ from the manifest's for all
+    layouts. patterns: glob patterns of all files that a sequence's folder may hold. setting_files: the names of those
+    that a setting's folder may hold. Patterns and setting_files say what to remove when a dataset is replaced. gaps:
+    whether frames may lack a pose. optics: whether its files can say that depth has a camera of its own, and how a lens
+    distorts. lists_depth: whether each depth image stands in a list under a time stamp of its own. holds_imu: whether
     sequence_texts has an IMU's files; else they lie beside the images (IMU_FILES).
 
     All names have forward slashes and are relative to the sequence's (or setting's) folder.
     """
 
     name: ClassVar[str]
+    order: ClassVar[int] = LAST
     label: ClassVar[str]
     meaning: ClassVar[str]
     images: ClassVar[tuple[Image, ...]]
@@ -362,6 +364,7 @@ class RecordedLayout(ABC):
     """
 
     name: ClassVar[str]
+    order: ClassVar[int] = LAST
     label: ClassVar[str]
     meaning: ClassVar[str]
     files: ClassVar[str]

@@ -36,6 +36,7 @@ class NerfstudioLayout(RecordedLayout):
     """`transforms.json`, whose frames name colour (`file_path`) and depth (`depth_file_path`)."""
 
     name = "nerfstudio"
+    order = 120
     label = "nerfstudio"
     meaning = "transforms.json as nerfstudio has it and makes it of Record3D's captures; depth, if any, in mm"
     files = "transforms.json, with depth_file_path where there is depth"
@@ -160,3 +161,6 @@ def _seen_by_depth(camera: Intrinsics, size_px: tuple[int, int]) -> DepthCamera 
     fx_px, fy_px = camera.fx_px * across, camera.fy_px * down
     seen = Intrinsics(*size_px, float(fx_px), float(fy_px), float(cx_px), float(cy_px))
     return DepthCamera(seen, shares_lens=True)
+
+
+LAYOUT = NerfstudioLayout()

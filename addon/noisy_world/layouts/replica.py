@@ -28,6 +28,7 @@ class ReplicaLayout(Layout):
     """`results/frame000000.jpg`, `results/depth000000.png`, `traj.txt`, and `cam_params.json` one level up."""
 
     name = "replica"
+    order = 10
     label = "Replica"
     meaning = "of iMAP and NICE-SLAM"
     images = ("jpg", "png", "exr")
@@ -139,3 +140,6 @@ def _number(path: Path) -> int:
     if digits is None:
         raise InputError(path, "has no number in its name", remedy="frame000000.jpg, depth000000.png and so on")
     return int(digits[1])
+
+
+LAYOUT = ReplicaLayout()

@@ -29,6 +29,7 @@ class ScanNetLayout(NumberedLayout):
     """
 
     name = "scannet"
+    order = 80
     label = "ScanNet"
     meaning = "a scan of ScanNet as its SensReader exports it: colour and depth each have a camera; depth in mm"
     files = "color/0.jpg, depth/0.png, pose/0.txt, intrinsic/"
@@ -73,3 +74,6 @@ def _matrix(path: Path) -> NDArray[np.float64]:
     if rows.widths.tolist() != [4, 4, 4, 4]:
         raise InputError(path, "is no matrix of four lines of four numbers", remedy="as ScanNet's exporter writes it")
     return rows.numbers.reshape(4, 4)
+
+
+LAYOUT = ScanNetLayout()

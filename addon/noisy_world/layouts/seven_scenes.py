@@ -37,6 +37,7 @@ class SevenScenesLayout(NumberedLayout):
     """`frame-000000.color.png`, `frame-000000.depth.png` and `frame-000000.pose.txt`."""
 
     name = "seven_scenes"
+    order = 60
     label = "7-Scenes"
     meaning = "a sequence of Microsoft's 7-Scenes: depth in mm, 65535 is void; poses camera-to-world"
     files = "frame-000000.color.png, frame-000000.depth.png, frame-000000.pose.txt"
@@ -63,6 +64,7 @@ class BundleFusionLayout(SevenScenesLayout):
     """The files of 7-Scenes, and `info.txt` with the intrinsics of both cameras."""
 
     name = "bundlefusion"
+    order = 70
     label = "BundleFusion"
     meaning = "a sequence of BundleFusion, or ScanNet's images as SensReader writes them: info.txt has both cameras"
     files = "frame-000000.color.jpg, frame-000000.depth.png, frame-000000.pose.txt, info.txt"
@@ -128,3 +130,6 @@ def _cameras(path: Path) -> tuple[Intrinsics, Optics]:
             raise InputError(path, problem, where=name, remedy="register depth to colour, and set it to the identity")
     optics = Optics() if same_camera(colour, depth) else Optics(DepthCamera(depth, rgb_from_depth))
     return colour, optics
+
+
+LAYOUT = SevenScenesLayout(), BundleFusionLayout()

@@ -49,6 +49,7 @@ class TumLayout(Layout):
     """`rgb/*.png`, `depth/*.png`, their lists `rgb.txt` and `depth.txt`, `associations.txt` and `groundtruth.txt`."""
 
     name = "tum"
+    order = 20
     label = "TUM"
     meaning = "of the TUM RGB-D benchmark, which ORB-SLAM2 and 3 read"
     images = ("png",)
@@ -260,3 +261,6 @@ def _calibration(folder: Path, image: Path) -> tuple[Intrinsics, Path] | None:
         raise InputError(path, "is not the four numbers fx fy cx cy", remedy="mend it, or take it away")
     values = (*size_of(image), *map(float, words))
     return checked_intrinsics(path, ("width", "height", "fx", "fy", "cx", "cy"), values), path
+
+
+LAYOUT = TumLayout()

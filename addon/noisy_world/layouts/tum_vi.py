@@ -32,6 +32,7 @@ class TumViLayout(EurocLayout):
     """
 
     name = "tum_vi"
+    order = 40
     label = "TUM-VI"
     meaning = "of the TUM visual-inertial benchmark, which ORB-SLAM3, Basalt, DM-VIO and OpenVINS read"
     truth = MOCAP
@@ -112,3 +113,6 @@ def _imu_texts(samples: ImuSamples, texts: dict[str, str]) -> dict[str, str]:
     if chain is not None:
         found[f"{DSO}/camchain.yaml"] = chain.partition("\n")[2]  # without OpenCV's first line
     return found
+
+
+LAYOUT = TumViLayout()

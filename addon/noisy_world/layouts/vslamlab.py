@@ -105,6 +105,7 @@ class VslamLabLayout(Layout):
     """
 
     name = "vslamlab"
+    order = 50
     label = "VSLAM-LAB"
     meaning = "of VSLAM-LAB, which runs many systems"
     images = ("png", "jpg")
@@ -375,3 +376,6 @@ def _numbers(path: Path, camera: dict[str, Any], name: str, count: int | None) -
     if not isinstance(values, list) or len(found) != len(values) or (count is not None and len(found) != count):
         raise InputError(path, f"has to be {wanted}, finite", where=_at(name))
     return np.array(found, dtype=np.float64)
+
+
+LAYOUT = VslamLabLayout()

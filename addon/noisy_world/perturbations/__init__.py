@@ -6,7 +6,6 @@ docs/your_perturbation.md says how a package brings its own.
 
 import importlib
 import pkgutil
-import sys
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import cache, cached_property
@@ -64,11 +63,8 @@ class _Perturbations(Mapping[str, Perturbation]):
 @cache
 def _own_modules() -> dict[str, str]:
     """Return the modules of our own perturbations by their names, without importing them."""
-    package = shipped if any(pkgutil.iter_modules(shipped.__path__)) else sys.modules[__name__]
-    found = pkgutil.iter_modules(package.__path__)
-    return {
-        item.name: f"{package.__name__}.{item.name}" for item in found if not (item.ispkg or item.name.startswith("_"))
-    }
+    found = (item.name for item in pkgutil.iter_modules(shipped.__path__))
+    return {name: f"{shipped.__name__}.{name}" for name in found if not name.startswith("_")}
 
 
 def _own(name: str) -> Perturbation:

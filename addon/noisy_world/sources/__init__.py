@@ -9,12 +9,11 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import fields
 from typing import Any, TypeVar
 
-from ..core.entry_points import Door, Registry
+from ..core.entry_points import Door, Registry, held_in
 from ..core.schema import ConfigPath, KeyInfo, describe, list_keys, list_leaves, parse, unknown_name
 from ..preset.keys import Preset, PresetSpec
 from ..preset.names import selected
 from ..preset.scene_keys import SceneKeys
-from . import blend, mesh, recording, replica_scenes, video
 from .scene_kinds import FoundScene, Scene, SceneEntry, SourceKind
 
 __all__ = ["SOURCES", "find_scenes", "preset_keys", "preset_leaves", "read_scenes"]
@@ -41,9 +40,7 @@ def _problem(kind: SourceKind[Any]) -> str:
 
 DOOR = Door[SourceKind[Any]]("noisy_world.sources", "source", "SOURCE", (SourceKind,), _problem)
 
-SOURCES = Registry[SourceKind[Any]](
-    DOOR, lambda: (mesh.SOURCE, replica_scenes.SOURCE, recording.SOURCE, video.SOURCE, blend.SOURCE)
-)
+SOURCES = Registry[SourceKind[Any]](DOOR, lambda: held_in(__name__, DOOR.attribute, SourceKind))
 """Every source by the key that names it in a preset's scene, ours and those of installed packages."""
 
 

@@ -60,6 +60,7 @@ class BlendKind(FileSource[BlendKeys]):
     """A scene of a .blend, along its own camera's path or one of a file."""
 
     name = "blend"
+    order = 50
     label = "Scene of one's own"
     meaning = "a scene of a .blend, rendered as its artist set it up"
     keys = BlendKeys

@@ -42,6 +42,7 @@ class MeshKind(FileSource[MeshKeys]):
     """A mesh is rendered along a path: unlit, or with the lights of its file."""
 
     name = "mesh"
+    order = 10
     label = "Mesh"
     meaning = "a mesh's file or an embedded room, rendered along a path"
     keys = MeshKeys

@@ -369,6 +369,7 @@ class RecordingKind(FileSource[RecordingKeys]):
     """A folder is read by the layout that recognises it."""
 
     name = "sequence"
+    order = 30
     label = "Recording"
     meaning = "a sequence that was recorded or made before, in any layout that is read"
     keys = RecordingKeys

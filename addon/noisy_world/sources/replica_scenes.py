@@ -95,6 +95,7 @@ class ReplicaKind(SourceKind[ReplicaKeys]):
     """Replica's meshes, and the paths that SLAM systems are evaluated on."""
 
     name = "replica"
+    order = 20
     label = "Replica"
     meaning = "scenes of Replica by name, with the paths that the SLAM systems use"
     keys = ReplicaKeys

@@ -10,7 +10,7 @@ from dataclasses import asdict, dataclass, fields
 from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, Literal, TypeAlias, TypeVar
 
-from ..core.entry_points import Distribution
+from ..core.entry_points import LAST, Distribution
 from ..core.errors import InputError, Part, either
 from ..core.geometry import Intrinsics
 from ..core.schema import ConfigPath, deciding_values
@@ -74,8 +74,9 @@ class FoundScene:
 class SourceKind(ABC, Generic[K]):
     """A kind of source: where clean frames may come from. A preset's scene that has a key of this name is of it.
 
-    name: that key. label, meaning: for people. keys: a frozen dataclass from SceneKeys, with the keys that such a scene
-    may have; the one of this name is among them. A package's source has no other: what belongs to it is inside that.
+    name: that key. order: in lists, ours first. label, meaning: for people. keys: a frozen dataclass from SceneKeys,
+    with the keys that such a scene may have; the one of this name is among them. A package's source has no other: what
+    belongs to it is inside that.
 
     always_recorded: keys that a dataset's identity states of a scene for people even where they are the default.
     remedies: what in a scene's keys mends that it lacks something. instead: of keys that belong to other sources, what
@@ -83,6 +84,7 @@ class SourceKind(ABC, Generic[K]):
     """
 
     name: ClassVar[str]
+    order: ClassVar[int] = LAST
     label: ClassVar[str]
     meaning: ClassVar[str]
     keys: ClassVar[type[SceneKeys]]

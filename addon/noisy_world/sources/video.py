@@ -44,6 +44,7 @@ class VideoKind(FileSource[VideoKeys]):
     """A video file, with a folder of depth where there is one."""
 
     name = "video"
+    order = 40
     label = "Video"
     meaning = "a video file; a folder beside it may hold its depth"
     keys = VideoKeys

@@ -12,10 +12,10 @@ from typing import Literal, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.entry_points import Door, Registry
+from ..core.entry_points import Door, Registry, held_in
 from ..core.errors import InputError, Message, PresetKey
 from ..core.trajectory import AXES, DIRECTIONS, Axes, Direction, Trajectory, checked_rate, convert_convention
-from .matrix_poses import KITTI, LOG, MATRICES, REPLICA
+from .matrix_poses import MATRICES
 from .pose_files import (
     LARGEST_STAMP_S,
     STAMP_UNITS,
@@ -26,8 +26,7 @@ from .pose_files import (
     StatedCamera,
     TrajectoryFormat,
 )
-from .stamped_poses import EUROC, TUM
-from .transforms_json import TRANSFORMS
+from .stamped_poses import TUM
 
 Auto: TypeAlias = Literal["auto"]
 
@@ -43,7 +42,7 @@ def _problem(item: TrajectoryFormat) -> str:
 
 DOOR = Door("noisy_world.trajectory_formats", "trajectory format", "FORMAT", (TrajectoryFormat,), _problem)
 
-TRAJECTORY_FORMATS = Registry[TrajectoryFormat](DOOR, lambda: (REPLICA, KITTI, TUM, EUROC, MATRICES, LOG, TRANSFORMS))
+TRAJECTORY_FORMATS = Registry[TrajectoryFormat](DOOR, lambda: held_in(__package__, DOOR.attribute, TrajectoryFormat))
 """Every format of files of poses by its name, ours and those of installed packages."""
 
 

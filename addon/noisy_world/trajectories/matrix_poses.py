@@ -243,6 +243,7 @@ REPLICA = TrajectoryFormat(
     looks_like="16 numbers a line, a 4 x 4 pose row by row",
     recognised_by="16 numbers",
     times="`rate_hz`",
+    order=10,
 )
 KITTI = TrajectoryFormat(
     "kitti",
@@ -253,6 +254,7 @@ KITTI = TrajectoryFormat(
     looks_like="12 numbers a line, a pose without its last row",
     recognised_by="12 numbers",
     times="`rate_hz`",
+    order=20,
 )
 MATRICES = TrajectoryFormat(
     "matrices",
@@ -265,6 +267,7 @@ MATRICES = TrajectoryFormat(
     "`frame-000000.pose.txt`: ScanNet, 7-Scenes",
     recognised_by="4 numbers; a folder",
     times="`rate_hz`; the files' numbers / `rate_hz`",
+    order=50,
 )
 LOG = TrajectoryFormat(
     "log",
@@ -275,4 +278,6 @@ LOG = TrajectoryFormat(
     looks_like="Open3D and Redwood: `i i n`, then four lines of four numbers",
     recognised_by="3 numbers, then 4",
     times="the frames' numbers `n`, from 1, / `rate_hz`",
+    order=60,
 )
+FORMAT = REPLICA, KITTI, MATRICES, LOG

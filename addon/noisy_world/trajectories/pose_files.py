@@ -16,6 +16,7 @@ from typing import Literal, TypeAlias, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.entry_points import LAST
 from ..core.errors import InputError, NotFiniteError
 from ..core.file_access import read_bytes
 from ..core.geometry import Intrinsics
@@ -163,11 +164,11 @@ class PoseFile:
 class TrajectoryFormat:
     """A format of files of poses.
 
-    name: in presets and options. label, meaning: in menus and lists, a name and a sentence. looks_like, recognised_by,
-    times: in the table of formats. recognises: tells whether a file is of this format, and of no other. read: returns
-    its poses; raises InputError, and NotFiniteError, which is one, where a pose is not finite. write: returns the text
-    of a trajectory; None where the format is only read. stamped: whether its poses have time stamps. reads_folders:
-    whether it may be a folder.
+    name: in presets and options. order: in lists, ours first. label, meaning: in menus and lists, a name and a
+    sentence. looks_like, recognised_by, times: in the table of formats. recognises: tells whether a file is of this
+    format, and of no other. read: returns its poses; raises InputError, and NotFiniteError, which is one, where a pose
+    is not finite. write: returns the text of a trajectory; None where the format is only read. stamped: whether its
+    poses have time stamps. reads_folders: whether it may be a folder.
     """
 
     name: str
@@ -181,6 +182,7 @@ class TrajectoryFormat:
     looks_like: str = ""
     recognised_by: str = ""
     times: str = ""
+    order: int = LAST
 
 
 @dataclass(frozen=True, eq=False)

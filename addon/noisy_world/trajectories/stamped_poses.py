@@ -295,6 +295,7 @@ TUM = TrajectoryFormat(
     looks_like="`t tx ty tz qx qy qz qw`, w last",
     recognised_by="8 numbers",
     times="its own: seconds, or nanoseconds from 1e17 on",
+    order=30,
 )
 EUROC = TrajectoryFormat(
     "euroc",
@@ -306,4 +307,6 @@ EUROC = TrajectoryFormat(
     looks_like="`t, x, y, z, qw, qx, qy, qz`, w first, and nine more or none",
     recognised_by="17 numbers; 8 with commas, `t` a whole number",
     times="its own: nanoseconds",
+    order=40,
 )
+FORMAT = TUM, EUROC

@@ -153,7 +153,7 @@ def _checked(path: Path, key: str, value: object) -> float:
     return number
 
 
-TRANSFORMS = TrajectoryFormat(
+FORMAT = TrajectoryFormat(
     "transforms",
     "Transforms",
     "The transforms.json of nerfstudio and NeRF",
@@ -162,4 +162,5 @@ TRANSFORMS = TrajectoryFormat(
     looks_like="`transforms.json` of nerfstudio, Instant NGP and NeRF",
     recognised_by="`{` at the beginning",
     times="as listed, `rate_hz`",
+    order=70,
 )
