@@ -128,7 +128,7 @@ def test_what_is_staged(wheels, tmp_path):
     folder, _ = wheels
     package.stage(tmp_path / "staged", "linux-x64", sorted(folder.iterdir()))
     there = {path.relative_to(tmp_path / "staged").as_posix() for path in (tmp_path / "staged").rglob("*.*")}
-    assert {"__init__.py", "dataset/run.py", "scenes/ply.py", "perturbations/ice/rime.jpg"} <= there
+    assert {"__init__.py", "dataset/run.py", "scenes/ply.py", "perturbations/shipped/ice/rime.jpg"} <= there
     assert {"headless/run_odometry.py", "evaluate/odometry.py", "evaluate/trajectory_scores.py"} <= there
     assert {"blender_manifest.toml", "presets/demo.yaml", "presets/perturbations/fog.yaml"} <= there
     assert {f"wheels/{name}" for name in NAMES.values()} <= there

@@ -12,7 +12,6 @@ from typing import ClassVar, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core.dependencies import shipped
 from ...core.file_access import read_bytes
 from ...core.node_graph import BroughtImage, Kind, Socket, Value
 from ...core.schema import key
@@ -54,7 +53,7 @@ EQUALLY_OFTEN = (0, 1, 1, 2, 3)
 
 def picture_file(name: str) -> Path:
     """Return the path of a grey picture."""
-    return shipped("perturbations/ice") / f"{name}.jpg"
+    return Path(__file__).parent / "ice" / f"{name}.jpg"
 
 
 def grey_picture(number: int) -> NDArray[np.uint8]:

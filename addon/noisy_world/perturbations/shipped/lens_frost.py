@@ -12,7 +12,6 @@ from typing import ClassVar, TypeAlias, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core.dependencies import shipped
 from ...core.file_access import read_bytes
 from ...core.node_graph import BroughtImage, Graph, Socket, Value
 from ...core.schema import key
@@ -62,7 +61,7 @@ _FADE_PX = 40.0  # it gets thinner so far before the strip's end
 
 def map_file(name: str) -> Path:
     """Return the path of a map: thickness or time."""
-    return shipped("perturbations/ice") / f"fern_{name}.png"
+    return Path(__file__).parent / "ice" / f"fern_{name}.png"
 
 
 @dataclass(frozen=True)
