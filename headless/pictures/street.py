@@ -27,9 +27,9 @@ from numpy.typing import NDArray
 from noisy_world.core.geometry import Intrinsics
 from noisy_world.nodes.datablocks import cycles as cycles_of
 from noisy_world.nodes.datablocks import muted_output
-from noisy_world.render.engines import RenderFile
+from noisy_world.render.engines import RenderFile, without_void
 from noisy_world.render.mesh_session import add_camera, key_trajectory, set_intrinsics
-from noisy_world.render.own_depth import set_frame, without_void
+from noisy_world.render.own_depth import set_frame
 from pictures.street_models import (
     LANTERN_M,
     Front,

@@ -5,7 +5,7 @@ import json
 import math
 import subprocess
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import Any, Literal, TypeAlias
@@ -19,6 +19,7 @@ from ..core.errors import Message, MissingDependencyError, PresetKey, StorageErr
 from ..core.file_access import ScratchFolder, utf8_name
 from ..core.frame_request import Shutter
 from ..core.lens import Bending
+from ..core.srgb import srgb_encoded
 from ..nodes.datablocks import camera_of, muted_output, override_scene, write_plain_floats
 from ..nodes.datablocks import cycles as cycles_of
 from .source import RenderedFrame
@@ -40,10 +41,11 @@ FILTER_MIDDLE = 0.5 * 0.35875 / 511
 
 @dataclass(frozen=True)
 class Engine:
-    """What differs between engines.
+    """What differs between engines. Properties are those of a scene, by their paths from it.
 
-    configure: sets a scene up for a seed and the number of samples that colours get.
-    set_samples: sets the samples per pixel of the next render, which can be changed at no cost.
+    blender_name: what Blender calls it. plain: properties by which it shows unlit colours and nothing else. filtered:
+    gives those of its pixel filter for a number of samples. samples: the property with the samples per pixel of the
+    next render, which can be changed at no cost. counted: gives its value.
     shades: whether the material's nodes are evaluated; Workbench shows the colour attribute itself.
     centre_depth: whether depth is that of the pixel's centre at any number of samples; if not, it is rendered
     separately, with one sample.
@@ -51,12 +53,89 @@ class Engine:
     sample_offset_px: how far to the right of and above a pixel's centre its first sample is.
     """
 
-    configure: Callable[[bpy.types.Scene, int, int], None]
-    set_samples: Callable[[bpy.types.Scene, int], None]
-    shades: bool
-    centre_depth: bool
-    blurs_textures: bool
-    sample_offset_px: Callable[[int], float]
+    blender_name: str
+    plain: Mapping[str, Any]
+    filtered: Callable[[int], Mapping[str, Any]]
+    samples: str
+    counted: Callable[[int], Any] = int
+    shades: bool = True
+    centre_depth: bool = False
+    blurs_textures: bool = False
+    sample_offset_px: Callable[[int], float] = lambda _samples: 0.0
+
+    def set_samples(self, scene: bpy.types.Scene, samples: int) -> None:
+        """Set the samples per pixel of the next render."""
+        set_properties(scene, {self.samples: self.counted(samples)})
+
+
+def set_properties(scene: bpy.types.Scene, values: Mapping[str, Any]) -> None:
+    """Set properties of a scene by their paths from it, such as "render.use_border"."""
+    for path, value in values.items():
+        owner, _, name = path.rpartition(".")
+        setattr(scene.path_resolve(owner) if owner else scene, name, value)
+
+
+# Rays of a camera end where they first meet something; the pattern of samples is fixed.
+PLAIN_CYCLES: Mapping[str, Any] = {
+    "cycles.use_adaptive_sampling": False,
+    "cycles.use_denoising": False,
+    "cycles.use_auto_tile": False,
+    "cycles.use_light_tree": False,
+    "cycles.max_bounces": 0,
+    "cycles.sampling_pattern": "TABULATED_SOBOL",
+    "cycles.pixel_filter_type": "BLACKMAN_HARRIS",
+}
+_PLAIN: Mapping[str, Any] = {
+    "render.use_persistent_data": True,
+    "render.use_compositing": False,
+    "render.use_sequencer": False,
+    "render.use_motion_blur": False,
+    "render.use_simplify": False,
+    "render.film_transparent": False,
+}
+_SHADING = "display.shading"
+_UNSHADED = ("backface_culling", "cavity", "object_outline", "shadows", "specular_highlight", "xray")
+
+
+def filter_width_px(samples: int) -> float:
+    """Return the width of Cycles' pixel filter: the least for a single sample, which shows the pixel's centre."""
+    return CENTRE_FILTER_PX if samples == 1 else AVERAGING_FILTER_PX
+
+
+ENGINES: dict[EngineName, Engine] = {
+    "cycles": Engine(
+        "CYCLES",
+        PLAIN_CYCLES
+        | {
+            "cycles.device": "CPU",
+            "cycles.use_animated_seed": True,
+            "cycles.transparent_max_bounces": 0,
+            "cycles.film_exposure": 1.0,
+        },
+        filtered=lambda samples: {"cycles.filter_width": filter_width_px(samples)},
+        samples="cycles.samples",
+        centre_depth=True,
+        sample_offset_px=lambda samples: FILTER_MIDDLE * filter_width_px(samples),
+    ),
+    "eevee": Engine(
+        "BLENDER_EEVEE",
+        {f"eevee.use_{name}": False for name in ("shadows", "raytracing", "fast_gi", "overscan")},
+        filtered=lambda samples: {"render.filter_size": AVERAGING_FILTER_PX if samples > 1 else 0.0},
+        samples="eevee.taa_render_samples",
+        blurs_textures=True,
+    ),
+    "workbench": Engine(
+        "BLENDER_WORKBENCH",
+        {f"{_SHADING}.show_{name}": False for name in _UNSHADED}
+        | {f"{_SHADING}.light": "FLAT", f"{_SHADING}.color_type": "VERTEX", f"{_SHADING}.use_dof": False},
+        filtered=lambda _samples: {},
+        samples="display.render_aa",
+        counted=lambda samples: "OFF" if samples == 1 else str(samples),  # which there are the preset has checked
+        shades=False,
+    ),
+}
+NAMES_IN_BLENDER: dict[str, EngineName] = {engine.blender_name: name for name, engine in ENGINES.items()}
+"""Our names of the engines, by Blender's."""
 
 
 def configure(
@@ -66,29 +145,23 @@ def configure(
 
     Raises MissingDependencyError where a GPU is asked for and none is found.
     """
-    render = scene.render
-    render.use_persistent_data = True
-    render.use_compositing = False
-    render.use_sequencer = False
-    render.use_motion_blur = False
-    render.use_simplify = False
-    render.film_transparent = False
-    render.threads_mode = "FIXED" if threads else "AUTO"
-    if threads:
-        render.threads = threads
     # Without a world the background is black, which is the colour of void.
-    scene.world = None
-    engine.configure(scene, seed, samples)
+    set_properties(scene, {"render.engine": engine.blender_name, **_PLAIN, "world": None, "cycles.seed": seed})
+    set_properties(scene, {**engine.plain, **engine.filtered(samples), **for_threads(threads)})
     if device == "gpu":
         enable_gpu()
         cycles_of(scene).device = "GPU"
 
 
+def for_threads(count: int) -> dict[str, Any]:
+    """Return the properties of a scene that is rendered with so many threads; 0 for all."""
+    fixed = {"render.threads": count} if count else {}
+    return {"render.threads_mode": "FIXED" if count else "AUTO", **fixed}
+
+
 def show_textures(scene: bpy.types.Scene) -> None:
     """Make Workbench show textures, in place of the colour attribute; the other engines show what materials say."""
-    shading = _display(scene).shading
-    assert shading is not None
-    shading.color_type = "TEXTURE"
+    set_properties(scene, {f"{_SHADING}.color_type": "TEXTURE"})
 
 
 def enable_gpu() -> str:
@@ -111,122 +184,6 @@ def enable_gpu() -> str:
         f"{', '.join(kind for kind in GPU_KINDS if kind in built_in) or 'nothing, as it is built without'}); "
         "use render.device: cpu, or install the card's driver"
     )
-
-
-def _configure_cycles(scene: bpy.types.Scene, seed: int, samples: int) -> None:
-    """Configure Cycles without lights, bounces, denoiser and tiles."""
-    _set_engine(scene, "CYCLES")
-    cycles = cycles_of(scene)
-    cycles.device = "CPU"
-    cycles.seed = seed
-    cycles.use_animated_seed = True
-    sample_plainly(cycles, filter_width_px(samples))
-    cycles.transparent_max_bounces = 0
-    cycles.film_exposure = 1.0
-
-
-def sample_plainly(cycles: Any, filter_px: float) -> None:
-    """Let Cycles follow a camera's rays to what they meet and no further, by a fixed pattern."""
-    cycles.use_adaptive_sampling = False
-    cycles.use_denoising = False
-    cycles.use_auto_tile = False
-    cycles.use_light_tree = False
-    cycles.max_bounces = 0
-    cycles.sampling_pattern = "TABULATED_SOBOL"
-    cycles.pixel_filter_type = "BLACKMAN_HARRIS"
-    cycles.filter_width = filter_px
-
-
-def _configure_eevee(scene: bpy.types.Scene, _seed: int, samples: int) -> None:
-    """Configure EEVEE without lights, shadows and ray tracing; its samples follow a fixed pattern."""
-    _set_engine(scene, "BLENDER_EEVEE")
-    scene.render.filter_size = AVERAGING_FILTER_PX if samples > 1 else 0.0
-    eevee = _eevee(scene)
-    eevee.use_shadows = False
-    eevee.use_raytracing = False
-    eevee.use_fast_gi = False
-    eevee.use_overscan = False
-
-
-def _configure_workbench(scene: bpy.types.Scene, _seed: int, _samples: int) -> None:
-    """Configure Workbench to show the colour attribute, flat; nothing is random."""
-    _set_engine(scene, "BLENDER_WORKBENCH")
-    shading = _display(scene).shading
-    assert shading is not None
-    shading.light = "FLAT"
-    shading.color_type = "VERTEX"
-    shading.show_backface_culling = False
-    shading.show_cavity = False
-    shading.show_object_outline = False
-    shading.show_shadows = False
-    shading.show_specular_highlight = False
-    shading.show_xray = False
-    shading.use_dof = False
-
-
-def _cycles_samples(scene: bpy.types.Scene, samples: int) -> None:
-    cycles_of(scene).samples = samples
-
-
-def _eevee_samples(scene: bpy.types.Scene, samples: int) -> None:
-    _eevee(scene).taa_render_samples = samples
-
-
-def _workbench_samples(scene: bpy.types.Scene, samples: int) -> None:
-    name: Any = "OFF" if samples == 1 else str(samples)  # which numbers there are the preset has checked
-    _display(scene).render_aa = name
-
-
-def _set_engine(scene: bpy.types.Scene, name: str) -> None:
-    engine: Any = name  # the stubs know none but EEVEE: the others are add-ons to them
-    scene.render.engine = engine
-
-
-def _eevee(scene: bpy.types.Scene) -> bpy.types.SceneEEVEE:
-    assert scene.eevee is not None
-    return scene.eevee
-
-
-def _display(scene: bpy.types.Scene) -> bpy.types.SceneDisplay:
-    assert scene.display is not None
-    return scene.display
-
-
-def filter_width_px(samples: int) -> float:
-    """Return the width of Cycles' pixel filter: the least for a single sample, which shows the pixel's centre."""
-    return CENTRE_FILTER_PX if samples == 1 else AVERAGING_FILTER_PX
-
-
-def _no_offset(_samples: int) -> float:
-    return 0.0
-
-
-ENGINES: dict[EngineName, Engine] = {
-    "cycles": Engine(
-        _configure_cycles,
-        _cycles_samples,
-        shades=True,
-        centre_depth=True,
-        blurs_textures=False,
-        sample_offset_px=lambda samples: FILTER_MIDDLE * filter_width_px(samples),
-    ),
-    "eevee": Engine(
-        _configure_eevee,
-        _eevee_samples,
-        shades=True,
-        centre_depth=False,
-        blurs_textures=True,
-        sample_offset_px=_no_offset,
-    ),
-    "workbench": Engine(
-        _configure_workbench,
-        _workbench_samples,
-        shades=False,
-        centre_depth=False,
-        blurs_textures=False,
-        sample_offset_px=_no_offset,
-    ),
-}
 
 
 # Testing whether GL works here, in another process: where it does not, Blender may end without a message.
@@ -477,13 +434,10 @@ class FrameRenderer:
         if self._rgb:
             colours = np.stack([channels[f"Combined.{name}"] for name in "RGB"], axis=-1)
             if not self._encoded_colours:
-                colours = srgb_from_linear(colours)
+                colours = srgb_encoded(colours)
         depth_m = None
         if self._depth:
-            depth_m = channels["Depth.Z"]
-            # Where nothing is hit, depth is the far plane's or, with Cycles, 1e10.
-            far_m = camera_of(self._scene.camera).clip_end * (1 - FAR_PLANE_TOLERANCE)
-            depth_m = np.where(depth_m < far_m, depth_m, np.float32(0))
+            depth_m = without_void(channels["Depth.Z"], camera_of(self._scene.camera).clip_end)
         return Passes(colours, depth_m, world=self._surface(channels) if self._facts else None)
 
     def _surface(self, channels: dict[str, NDArray[np.float32]]) -> Surface:
@@ -496,9 +450,6 @@ class FrameRenderer:
         return Surface(normals, faces)
 
 
-def srgb_from_linear(linear: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Encode linear light (any shape, float32) for a display (IEC 61966-2-1)."""
-    power = np.maximum(linear, np.float32(0.0031308)) ** np.float32(1 / 2.4)
-    return np.where(
-        linear <= np.float32(0.0031308), linear * np.float32(12.92), np.float32(1.055) * power - np.float32(0.055)
-    )
+def without_void(z_m: NDArray[np.float32], far_m: float) -> NDArray[np.float32]:
+    """Return Z as depth: 0 where nothing was hit, which is Z 1e10 or the far plane's."""
+    return np.where(z_m < far_m * (1 - FAR_PLANE_TOLERANCE), z_m, np.float32(0))

@@ -5,7 +5,7 @@ The scene is a copy that shows the same objects, so that setting it up costs col
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager, nullcontext
+from contextlib import ExitStack, contextmanager
 from fractions import Fraction
 
 import bpy
@@ -19,13 +19,14 @@ from ..nodes.datablocks import cycles as cycles_of
 from ..nodes.datablocks import get_value, inputs
 from .engines import (
     CENTRE_FILTER_PX,
-    FAR_PLANE_TOLERANCE,
     FILTER_MIDDLE,
+    PLAIN_CYCLES,
     Band,
     RenderFile,
     behind_lens,
     joined,
-    sample_plainly,
+    set_properties,
+    without_void,
 )
 from .own_view import CONTROLLED, RenderCamera, free_of_animation, rendered_layer
 from .scene_dependencies import blocks_of
@@ -34,19 +35,13 @@ from .source import RenderOptions
 # Smoke, fog and the like in a scene of one's own: rays end in them by chance, so depth is rendered without.
 
 
-class Volumes:
-    """The volumes of a scene's materials, which can be taken away for a while."""
+class Removable:
+    """Links to a socket of materials' outputs, which can be taken away for a while: rays go on straight."""
 
-    def __init__(self, blocks: Iterable[bpy.types.ID], *, needed: bool) -> None:
-        """Find them. needed: whether they have to come back."""
-        self._outputs = [
-            (tree, node)
-            for tree in shader_trees(blocks)
-            for node in tree.nodes
-            if isinstance(node, bpy.types.ShaderNodeOutputMaterial) and inputs(node)["Volume"].is_linked
-        ]
-        self._needed = needed
-        self._gone = False
+    def __init__(self, outputs: Iterable[tuple[bpy.types.NodeTree, bpy.types.Node]], socket: str) -> None:
+        """Keep them. outputs: with the nodes that each is among. socket: what is linked to it is taken away."""
+        self._outputs = list(outputs)
+        self._socket = socket
 
     @property
     def any(self) -> bool:
@@ -55,90 +50,63 @@ class Volumes:
 
     @contextmanager
     def gone(self) -> Iterator[None]:
-        """Take them away; what is nothing but a volume is as good as not there."""
-        if self._gone or not self._outputs:
-            yield
-            return
-        given = [_without(tree, node) for tree, node in self._outputs]
+        """Take them away; what is nothing else is as good as not there."""
+        given = self.remove()
         try:
             yield
         finally:
-            self._gone = not self._needed
-            if self._needed:
-                for (tree, node), (source, clear) in zip(self._outputs, given, strict=True):
-                    if clear is not None:
-                        tree.nodes.remove(clear)
-                    tree.links.new(source, inputs(node)["Volume"])
+            for (tree, output), (source, clear) in zip(self._outputs, given, strict=True):
+                if clear is not None:
+                    tree.nodes.remove(clear)
+                tree.links.new(source, inputs(output)[self._socket])
+
+    def remove(self) -> list[tuple[bpy.types.NodeSocket, bpy.types.Node | None]]:
+        """Take them away for good; return what each came from, and what stands for a surface where there is none."""
+        return [self._without(tree, output) for tree, output in self._outputs]
+
+    def _without(
+        self, tree: bpy.types.NodeTree, output: bpy.types.Node
+    ) -> tuple[bpy.types.NodeSocket, bpy.types.Node | None]:
+        links = inputs(output)[self._socket].links
+        assert links
+        source = links[0].from_socket
+        assert source is not None
+        tree.links.remove(links[0])
+        if inputs(output)["Surface"].is_linked:
+            return source, None
+        clear = tree.nodes.new("ShaderNodeBsdfTransparent")
+        tree.links.new(clear.outputs[0], inputs(output)["Surface"])
+        return source, clear
 
 
-def _without(tree: bpy.types.NodeTree, output: bpy.types.Node) -> tuple[bpy.types.NodeSocket, bpy.types.Node | None]:
-    """Unlink a material's volume; return what it came from, and what stands for a surface where there is none."""
-    links = inputs(output)["Volume"].links
-    assert links
-    link = links[0]
-    source = link.from_socket
-    assert source is not None
-    tree.links.remove(link)
-    if inputs(output)["Surface"].is_linked:
-        return source, None
-    clear = tree.nodes.new("ShaderNodeBsdfTransparent")
-    tree.links.new(clear.outputs[0], inputs(output)["Surface"])
-    return source, clear
+def volumes_of(blocks: Iterable[bpy.types.ID]) -> Removable:
+    """Return smoke, fog and the like among the data-blocks of a scene: rays end in them by chance."""
+    return Removable((each for each in _outputs(blocks) if inputs(each[1])["Volume"].is_linked), "Volume")
 
 
-def shader_trees(blocks: Iterable[bpy.types.ID]) -> list[bpy.types.NodeTree]:
+def panes_of(blocks: Iterable[bpy.types.ID]) -> Removable:
+    """Return what is glass among the data-blocks of a scene: what is seen through it counts for weather.
+
+    It is a glass or refraction shader, or a principled one that lets more light through than not.
+    """
+    return Removable((each for each in _outputs(blocks) if _is_glass(_shader(each[1]))), "Surface")
+
+
+def _outputs(blocks: Iterable[bpy.types.ID]) -> Iterator[tuple[bpy.types.NodeTree, bpy.types.Node]]:
+    for tree in _shader_trees(blocks):
+        for node in tree.nodes:
+            if isinstance(node, bpy.types.ShaderNodeOutputMaterial):
+                yield tree, node
+
+
+def _shader_trees(blocks: Iterable[bpy.types.ID]) -> list[bpy.types.NodeTree]:
     """Return the nodes of the materials, and the groups of shader nodes, among some data-blocks."""
     found = [block.node_tree if isinstance(block, bpy.types.Material) else block for block in blocks]
     return [tree for tree in found if isinstance(tree, bpy.types.ShaderNodeTree)]
 
 
-# Glass in a scene of one's own: what is seen through it counts for weather, so that depth is rendered without, too.
-
-
 GLASS = ("ShaderNodeBsdfGlass", "ShaderNodeBsdfRefraction")
 MOST_OPAQUE = 0.5  # a surface that lets through more of the light is a pane; chosen
-
-
-class Panes:
-    """The materials of a scene that are glass, which can be taken away for a while."""
-
-    def __init__(self, blocks: Iterable[bpy.types.ID]) -> None:
-        """Find them: what is shown is a glass or refraction shader, or a principled one with more transmission."""
-        self._outputs = [
-            (tree, node)
-            for tree in shader_trees(blocks)
-            for node in tree.nodes
-            if isinstance(node, bpy.types.ShaderNodeOutputMaterial) and _is_glass(_shader(node))
-        ]
-
-    @property
-    def any(self) -> bool:
-        """Whether there are any."""
-        return bool(self._outputs)
-
-    @contextmanager
-    def gone(self) -> Iterator[None]:
-        """Take them away: rays go on straight."""
-        given = [(tree, output, _source(output), tree.nodes.new(CLEAR)) for tree, output in self._outputs]
-        try:
-            for tree, output, _, clear in given:
-                tree.links.new(clear.outputs[0], inputs(output)["Surface"])
-            yield
-        finally:
-            for tree, output, source, clear in given:
-                tree.nodes.remove(clear)
-                tree.links.new(source, inputs(output)["Surface"])
-
-
-CLEAR = "ShaderNodeBsdfTransparent"
-
-
-def _source(output: bpy.types.Node) -> bpy.types.NodeSocket:
-    links = inputs(output)["Surface"].links
-    assert links, "what is not linked is no glass"
-    source = links[0].from_socket
-    assert source is not None
-    return source
 
 
 def _shader(output: bpy.types.Node) -> bpy.types.Node | None:
@@ -190,7 +158,7 @@ class DepthScene:
         masked: bool,
         facts: frozenset[Fact] = frozenset(),
         moving: bool = False,
-        panes: Panes | None = None,
+        panes: Removable | None = None,
     ) -> None:
         """Copy the scene.
 
@@ -198,17 +166,29 @@ class DepthScene:
         told beside depth. moving: whether it tells how what is seen moves, which takes a scene of its own. panes: what
         depth goes through, too.
         """
-        self._panes = panes
         self._scene = copy = scene.copy()
         self._masked = masked
-        self._volumes = Volumes(blocks_of(scene), needed=options.rgb)
+        volumes = volumes_of(blocks_of(scene))
+        self._hidden = [] if panes is None else [panes]
+        if options.rgb:
+            self._hidden.append(volumes)
+        else:  # nobody sees them
+            volumes.remove()
         free_of_animation(copy, CONTROLLED)
-        render = copy.render
-        render.engine = "CYCLES"  # pyright: ignore[reportAttributeAccessIssue]  the stubs know none but EEVEE
-        render.use_compositing = False
-        render.use_motion_blur = False
-        render.use_freestyle = False
-        copy.world = None
+        set_properties(
+            copy,
+            {
+                "render.engine": "CYCLES",
+                "render.use_compositing": False,
+                "render.use_motion_blur": False,
+                "render.use_freestyle": False,
+                "world": None,
+                **PLAIN_CYCLES,
+                "cycles.samples": 1,
+                "cycles.use_sample_subset": False,
+                "cycles.filter_width": CENTRE_FILTER_PX,
+            },
+        )
         self._layer = layer = rendered_layer(copy)
         for item in copy.view_layers:
             item.use = item == layer
@@ -219,10 +199,6 @@ class DepthScene:
         self._facts = facts
         layer.samples = 0
         layer.pass_alpha_threshold = alpha
-        cycles = cycles_of(copy)
-        cycles.samples = 1
-        cycles.use_sample_subset = False
-        sample_plainly(cycles, CENTRE_FILTER_PX)
         offset_px = FILTER_MIDDLE * CENTRE_FILTER_PX
         self._camera = RenderCamera(
             copy, None, intrinsics, options, lens_given=True, sample_offset_px=offset_px, sharp=True
@@ -267,8 +243,7 @@ class DepthScene:
     ) -> dict[str, NDArray[np.float32]]:
         set_frame(self._scene, frame)
         self._camera.place(c2w)
-        with self._volumes.gone(), nullcontext() if self._panes is None else self._panes.gone():
-            return self._through(band) if self._masked else self._once(0, band)
+        return self._seen(band)
 
     def motion(
         self, here_c2w: NDArray[np.float64], here: float, there_c2w: NDArray[np.float64], there: float
@@ -281,11 +256,16 @@ class DepthScene:
         self._scene.render.frame_map_old, self._scene.render.frame_map_new = between.numerator, between.denominator
         set_frame(self._scene, here / float(between))
         self._camera.move({here: here_c2w, there: there_c2w})
-        with self._volumes.gone():
-            passes = self._through() if self._masked else self._once(0)
+        passes = self._seen()
         if there > here:
             return np.stack([-passes["Vector.Z"], passes["Vector.W"]], axis=-1)
         return np.stack([passes["Vector.X"], -passes["Vector.Y"]], axis=-1)
+
+    def _seen(self, band: Band | None = None) -> dict[str, NDArray[np.float32]]:
+        with ExitStack() as hidden:
+            for each in self._hidden:
+                hidden.enter_context(each.gone())
+            return self._through(band) if self._masked else self._once(0, band)
 
     def _once(self, seed: int, band: Band | None = None) -> dict[str, NDArray[np.float32]]:
         cycles = cycles_of(self._scene)
@@ -329,11 +309,6 @@ def set_frame(scene: bpy.types.Scene, frame: float) -> None:
     scene.frame_subframe = float(frame) - whole
 
 
-def without_void(z_m: NDArray[np.float32], far_m: float) -> NDArray[np.float32]:
-    """Return Z as depth: 0 where nothing was hit, which is Z 1e10 or the far plane's."""
-    return np.where(z_m < far_m * (1 - FAR_PLANE_TOLERANCE), z_m, np.float32(0))
-
-
 def only_depth(layer: bpy.types.ViewLayer) -> None:
     """Turn off every pass of a view layer but Z."""
     for item in layer.bl_rna.properties:
@@ -347,7 +322,7 @@ def may_be_seen_through(blocks: tuple[bpy.types.ID, ...]) -> bool:
 
     That of a volume alone does so always, and leaves nothing to chance.
     """
-    return any(_transparent(node) for tree in shader_trees(blocks) for node in tree.nodes)
+    return any(_transparent(node) for tree in _shader_trees(blocks) for node in tree.nodes)
 
 
 def _transparent(node: bpy.types.Node) -> bool:

@@ -21,8 +21,8 @@ from ..core.travel import travel_px
 from ..nodes.datablocks import camera_of
 from ..nodes.datablocks import cycles as cycles_of
 from ..perturbations.groups import BRIGHTEST
-from .engines import FILTER_MIDDLE, Band, RenderFile, bands_of, behind_lens, joined, whole
-from .own_depth import DepthScene, Panes, Volumes, may_be_seen_through, set_frame, without_void
+from .engines import FILTER_MIDDLE, Band, RenderFile, bands_of, behind_lens, joined, whole, without_void
+from .own_depth import DepthScene, may_be_seen_through, panes_of, set_frame, volumes_of
 from .own_view import RenderCamera, ShownColour, make_repeatable, rendered_layer, show_frame, show_numbers
 from .scene_dependencies import blocks_of
 from .scene_inspection import open_file, show_scene
@@ -97,7 +97,7 @@ class OwnSceneSession:
         make_repeatable(scene, options, sampled=file.sampled, keep_compositor=file.keep_compositor)
         blocks = blocks_of(scene)
         masked = may_be_seen_through(blocks)
-        alone = paths.depth is None and not masked and not Volumes(blocks, needed=True).any and not file.keep_compositor
+        alone = paths.depth is None and not masked and not volumes_of(blocks).any and not file.keep_compositor
         together = options.rgb and options.depth and alone and _shows_centre(scene, file)
         self._images = SurfaceImages(options.channels, None)
         facts = self._images.needs
@@ -112,7 +112,7 @@ class OwnSceneSession:
         self._depth = None
         if self._apart or facts:
             self._depth = self._depth_scene(facts=facts)
-        panes = Panes(blocks)
+        panes = panes_of(blocks)
         self._seen = None
         if options.through_glass and panes.any:
             self._seen = self._depth_scene(panes=panes)

@@ -31,11 +31,10 @@ from ..core.trajectory import Trajectory
 from ..nodes.chain_scene import hide_chain, shown_chain
 from ..nodes.datablocks import override_scene
 from ..preset.keys import EngineName
-from .engines import ENGINES as STILL_ENGINES
-from .engines import FrameRenderer, configure
+from .engines import ENGINES, NAMES_IN_BLENDER, FrameRenderer, configure
 from .own_scene import OwnSceneFile, OwnSceneSession
 from .own_view import ShownColour, sampled_camera, show_frame
-from .scene_inspection import ENGINES, open_file, samples_of, show_scene
+from .scene_inspection import open_file, samples_of, show_scene
 from .source import RenderedFrame, RenderOptions, SceneLight, light_seen
 
 # A frame of the open scene as the generator renders it from the .blend; the scene itself is not changed.
@@ -86,7 +85,7 @@ def _rendered(scene: bpy.types.Scene, still: OwnStill) -> RenderedFrame:
     sampled = sampled_camera(scene, None, [still.frame])
     parameters = sampled.parameters[0]
     camera = scene.objects[parameters.camera]
-    engine = still.engine or ENGINES[scene.render.engine]
+    engine = still.engine or NAMES_IN_BLENDER[scene.render.engine]
     near_m, far_m = still.clip_m or (parameters.near_m, parameters.far_m)
     options = RenderOptions(
         near_m=near_m, far_m=far_m, engine=engine, seed=still.seed, through_glass=True,
@@ -177,8 +176,8 @@ def render_stills(
 
 def _configure(scene: bpy.types.Scene) -> None:
     scene.compositing_node_group = None
-    configure(scene, STILL_ENGINES["cycles"], seed=0, samples=1, threads=0)
-    STILL_ENGINES["cycles"].set_samples(scene, 1)
+    configure(scene, ENGINES["cycles"], seed=0, samples=1, threads=0)
+    ENGINES["cycles"].set_samples(scene, 1)
     scene.render.use_persistent_data = False
     scene.render.use_multiview = False
     scene.render.resolution_percentage = 100

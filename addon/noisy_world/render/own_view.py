@@ -18,11 +18,10 @@ from ..nodes.datablocks import camera_of, muted_output, set_pixels
 from ..nodes.datablocks import cycles as cycles_of
 from ..scenes.blend_scene import CameraParameters, SampledCamera
 from ..scenes.polygon_mesh import SceneObject
-from .engines import ENGINES, enable_gpu
+from .engines import ENGINES, enable_gpu, for_threads, set_properties
 from .mesh_session import SENSOR_WIDTH_MM, add_camera, place_camera, set_intrinsics
 from .source import RenderOptions
 
-BLENDER_NAMES = {"cycles": "CYCLES", "eevee": "BLENDER_EEVEE", "workbench": "BLENDER_WORKBENCH"}
 CONTROLLED = ("cycles.seed", "cycles.samples", "eevee.taa_render_samples", "render.use_motion_blur")
 """Properties of a scene that are set here, whatever animates them."""
 
@@ -35,22 +34,22 @@ def make_repeatable(scene: bpy.types.Scene, options: RenderOptions, *, sampled: 
     """
     assert options.engine != "embree", "which is not Blender's"
     free_of_animation(scene, CONTROLLED)
-    render = scene.render
-    render.engine = BLENDER_NAMES[options.engine]  # pyright: ignore[reportAttributeAccessIssue]  the stubs know one
-    render.use_persistent_data = True
-    render.use_sequencer = False
-    render.use_compositing = keep_compositor
-    render.compositor_device = "CPU"
-    render.dither_intensity = 0.0
-    render.use_stamp = False
-    render.use_border = False
-    if options.instants:
-        render.use_motion_blur = False
-    if options.read_lines:
-        cycles_of(scene).use_denoising = False
-    render.threads_mode = "FIXED" if options.threads else "AUTO"
-    if options.threads:
-        render.threads = options.threads
+    set_properties(
+        scene,
+        {
+            "render.engine": ENGINES[options.engine].blender_name,
+            "render.use_persistent_data": True,
+            "render.use_sequencer": False,
+            "render.use_compositing": keep_compositor,
+            "render.compositor_device": "CPU",
+            "render.dither_intensity": 0.0,
+            "render.use_stamp": False,
+            "render.use_border": False,
+            **({"render.use_motion_blur": False} if options.instants else {}),
+            **({"cycles.use_denoising": False} if options.read_lines else {}),
+            **for_threads(options.threads),
+        },
+    )
     for marker in scene.timeline_markers:
         marker.camera = None  # the frames' cameras are known, and a render would look through the marker's
     if keep_compositor and scene.compositing_node_group is not None:
@@ -84,13 +83,18 @@ def free_of_animation(block: bpy.types.ID, paths: tuple[str, ...]) -> None:
 
 
 def _settle_cycles(scene: bpy.types.Scene, options: RenderOptions) -> None:
+    set_properties(
+        scene,
+        {
+            "cycles.device": "CPU",
+            "cycles.seed": options.seed,
+            "cycles.use_animated_seed": False,
+            "cycles.time_limit": 0.0,
+            "cycles.use_deterministic_guiding": True,
+            "cycles.denoising_use_gpu": False,
+        },
+    )
     cycles = cycles_of(scene)
-    cycles.device = "CPU"
-    cycles.seed = options.seed
-    cycles.use_animated_seed = False
-    cycles.time_limit = 0.0
-    cycles.use_deterministic_guiding = True
-    cycles.denoising_use_gpu = False
     if lacks_denoiser(scene):
         cycles.use_denoising = False
     elif cycles.use_denoising:

@@ -20,7 +20,8 @@ from ..core.machine import allow_processor, limit_process
 from ..nodes.datablocks import cycles as cycles_of
 from ..nodes.datablocks import muted_output
 from ..preset.names import LAST_POSSIBLE, FrameRange
-from ..scenes.blend_scene import BlenderEngine, OwnScene, Problem, SampledCamera
+from ..scenes.blend_scene import OwnScene, Problem, SampledCamera
+from .engines import NAMES_IN_BLENDER
 from .own_view import bound_cameras, camera_alone, lacks_denoiser, numbered_objects, rendered_layer, sampled_camera
 from .scene_dependencies import SceneFiles, files_of
 
@@ -29,7 +30,6 @@ from .scene_dependencies import SceneFiles, files_of
 
 MOST_NAMED = 5  # of things that a message lists
 MOST_NESTED = 200  # chosen: node groups in node groups; Blender and Cycles follow them by recursion
-ENGINES: dict[str, BlenderEngine] = {"CYCLES": "cycles", "BLENDER_EEVEE": "eevee", "BLENDER_WORKBENCH": "workbench"}
 
 
 def problems_of(scene: bpy.types.Scene, files: SceneFiles, *, composited: bool = False) -> Iterator[Problem]:
@@ -317,7 +317,7 @@ def inspect_scene(
         problems += camera_problems(sampled, lens_given=lens_given)
     return OwnScene(
         scene=scene.name,
-        engine=ENGINES.get(render.engine),
+        engine=NAMES_IN_BLENDER.get(render.engine),
         engine_name=render.engine,
         samples=samples_of(scene),
         fps=rate_hz(scene),
