@@ -18,9 +18,9 @@ from noisy_world.core.file_access import SCRATCH_PREFIX, ScratchFolder, sweep
 HOLD = """
 import sys
 from pathlib import Path
-from noisy_world.core import scratch
-scratch.SHARED_MEMORY = Path(sys.argv[1])
-folder = scratch.ScratchFolder(1)
+from noisy_world.core import file_access
+file_access.SHARED_MEMORY = Path(sys.argv[1])
+folder = file_access.ScratchFolder(1)
 (folder.path / "frame.exr").write_bytes(b"pixels")
 print(folder.path, flush=True)
 sys.stdin.read()

@@ -155,7 +155,7 @@ def test_a_video_stands_under_its_name_when_it_is_whole(tmp_path, capfd, monkeyp
         assert write_video(video, frames, rate_hz) == COUNT
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("noisy_world.cli.generate.write_video", stopped)
+    monkeypatch.setattr("noisy_world.images.video_files.write_video", stopped)
     assert main(["generate", str(path), "--out", str(tmp_path / "noisy.avi")]) != 0
     assert sorted(tmp_path.rglob("*")) == before
 
