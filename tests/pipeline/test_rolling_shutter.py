@@ -15,7 +15,8 @@ from analytic import box_depth, look_at
 from cases import cases
 from scipy.spatial.transform import Rotation
 from worlds import HIGH, LOW, write_replica, write_world
-from written import run, stored
+from runs import run
+from written import stored
 
 pytest.importorskip("embreex", reason="embreex is not installed: make .venv/.extras brings it")
 
