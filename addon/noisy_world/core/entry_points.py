@@ -80,7 +80,7 @@ def loaded_entries(group: str) -> Iterator[Loaded]:
 
     Raises NoisyWorldError naming the package whose entry point cannot be loaded.
     """
-    root = __name__.removesuffix(".core.installed")
+    root = __name__.removesuffix(".core.entry_points")
     if root != PACKAGE:
         give_other_name(PACKAGE, root)
     found = [(_distribution(entry), entry) for entry in _entry_points(tuple(sys.path)).select(group=group)]

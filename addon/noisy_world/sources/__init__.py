@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Sources of clean frames, an object in a file of its own each, and the scenes of a preset, which come from them.
 
-`core.planning.scene` says what such an object is, `core.planning.source` what it opens.
+`scene_kinds` says what such an object is, `render.source` what it opens.
 """
 
 import re
