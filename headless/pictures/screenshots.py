@@ -18,7 +18,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -48,13 +48,18 @@ FRAME = 8
 CHAIN = (("fog", 1), ("motion_blur", 3), ("gaussian_noise", 1))
 OPENED = "fog_depth"
 PREVIEWED = (("fog", 2), ("gaussian_noise", 1))
-PATH = {"handheld_frames": 160, "handheld_speed_m_s": 1.0}
+WALK = "scene.trajectory.handheld"
+PATH = {f"{WALK}.frames": 160, f"{WALK}.speed_m_s": 1.0}
 TRACKED_IN = "desync"
 TRACKED: dict[str, Any] = {  # a path that turns enough for depth of another moment to matter
-    "room_seed": 1, "handheld_frames": 300, "handheld_rate_hz": 20.0, "handheld_speed_m_s": 0.5,
-    "width_px": 320, "height_px": 240, "fx_px": 277.0, "fy_px": 277.0, "cx_px": 159.5, "cy_px": 119.5,
+    "room_seed": 1, f"{WALK}.frames": 300, f"{WALK}.rate_hz": 20.0, f"{WALK}.speed_m_s": 0.5,
+    "camera.width": 320, "camera.height": 240, "camera.fx": 277.0, "camera.fy": 277.0, "camera.cx": 159.5,
+    "camera.cy": 119.5,
 }  # fmt: skip
-CARRIED = {"handheld_frames": 160, "handheld_speed_m_s": 0.8, "body": "walker", "has_imu": True, "imu_x_m": 0.1}
+CARRIED = {
+    f"{WALK}.frames": 160, f"{WALK}.speed_m_s": 0.8, "scene.trajectory.body.kind": "walker",
+    "rig.imu.translation_m": (0.1, 0.0, 0.0),
+}  # fmt: skip
 SHOT_STEPS = (("rain_depth", 3), ("lens_drops", 2))
 SHOTS = (("arrival", 1, 24, 1), ("lamps", 25, 48, 2), ("corner", 49, 72, 3))  # name, first and last frame, seed
 EXAMPLE_PART = "1314x789+0+26"  # what is left of the outliner and above the timeline
@@ -154,6 +159,13 @@ def photograph_add_on(folder: Path) -> Iterator[float]:
     noisy_world.unregister()
 
 
+def fill(panel: Any, values: Mapping[str, Any]) -> None:
+    """Set properties of the panel by their paths."""
+    for path, value in values.items():
+        owner, _, name = path.rpartition(".")
+        setattr(panel.path_resolve(owner) if owner else panel, name, value)
+
+
 def emptied_view() -> bpy.types.Area:
     """Take Blender's own objects out of the scene; return the view that shows it."""
     for item in list(bpy.context.scene.objects):
@@ -168,8 +180,7 @@ def photograph_body(folder: Path) -> Iterator[float]:
     yield SETTLE_S
     scene, view = bpy.context.scene, emptied_view()
     panel = panel_of(scene)
-    for name, value in CARRIED.items():
-        setattr(panel, name, value)
+    fill(panel, CARRIED)
     in_area(view, operators().load_scene)
     in_area(view, operators().load_trajectory)
     operators().add_step(perturbation="vibration")
@@ -191,8 +202,7 @@ def photograph_tracking(folder: Path) -> Iterator[float]:
     scene, view = bpy.context.scene, emptied_view()
     panel = panel_of(scene)
     with tempfile.TemporaryDirectory() as out:
-        for name, value in TRACKED.items():
-            setattr(panel, name, value)
+        fill(panel, TRACKED)
         panel.output_folder = out
         in_area(view, operators().load_scene)
         in_area(view, operators().load_trajectory)
@@ -247,8 +257,7 @@ def fill_panel(scene: bpy.types.Scene, view: bpy.types.Area) -> None:
     use_standard_view(scene)
     assert scene.eevee is not None
     scene.eevee.taa_samples = 4
-    for name, value in PATH.items():
-        setattr(panel, name, value)
+    fill(panel, PATH)
     in_area(view, operators().load_scene)
     in_area(view, operators().load_trajectory)
     panel.deviation_rotation = math.radians(2.0)

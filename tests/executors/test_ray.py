@@ -11,8 +11,7 @@ import time
 import fake_session
 import pytest
 from worlds import content, generate_here
-from runs import run
-from written import world
+from written import run, world
 
 from noisy_world.executors import ray_cluster
 

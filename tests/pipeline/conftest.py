@@ -5,8 +5,7 @@ import sys
 
 import fake_session
 import pytest
-from runs import run
-from many_settings import COUNT, SETTINGS
+from many_settings import COUNT, SETTINGS, run
 from worlds import write_world
 
 

@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 import yaml
 from cases import cases
-from runs import run
-from many_settings import image, records
+from many_settings import image, records, run
 from recipes_made import make
 from recorded_presets import preset_of
 from shard_workers import workers_here

@@ -6,8 +6,7 @@ import pytest
 import yaml
 from cases import cases
 from inertial_paths import GRAVITY_M_S2
-from runs import run
-from written import RIG, rows_of, world
+from written import RIG, rows_of, run, world
 
 from noisy_world.cli import command
 from noisy_world.cli.entry import Entry

@@ -6,8 +6,7 @@ from collections import Counter
 
 import numpy as np
 import pytest
-from runs import run
-from many_settings import image, records
+from many_settings import image, records, run
 from worlds import content, write_world
 
 from noisy_world.perturbations.kinds import FrameContext

@@ -17,7 +17,7 @@ from scipy.spatial.transform import Rotation
 from lit_scenes import make
 from shard_workers import workers_here
 from worlds import HIGH, LOW, write_replica, write_world
-from runs import run
+from written import run
 
 pytest.importorskip("embreex", reason="embreex is not installed: make .venv/.extras brings it")
 

@@ -10,7 +10,6 @@ import pytest
 from refusals import refused
 import yaml
 from worlds import content, path_poses
-from runs import run
 from written import (
     COUNT,
     RIG,
@@ -22,6 +21,7 @@ from written import (
     read,
     replica_poses,
     rows_of,
+    run,
     states,
     world,
     write_tum_path,

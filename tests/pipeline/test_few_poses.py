@@ -5,8 +5,7 @@ import numpy as np
 import pytest
 from cases import cases
 from worlds import write_world
-from runs import run
-from written import read, rows_of
+from written import read, rows_of, run
 
 pytest.importorskip("embreex", reason="embreex is not installed: make .venv/.extras brings it")
 

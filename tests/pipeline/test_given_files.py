@@ -16,7 +16,7 @@ from analytic import box_depth, look_at
 from cases import cases
 from shard_workers import workers_here
 from worlds import HIGH, LOW, write_replica, write_world
-from runs import run
+from written import run
 
 pytest.importorskip("embreex", reason="embreex is not installed: make .venv/.extras brings it")
 

@@ -31,8 +31,9 @@ PANEL = """
 import bpy, noisy_world
 noisy_world.register()
 panel = bpy.context.scene.noisy_world
-print("panel", panel.use_facing, panel.bl_rna.properties["use_facing"].name)
-panel.use_facing = True
+choices = panel.output.bl_rna.properties["modalities"].enum_items
+print("panel", "facing" in panel.output.modalities, choices["facing"].name)
+panel.output.modalities |= {"facing"}
 from noisy_world.ui.document import to_document
 print("written", to_document(panel)["output"]["modalities"])
 """

@@ -10,8 +10,7 @@ import cv2
 import numpy as np
 import pytest
 from cases import cases
-from runs import run
-from written import RIG, SIZE, read, rows_of, world
+from written import RIG, SIZE, read, rows_of, run, world
 
 import noisy_world
 from noisy_world.cli import command

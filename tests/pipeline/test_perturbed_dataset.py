@@ -10,8 +10,7 @@ import cv2
 import fake_session
 import numpy as np
 import pytest
-from runs import run
-from many_settings import COUNT, image, numbers, records
+from many_settings import COUNT, image, numbers, records, run
 from shard_workers import workers_here
 from worlds import content, write_world
 

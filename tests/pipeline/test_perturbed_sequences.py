@@ -9,8 +9,7 @@ import cv2
 import numpy as np
 import pytest
 from refusals import refused
-from runs import run
-from many_settings import COUNT, SETTINGS, image, records
+from many_settings import COUNT, SETTINGS, image, records, run
 from worlds import ROOT
 
 

@@ -15,8 +15,7 @@ from analytic import box_depth, look_at
 from cases import cases
 from scipy.spatial.transform import Rotation
 from worlds import HIGH, LOW, write_replica, write_world
-from runs import run
-from written import stored
+from written import run, stored
 
 pytest.importorskip("embreex", reason="embreex is not installed: make .venv/.extras brings it")
 

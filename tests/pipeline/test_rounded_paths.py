@@ -4,8 +4,7 @@
 import numpy as np
 import pytest
 from worlds import path_poses, write_replica, write_world
-from runs import run
-from written import RIG
+from written import RIG, run
 
 pytest.importorskip("embreex", reason="embreex is not installed: make .venv/.extras brings it")
 

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The add-on registered, and a small mesh and path for its panel."""
 
+from types import SimpleNamespace
+
 import bpy
 import numpy as np
 import yaml
@@ -18,6 +20,35 @@ def settings():
 def own_classes(*kinds):
     """Return the add-on's own classes of Blender's kinds, such as Operator."""
     return [cls for kind in kinds for cls in kind.__subclasses__() if cls.__module__.startswith("noisy_world.")]
+
+
+def groups_of(group):
+    """Return a group of properties and all that are in it, but for what is in lists."""
+    found = [group]
+    for item in group.bl_rna.properties:
+        if item.type == "POINTER" and item.identifier != "rna_type":
+            found += groups_of(getattr(group, item.identifier))
+    return found
+
+
+class Drawn:
+    """A layout that knows the names of the properties that are drawn in it, and that there are such."""
+
+    def __init__(self):
+        self.names = []
+
+    def prop(self, group, name, **_):
+        assert name in group.bl_rna.properties, (group, name)
+        self.names.append(name)
+
+    def operator(self, *_, **__):
+        return SimpleNamespace()
+
+    def panel(self, *_, **__):
+        return self, self
+
+    def __getattr__(self, _):
+        return lambda *_, **__: self
 
 
 def square(path, size_m=1.0):
@@ -45,8 +76,8 @@ def open_document(document, path):
 def use_files(tmp_path, count=10):
     item = settings()
     item.mesh_source = item.trajectory_source = "FILE"
-    item.mesh_path = square(tmp_path / "square.ply")
-    item.trajectory_path, poses = straight(tmp_path / "traj.txt", count)
+    item.of_mesh.mesh = square(tmp_path / "square.ply")
+    item.scene.trajectory.file, poses = straight(tmp_path / "traj.txt", count)
     return poses
 
 

@@ -3,8 +3,7 @@
 
 import json
 
-from runs import run
-from written import world
+from written import run, world
 
 
 def camera(width=8, height=6, **values):

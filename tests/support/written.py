@@ -3,12 +3,18 @@
 
 import csv
 import json
+import sys
+import threading
 
 import cv2
 import numpy as np
 import yaml
 from worlds import write_world
 
+from noisy_world.preset.keys import read_preset
+from noisy_world.core.progress import PlainProgress
+from noisy_world.dataset.run import Run
+from noisy_world.dataset.plan import make_plan
 
 SIZE = (8, 6)
 COUNT = 4
@@ -17,6 +23,12 @@ RIG = {
     "rgb": {"translation_m": [0.1, 0.0, 0.2], "rotation_euler_deg": [-90.0, 0.0, -90.0]},
     "depth": {"translation_m": [0.1, 0.05, 0.2], "rotation_euler_deg": [-90.0, 10.0, -90.0]},
 }
+
+
+def run(preset, out, *, frames=None, overrides=(), stop=None, overwrite=False):
+    plan = make_plan(read_preset(preset, overrides), frames)
+    make = Run(plan, out, progress=PlainProgress(sys.stderr), stop=stop or threading.Event(), overwrite=overwrite)
+    return make.make_dataset()
 
 
 def world(folder, layout, *, frames=COUNT, output=None, **keys):

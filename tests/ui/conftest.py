@@ -32,8 +32,8 @@ def scene(registered):
     scene.render.compositor_device = "CPU"
     scene.frame_start, scene.frame_end = 0, 9
     settings = scene.noisy_world
-    settings.width_px = SIZE[0]
-    settings.seed, settings.scene_name, settings.setting_name = IDENTIFIERS
+    settings.camera.width = SIZE[0]
+    settings.seed, settings.scene.name, settings.setting.name = IDENTIFIERS
     return scene
 
 
@@ -107,6 +107,6 @@ def hall(add_on, tmp_path):
     scene.render.resolution_x, scene.render.resolution_y = 40, 30
     scene.frame_start, scene.frame_end, scene.frame_step = 1, 5, 2
     item = settings()
-    item.mesh_source, item.scene_name, item.output_folder = "SCENE", "hall", str(tmp_path / "out")
-    item.image, item.depth_scale_per_m = "png", 1000.0
+    item.mesh_source, item.scene.name, item.output_folder = "SCENE", "hall", str(tmp_path / "out")
+    item.output.image, item.output.depth_scale_per_m = "png", 1000.0
     return scene

@@ -21,6 +21,7 @@ world_folder = Path(sys.argv[1])
 bpy.ops.wm.read_factory_settings(use_empty=True)
 noisy_world.register()
 
+from noisy_world.panel import source_views
 from noisy_world.panel import document, frame_preview, gallery, drawn_paths, preview, steps, loading
 
 scene = bpy.context.scene
@@ -36,8 +37,8 @@ def keyed():
 found = gallery.offered(gallery.PACKAGES)
 told["menus"] = {stage: [item.name for item in found if item.stage == stage] for stage in ("motion", "pairing")}
 settings.mesh_source = settings.trajectory_source = "FILE"
-settings.mesh_path, settings.trajectory_path = str(world_folder / "mesh.ply"), str(world_folder / "traj.txt")
-settings.scene_name = "box"
+settings.of_mesh.mesh, settings.scene.trajectory.file = str(world_folder / "mesh.ply"), str(world_folder / "traj.txt")
+settings.scene.name = "box"
 settings.seed = 3
 loading.load_scene(scene)
 loading.load_path(scene)
@@ -55,11 +56,10 @@ step.enabled = False
 told["keys when off"] = keyed()
 told["lines when off"] = drawn_paths.drawn_poses(scene, drawn_paths.clean_poses(scene))
 told["refused"] = []
-for name in ("lift", "motion_deviation"):
-    try:
-        bpy.ops.noisy_world.add_step(perturbation=name)
-    except RuntimeError as error:
-        told["refused"].append(str(error))
+try:
+    bpy.ops.noisy_world.add_step(perturbation="lift")
+except RuntimeError as error:
+    told["refused"].append(str(error))
 bpy.ops.noisy_world.add_step(perturbation="stutter")
 told["stuttering lines"] = drawn_paths.drawn_poses(scene, drawn_paths.clean_poses(scene)).tolist()
 told["order"] = [item.perturbation for item in settings.steps]
@@ -100,19 +100,20 @@ from noisy_world.panel import document, wording
 from noisy_world.panel.properties import ITEMS
 
 settings.steps.clear()
-told["source"] = ITEMS[-1]
-told["source fields"] = {key: settings.corridor.bl_rna.properties[key].name for key in ("width_m", "frames")}
-settings.mesh_source, settings.scene_name = "corridor", "hall"
-settings.corridor.width_m, settings.corridor.frames = 3.3, 7
+told["source"] = next(item[:3] for item in ITEMS if item[0] == "corridor")
+corridor = settings.of_corridor.corridor
+told["source fields"] = {key: corridor.bl_rna.properties[key].name for key in ("width_m", "frames")}
+settings.mesh_source, settings.scene.name = "corridor", "hall"
+corridor.width_m, corridor.frames = 3.3, 7
 told["source entry"] = document.scene_of(settings)
 content = document.to_document(settings)
 content["scenes"] = [{"name": "hall", "corridor": {"width_m": 2.5, "frames": 5}}]
 content["camera"] = {"width": 64, "height": 48, "fx": 64, "fy": 64, "cx": 32, "cy": 24}
 open_document(content, world_folder / "corridor.yaml")
-told["source taken"] = [settings.corridor.width_m, settings.corridor.frames, settings.scene_name]
+told["source taken"] = [corridor.width_m, corridor.frames, settings.scene.name]
 shown = document.recorded(settings)
 told["source frames"] = len(shown.stamps_s)
-told["source depth"] = float(document.still(shown, 0).depth_m[24, 0])
+told["source depth"] = float(source_views.still(shown, 0).depth_m[24, 0])
 document.save_preset(settings, world_folder / "corridor.yaml")
 content["scenes"][0]["corridor"]["width_m"] = 0
 try:

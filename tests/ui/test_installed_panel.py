@@ -77,7 +77,7 @@ def test_menus_offer_what_has_no_field_of_its_own(told):
     assert told["menus"] == {"motion": ["lift", "stutter"], "pairing": ["backwards"]}
     assert told["order"] == ["lift", "stutter", "fog"]
     assert "Lift is in the list already: it acts only once" in told["refused"][0]
-    assert "Motion Deviation has fields of its own" in told["refused"][1]
+    assert len(told["refused"]) == 1
 
 
 def test_the_camera_and_the_lines_follow_the_list(told):

@@ -34,12 +34,24 @@ def scene():
 def test_a_sections_preset_changes_that_section_alone(tmp_path, part, changed):
     use_files(tmp_path)
     item = settings()
-    item.width_px, item.samples, item.every, item.scene_name, item.overview = 320, 4, 2, "other", True
+    item.camera.width, item.render.samples, item.scene.trajectory.every, item.scene.name, item.output.overview = (
+        320,
+        4,
+        2,
+        "other",
+        True,
+    )
     add(scene(), "fog")
     document.save_preset(item, tmp_path / "other.yaml")
     kept = tmp_path / "other.yaml"
-    item.width_px, item.samples, item.every, item.scene_name, item.seed = 640, 1, 1, "mine", 9
-    item.mesh_path, item.overview = square(tmp_path / "mine.ply"), False
+    item.camera.width, item.render.samples, item.scene.trajectory.every, item.scene.name, item.seed = (
+        640,
+        1,
+        1,
+        "mine",
+        9,
+    )
+    item.of_mesh.mesh, item.output.overview = square(tmp_path / "mine.ply"), False
     item.steps[0].severity = 5
     before = document.to_document(item)
     assert bpy.ops.noisy_world.use_preset(filepath=str(kept), part=part) == {"FINISHED"}
@@ -54,7 +66,7 @@ def test_a_sections_preset_changes_that_section_alone(tmp_path, part, changed):
 def test_a_header_offers_only_what_its_section_can_take():
     offered = {part: {path.stem for path in section_presets.takeable(part)} for part in section_presets.LABELS}
     assert {"demo", "noisy_replica"} <= offered["CAMERA"]
-    assert "noisy_replica" not in offered["SCENE"]  # eight scenes
+    assert "noisy_replica" in offered["SCENE"]
     assert "fog" in offered["PERTURBATIONS"]
 
 
@@ -70,7 +82,7 @@ def test_the_camera_of_a_file(tmp_path):
     }
     for name, content in files.items():
         (tmp_path / name).write_text(json.dumps(content))
-        settings().width_px = 1
+        settings().camera.width = 1
         assert bpy.ops.noisy_world.camera_from_file(filepath=str(tmp_path / name)) == {"FINISHED"}
         found = document.intrinsics_of(settings())
         assert (found.width_px, found.height_px, found.fx_px, found.fy_px, found.cx_px, found.cy_px) == (640, 480, *k)
@@ -116,8 +128,8 @@ def test_what_no_preset_holds_cannot_be_keyed_and_old_keys_are_named():
     assert [item.identifier for item in step.bl_rna.properties if item.is_animatable] == ["severity"]
     key_severity(step, (0, 1.0), (5, 3.0))
     action = scene().animation_data.action
-    action.fcurve_ensure_for_datablock(scene(), "noisy_world.fx_px").keyframe_points.insert(1, 3.0)
-    assert steps.without_effect(scene()) == ["fx_px"]
+    action.fcurve_ensure_for_datablock(scene(), "noisy_world.camera.fx").keyframe_points.insert(1, 3.0)
+    assert steps.without_effect(scene()) == ["camera.fx"]
 
 
 def test_keys_go_with_their_entry_of_the_list():
@@ -270,7 +282,7 @@ def test_a_linked_copy_of_the_scene_is_left_alone(tmp_path):
     first, copy = scene(), scene().copy()
     mesh, camera = loading.own_object(first, "mesh"), loading.own_object(first, "camera")
     lens, keys = camera.data.lens, own_objects.keys_state(camera)
-    copy.noisy_world.fx_px = 300
+    copy.noisy_world.camera.fx = 300
     copy.noisy_world.deviation_translation_m = 0.5
     with bpy.context.temp_override(scene=copy):
         bpy.ops.noisy_world.load_scene()
@@ -289,7 +301,7 @@ def test_the_timeline_is_the_paths_and_its_change_is_said(tmp_path):
     scene().frame_set(37)
     stamps = np.arange(10) / 29.97
     np.savetxt(tmp_path / "path.txt", np.column_stack([stamps, np.zeros((10, 6)), np.ones(10)]), fmt="%.6f")
-    settings().trajectory_path = str(tmp_path / "path.txt")
+    settings().scene.trajectory.file = str(tmp_path / "path.txt")
     count, notes = loading.load_path(scene())
     assert count == 10
     assert (
@@ -309,10 +321,10 @@ def test_ticks_tell_the_truth(tmp_path):
     bpy.ops.noisy_world.load_trajectory()
     assert loading.summary(scene()) == ("4 vertices", "1 faces")
     assert loading.path_summary(scene()) == "10 poses keyed, 20 fps"
-    for name in ("trajectory_path", "mesh_path"):
-        known = getattr(settings(), name)
-        setattr(settings(), name, known + "x")
-        assert (loading.path_summary(scene()) == "") == (name == "trajectory_path")
-        assert (loading.summary(scene()) == ()) == (name == "mesh_path")
-        setattr(settings(), name, known)
+    for group, name in ((settings().scene.trajectory, "file"), (settings().of_mesh, "mesh")):
+        known = getattr(group, name)
+        setattr(group, name, known + "x")
+        assert (loading.path_summary(scene()) == "") == (name == "file")
+        assert (loading.summary(scene()) == ()) == (name == "mesh")
+        setattr(group, name, known)
     assert loading.path_summary(scene())

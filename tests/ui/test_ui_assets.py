@@ -15,7 +15,7 @@ def folder(tmp_path, monkeypatch):
     bpy.ops.wm.read_factory_settings(use_empty=True)
     (tmp_path / "assets").mkdir()
     (tmp_path / "assets" / "noisy_world_assets.blend").touch()
-    monkeypatch.setattr(operators, "FOLDER", (tmp_path / "assets").resolve())
+    monkeypatch.setattr(operators, "ASSETS", (tmp_path / "assets").resolve())
     panel.register()
     yield tmp_path / "assets"
     panel.unregister()
@@ -85,4 +85,4 @@ def test_without_a_library_there_is_no_button(folder):
 def test_the_package_is_the_add_ons():
     assert operators.PACKAGE == "noisy_world"
     assert operators.NoisyWorldPreferences.bl_idname == "noisy_world"
-    assert operators.FOLDER.parent.name == "noisy_world"
+    assert operators.ASSETS.parent.name == "noisy_world"

@@ -47,8 +47,8 @@ def lamps(tmp_path):
     scene.render.resolution_x, scene.render.resolution_y = 192, 108
     scene.frame_start, scene.frame_end = FRAMES.start, FRAMES.stop - 1
     item = settings()
-    item.mesh_source, item.scene_name, item.output_folder = "SCENE", "lamps", str(tmp_path / "out")
-    item.image = "png"
+    item.mesh_source, item.scene.name, item.output_folder = "SCENE", "lamps", str(tmp_path / "out")
+    item.output.image = "png"
     for name, values in (
         ("auto_exposure", {"lag_s": 0.1, "light_stops": -1.0}),
         ("white_balance", {"lag_s": 0.05}),

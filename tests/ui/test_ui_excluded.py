@@ -35,7 +35,7 @@ def loaded(tmp_path):
     for item in list(bpy.data.objects):
         bpy.data.objects.remove(item)
     use_files(tmp_path)
-    settings().scene_name = "square"
+    settings().scene.name = "square"
     assert bpy.ops.noisy_world.load_scene() == {"FINISHED"}
     assert bpy.ops.noisy_world.load_trajectory() == {"FINISHED"}
     return bpy.context.scene
@@ -99,7 +99,7 @@ def test_the_loaded_dataset_is_not_named(loaded):
     assert names() == ()
     assert shows_dataset()
     settings().deviation_rotation = math.radians(2.0)
-    settings().fx_px = 321.5
+    settings().camera.fx = 321.5
     settings().steps.add().perturbation = "fog"
     settings().preview = True  # a chain of ours is no compositing of theirs
     loaded.frame_set(4)
@@ -208,8 +208,8 @@ def test_a_seed_decides_a_hand_held_path_and_no_other(loaded, tmp_path):
     settings().seed = 5
     assert names() == ()
     write_box_ply(tmp_path / "box.ply")
-    settings().mesh_path, settings().trajectory_source = str(tmp_path / "box.ply"), "HANDHELD"
-    settings().handheld_frames = 3
+    settings().of_mesh.mesh, settings().trajectory_source = str(tmp_path / "box.ply"), "HANDHELD"
+    settings().scene.trajectory.handheld.frames = 3
     assert bpy.ops.noisy_world.load_scene() == {"FINISHED"}
     assert bpy.ops.noisy_world.load_trajectory() == {"FINISHED"}
     assert names() == ()
@@ -226,7 +226,7 @@ def test_a_scene_hidden_from_renders_is_not_the_datasets(loaded):
 def test_a_change_of_the_panel_does_not_hide_a_change_by_hand(loaded):
     loaded.camera.location = (0, 0, 9)
     loaded.camera.keyframe_insert("location", frame=3)
-    settings().fx_px = 77.0  # which sets the lens up again, not the keys
+    settings().camera.fx = 77.0  # which sets the lens up again, not the keys
     assert names() == ("changes of Noisy World Camera",)
     settings().seed, settings().deviation_rotation = 3, math.radians(1.0)  # which keys the path again
     assert names() == ()

@@ -9,13 +9,14 @@ import cv2
 import numpy as np
 import pytest
 from refusals import refused
-from panel_tools import settings
+from panel_tools import Drawn, settings
 from recorded_layouts import WRITERS
 
 from noisy_world.layouts import LAYOUTS, RECORDED
+from noisy_world.panel import source_views
 from noisy_world.panel import document, frame_preview, exclusions, loading
 from noisy_world.panel.generate import run_of
-from noisy_world.panel.document import PANEL_SOURCES, shown
+from noisy_world.panel.source_views import PANEL_SOURCES, shown
 
 pytestmark = pytest.mark.usefixtures("add_on")
 
@@ -28,8 +29,8 @@ def recording(tmp_path):
     folder.mkdir()
     WRITERS["scannet"](folder)
     item = settings()
-    item.mesh_source, item.sequence_path, item.scene_name = "RECORDING", str(folder), "scan"
-    item.output_folder, item.layout, item.backend = str(tmp_path / "out"), "tum", "reference"
+    item.mesh_source, item.of_sequence.sequence, item.scene.name = "RECORDING", str(folder), "scan"
+    item.output_folder, item.output.layout, item.render.backend = str(tmp_path / "out"), "tum", "reference"
     return item
 
 
@@ -45,7 +46,7 @@ def test_a_recording_is_previewed_as_it_is_written(recording):
     scene = bpy.context.scene
     for name in ("fog_depth", "depth_gaussian_noise"):
         bpy.ops.noisy_world.add_step(perturbation=name)
-    recording.image = "png"
+    recording.output.image = "png"
     assert exclusions.excluded(scene) == ()
     assert bpy.ops.noisy_world.preview_frame.poll()
     assert not bpy.ops.noisy_world.load_scene.poll()
@@ -78,10 +79,10 @@ def test_plain_images_are_previewed_as_they_are_written(tmp_path):
     for n in range(3):
         cv2.imwrite(str(folder / f"shot.{n + 8}.png"), np.full((24, 32, 3), 40 * n + 60, np.uint8))
     item = settings()
-    item.mesh_source, item.sequence_path, item.scene_name = "RECORDING", str(folder), "plates"
-    item.recorded_poses, item.recorded_layout, item.image = "keep", "images", "png"
-    item.output_folder, item.backend = str(tmp_path / "out"), "reference"
-    assert not item.use_depth
+    item.mesh_source, item.of_sequence.sequence, item.scene.name = "RECORDING", str(folder), "plates"
+    item.of_sequence.poses, item.of_sequence.layout, item.output.image = "keep", "images", "png"
+    item.output_folder, item.render.backend = str(tmp_path / "out"), "reference"
+    assert "depth" not in item.output.modalities
     assert document.to_document(item)["scenes"] == [
         {"name": "plates", "sequence": folder.as_posix(), "layout": "images"}
     ]
@@ -96,15 +97,15 @@ def test_plain_images_are_previewed_as_they_are_written(tmp_path):
     refused(frame_preview.draw_colour, bpy.context.scene, names="Scene > Recording: ")
     item.steps.remove(next(place for place, step in enumerate(item.steps) if step.perturbation == "haze"))
     document.save_preset(item, tmp_path / "plates.yaml")
-    item.recorded_layout = "auto"
+    item.of_sequence.layout = "auto"
     refused(bpy.ops.noisy_world.generate, names=["Scene > Layout: ", "Plain Images"], error=RuntimeError)
     document.open_preset(item, tmp_path / "plates.yaml")
-    assert item.recorded_layout == "images"
+    assert item.of_sequence.layout == "images"
 
 
 def test_its_keys_come_back_from_a_preset(recording, tmp_path):
-    recording.recorded_poses, recording.register_depth, recording.recorded_rate_hz = "keep", True, 15.0
-    recording.recorded_void, recording.recorded_depth_scale_per_m = "sky", 1000.5
+    recording.of_sequence.poses, recording.of_sequence.register, recording.of_sequence.rate_hz = "keep", True, 15.0
+    recording.of_sequence.void, recording.of_sequence.depth_scale_per_m = "sky", 1000.5
     path = tmp_path / "scan.yaml"
     document.save_preset(recording, path)
     said = document.to_document(recording, tmp_path)
@@ -121,8 +122,8 @@ def test_its_keys_come_back_from_a_preset(recording, tmp_path):
     ]
     assert "camera" not in said
     item = settings()
-    item.mesh_source, item.sequence_path, item.recorded_poses, item.register_depth = "ROOM", "", "drop", False
-    item.recorded_void, item.recorded_depth_scale_per_m = "unmeasured", 0.0
+    item.mesh_source, item.of_sequence.sequence, item.of_sequence.poses = "ROOM", "", "drop"
+    item.of_sequence.register, item.of_sequence.void, item.of_sequence.depth_scale_per_m = False, "unmeasured", 1.0
     document.open_preset(item, path)
     assert document.to_document(item, tmp_path) == said
     film(tmp_path / "walk.avi")
@@ -136,32 +137,30 @@ def test_its_keys_come_back_from_a_preset(recording, tmp_path):
     (tmp_path / "video.json").write_text(json.dumps(preset))
     document.open_preset(item, tmp_path / "video.json")
     said = document.to_document(item, tmp_path)
-    assert said["scenes"] == [{"name": "walk", **preset["scenes"][0]}]
+    assert said["scenes"] == preset["scenes"]
+    assert document.scene_name(item) == "walk"
     assert said["camera"].items() >= preset["camera"].items()
-    for key, several in (("sequence", "scan*"), ("video", "*.avi")):
-        (tmp_path / "several.json").write_text(json.dumps({**preset, "scenes": [{key: several}]}))
-        refused(document.open_preset, item, tmp_path / "several.json", names=[f"scenes.0.{key}: ", "panel"])
     assert document.can_apply(path, "SCENE")
     assert not document.can_apply(path, "PATH")
 
 
 def test_what_is_wrong_with_a_recording_is_said(recording, tmp_path):
-    assert document.layout_names(recording.sequence_path) == "ScanNet"
-    assert document.layout_names(str(tmp_path)) == ""
-    assert document.layout_names(str(tmp_path / "none")) == ""
-    assert [label for label, _ in document.known_layouts()] == [
+    assert source_views.layout_names(recording.of_sequence.sequence) == "ScanNet"
+    assert source_views.layout_names(str(tmp_path)) == ""
+    assert source_views.layout_names(str(tmp_path / "none")) == ""
+    assert [label for label, _ in source_views.known_layouts()] == [
         layout.label for layout in (*LAYOUTS.values(), *RECORDED.values())
     ]
-    recording.undistort = True
+    recording.of_sequence.undistort = True
     refused(document.save_preset, recording, tmp_path / "a.yaml", names="lens")
-    recording.undistort, recording.sequence_path = False, str(tmp_path / "none")
+    recording.of_sequence.undistort, recording.of_sequence.sequence = False, str(tmp_path / "none")
     refused(bpy.ops.noisy_world.preview_frame, names="Scene > Folder: ", error=RuntimeError)
 
 
 def test_a_video_is_previewed(recording, tmp_path):
     film(tmp_path / "walk.avi")
     scene = bpy.context.scene
-    recording.mesh_source, recording.video_path = "VIDEO", str(tmp_path / "walk.avi")
+    recording.mesh_source, recording.of_video.video = "VIDEO", str(tmp_path / "walk.avi")
     scene.frame_set(2)
     picture, about = frame_preview.draw_colour(scene)
     assert about == "Frame 2: clean"
@@ -173,46 +172,26 @@ def test_a_video_is_previewed(recording, tmp_path):
         bpy.ops.noisy_world.add_step(perturbation=name)
         refused(draw, scene, names=["Scene > Video: ", "choose the folder"])
         recording.steps.clear()
-    recording.use_depth = False
+    recording.output.modalities = {"rgb"}
     document.save_preset(recording, tmp_path / "a.yaml")
     assert loading.summary(scene) == ()
 
 
-class Drawn:
-    """A layout that knows the fields that are drawn in it."""
-
-    def __init__(self, names):
-        self.names = names
-
-    def prop(self, group, name, **_):
-        assert name in group.bl_rna.properties
-        self.names.append(name)
-
-    def row(self, **_):
-        return self
-
-    column = row
-
-    def label(self, **_):
-        self.names.append("label")
-
-    popover = label
-
-
-def test_each_source_draws_fields_that_there_are(recording, monkeypatch):
-    monkeypatch.setattr("noisy_world.panel.document.write", lambda layout, *_: layout.label())  # no window, no width
+def test_each_source_draws_fields_that_there_are(recording):
     drawn = {}
     for name, source in PANEL_SOURCES.items():
         recording.mesh_source = name
         assert shown(recording) is source
-        source.draw(Drawn(drawn.setdefault(name, [])), recording)
-        source.draw_path(Drawn(drawn[name]), recording)
+        source.draw(layout := Drawn(), recording)
+        source.draw_path(layout, recording)
+        drawn[name] = layout.names
     assert drawn["ROOM"] == ["room_seed"]
-    assert drawn["FILE"] == ["mesh_path"]
+    assert drawn["FILE"] == ["mesh"]
     assert drawn["SCENE"] == ["compositing", "depth_alpha"]
-    assert drawn["RECORDING"][0] == "sequence_path"
-    assert drawn["RECORDING"][-6:-2] == [
-        "undistort", "register_depth", "recorded_depth_scale_per_m", "recorded_void"
+    assert drawn["RECORDING"][0] == "sequence"
+    assert [name for name in drawn["RECORDING"] if not name.startswith("use_")][-6:] == [
+        "undistort", "register", "depth_scale_per_m", "void", "poses", "rate_hz",
     ]  # fmt: skip
-    assert drawn["RECORDING"][-2:] == ["recorded_poses", "recorded_rate_hz"]
-    assert drawn["VIDEO"] == ["video_path", "video_depth_path", "label"]
+    assert drawn["VIDEO"] == ["video", "depth"]
+    assert {"replica", "trajectory"} & {*drawn["replica"]} == {"replica"}
+    assert {"blend", "scene", "camera", "frames", "compositor", "depth_alpha"} <= {*drawn["blend"]}

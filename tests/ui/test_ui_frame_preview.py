@@ -47,7 +47,7 @@ def clean_rgb(scene, frame):
 def test_colour_is_shown_as_the_generator_writes_it(room, backend):
     add(room, "fog", severity=2.0)
     add(room, "gaussian_noise", severity=3.0, mode="dynamic")
-    room.noisy_world.backend = backend
+    room.noisy_world.render.backend = backend
     room.frame_set(4)
     picture, about = frame_preview.draw_colour(room)
     rendered = render_stills(room, [4])[0].rgb
@@ -68,7 +68,7 @@ def test_colour_is_shown_as_the_generator_writes_it(room, backend):
 
 
 def test_grey_is_shown_as_it_is_written(room):
-    room.noisy_world.colour = "grey"
+    room.noisy_world.output.colour = "grey"
     room.frame_set(2)
     picture, _ = frame_preview.draw_colour(room)
     weighted = 255 * np.clip(render_stills(room, [2])[0].rgb, 0, 1).astype(float) @ [0.299, 0.587, 0.114]
@@ -98,7 +98,7 @@ def move_camera(scene):
 
 
 def widen(scene):
-    scene.noisy_world.fx_px += 1
+    scene.noisy_world.camera.fx += 1
 
 
 def deviate(scene):
@@ -215,8 +215,8 @@ def test_depth_is_shown_as_the_generator_perturbs_it(room):
 
 @pytest.mark.parametrize(("beyond", "held_m"), [("void", 0.0), ("farthest", 65535 / 24000)])
 def test_depth_beyond_the_files_range_is_shown_as_it_is_written_and_told(room, beyond, held_m):
-    room.noisy_world.depth_scale_per_m = 24000.0  # up to 2.73 m
-    room.noisy_world.depth_beyond = beyond
+    room.noisy_world.output.depth_scale_per_m = 24000.0  # up to 2.73 m
+    room.noisy_world.output.depth_beyond = beyond
     room.frame_set(4)
     image, about = frame_preview.draw_depth(room)
     depth_m = render_stills(room, [4])[0].depth_m

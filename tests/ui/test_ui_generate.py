@@ -36,13 +36,13 @@ def prepare(scene, folder, name="out", *, frames=3):
     write_box_ply(folder / "mesh.ply")
     write_replica(folder / "traj.txt", path_poses(frames))
     settings.mesh_source = settings.trajectory_source = "FILE"
-    settings.mesh_path, settings.trajectory_path = str(folder / "mesh.ply"), str(folder / "traj.txt")
-    settings.scene_name = "box"
-    settings.width_px, settings.height_px = 96, 54
-    settings.fx_px = settings.fy_px = 48
-    settings.cx_px, settings.cy_px = 47.5, 26.5
+    settings.of_mesh.mesh, settings.scene.trajectory.file = str(folder / "mesh.ply"), str(folder / "traj.txt")
+    settings.scene.name = "box"
+    settings.camera.width, settings.camera.height = 96, 54
+    settings.camera.fx = settings.camera.fy = 48
+    settings.camera.cx, settings.camera.cy = 47.5, 26.5
     settings.deviation_rotation = math.radians(1.3)
-    settings.image = "png"
+    settings.output.image = "png"
     settings.seed = 7
     settings.output_folder = str(folder / name)
     for perturbation in ("fog", "gaussian_noise"):
@@ -121,7 +121,7 @@ def test_another_dataset_in_the_folder_is_refused_and_can_be_replaced(scene, tmp
 def test_an_error_is_the_command_lines_in_the_panels_words_and_not_finished(scene, tmp_path):
     settings = prepare(scene, tmp_path)
     settings.mesh_source = "FILE"
-    settings.mesh_path = str(tmp_path / "none.ply")
+    settings.of_mesh.mesh = str(tmp_path / "none.ply")
     with pytest.raises(RuntimeError, match=r"none\.ply") as caught:
         bpy.ops.noisy_world.generate()
     save(settings, tmp_path / "preset.yaml")
@@ -140,7 +140,7 @@ def test_what_cannot_be_made_is_told_before_anything_starts(scene, tmp_path, mon
     settings.output_folder = ""
     refused(bpy.ops.noisy_world.generate, names="choose one", error=RuntimeError)
     assert runs.run_of(scene) is None
-    settings.use_rgb = settings.use_depth = False
+    settings.output.modalities = set()
     assert not bpy.ops.noisy_world.generate.poll()
 
 

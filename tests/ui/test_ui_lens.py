@@ -4,7 +4,7 @@
 import pytest
 from refusals import refused
 from cases import cases
-from panel_tools import open_document, settings
+from panel_tools import Drawn, open_document, settings
 
 from noisy_world.preset.keys import check_document
 
@@ -38,14 +38,15 @@ def test_a_meshs_lens_comes_back_as_it_was(tmp_path, distortion):
 
 
 def test_a_recordings_lens_is_said_of_its_scene(tmp_path):
-    from noisy_world.panel.document import PANEL_SOURCES
+    from noisy_world.panel.source_views import PANEL_SOURCES
 
     panel = settings()
-    panel.mesh_source, panel.sequence_path = "RECORDING", str(tmp_path)
-    panel.distorts, panel.distortion_model, panel.distortion_k1 = True, "equidistant", 0.25
+    panel.mesh_source, panel.of_sequence.sequence = "RECORDING", str(tmp_path)
+    lens = panel.of_sequence.distortion
+    lens.model, lens.k1 = "equidistant", 0.25  # which lays one over it
     said = PANEL_SOURCES["RECORDING"].entry(panel, str)
     assert said["distortion"] == {"model": "equidistant", "k1": 0.25}
-    panel.distorts = False
+    panel.of_sequence.use_distortion = False
     assert "distortion" not in PANEL_SOURCES["RECORDING"].entry(panel, str)
 
 
@@ -53,26 +54,16 @@ def test_a_lens_without_coefficients_is_refused_in_the_tabs_words(tmp_path):
     from noisy_world.panel.document import to_document
 
     panel = settings()
-    panel.mesh_source, panel.distorts = "ROOM", True
+    panel.mesh_source, panel.camera.use_distortion = "ROOM", True
     refused(check_document, to_document(panel), tmp_path / "panel.yaml", names="coefficient")
 
 
 @cases(("model", "count"), [("radial-tangential", 8), ("equidistant", 4)])
 def test_the_fields_drawn_are_those_of_the_model(model, count):
-    from noisy_world.panel.properties import draw_distortion
-
-    drawn = []
-
-    class Layout:
-        def prop(self, _panel, name):
-            drawn.append(name)
-
-        def column(self, **_):
-            return self
+    from noisy_world.panel.drawing import draw_distortion
 
     panel = settings()
-    panel.distorts, panel.distortion_model = True, model
-    draw_distortion(Layout(), panel, rendered=True)
-    assert sum(name.startswith(("distortion_k", "distortion_p")) for name in drawn) == count
-    assert drawn[-1] == "distortion_undistort"
-    assert all(name in panel.bl_rna.properties for name in drawn)
+    panel.camera.use_distortion, panel.camera.distortion.model = True, model
+    draw_distortion(layout := Drawn(), panel.camera, rendered=True)
+    assert sum(name[0] in "kp" and len(name) == 2 for name in layout.names) == count
+    assert layout.names[-1] == "undistort"

@@ -73,7 +73,8 @@ def path(count=5):
 
 @cases("kind", list(BODIES))
 def test_a_body_stands_below_its_camera(kind):
-    panel().body = kind
+    panel().scene.trajectory.use_body = True
+    panel().scene.trajectory.body.kind = kind
     c2w = path()
     outlines = [ends for colour, ends in drawn_paths.lines(panel(), c2w, 2, c2w[2]) if colour == drawn_paths.BODY_RGB]
     outline, shadow = outlines
@@ -88,7 +89,7 @@ def test_a_body_stands_below_its_camera(kind):
 
 def test_the_rig_sits_on_the_camera_with_its_deviation():
     assert drawn_paths.lines(panel(), path(), 0, path()[0]) == []
-    panel().has_imu, panel().imu_x_m, panel().imu_z_m = True, 0.1, 0.3
+    panel().rig.imu.translation_m = (0.1, 0.0, 0.3)
     moved = path()[3]
     moved[:3, 3] = (3.0, 0.05, 1.1)
     found = drawn_paths.lines(panel(), path(), 3, moved)

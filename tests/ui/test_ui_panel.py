@@ -10,7 +10,7 @@ import pytest
 from refusals import refused
 from calls import calls_made
 from keyed_poses import keyed_poses
-from panel_tools import own_classes, settings, use_files
+from panel_tools import groups_of, own_classes, settings, use_files
 
 import noisy_world
 from noisy_world.scenes.polygon_mesh import Mesh
@@ -80,7 +80,7 @@ def test_an_override_starts_at_the_severitys_value_and_what_is_off_is_left_out()
     bpy.ops.noisy_world.add_step(perturbation="fog")
     step = settings().steps[0]
     step.severity = 5
-    step.fog.override_thickness = True
+    step.fog.use_thickness = True
     assert step.fog.thickness == pytest.approx(registry()["fog"].at_severity(5).thickness)
     (done,) = steps_of(settings())
     assert done.given == {"thickness": 3.0}
@@ -122,7 +122,7 @@ def test_every_property_and_choice_has_a_tooltip_and_a_label_in_title_case():
     step = settings().steps.add()
     parameters = [getattr(step, name) for name in registry() if hasattr(step, name)]
     assert len(parameters) == len(registry())
-    for group in (settings(), step, *parameters):
+    for group in (*groups_of(settings()), step, *parameters):
         for item in group.bl_rna.properties:
             if item.is_hidden or item.identifier in ("rna_type", "name", "steps") or item.type == "POINTER":
                 continue
@@ -130,7 +130,7 @@ def test_every_property_and_choice_has_a_tooltip_and_a_label_in_title_case():
             assert len(item.description) > 3, where
             assert not item.description.endswith("."), where
             assert in_title_case(item.name), (where, item.name)
-            beside = group in parameters and not item.identifier.startswith("override_")
+            beside = group in parameters and not item.identifier.startswith("use_")
             assert not beside or len(item.name) <= 16, where  # what fits beside a slider at the default width
             for choice in getattr(item, "enum_items", ()):
                 assert choice.description, (where, choice.identifier)
@@ -195,19 +195,19 @@ def test_the_camera_is_keyed_as_the_generator_renders_and_follows_the_sliders(tm
     rendered = source_paths(plan, render).rgb.c2w
     assert np.abs(rendered - poses).max() > 0.01
     assert np.abs(keyed_poses(scene, scene.camera, frames) - rendered).max() < 1e-6
-    settings().fx_px = 300
+    settings().camera.fx = 300
     assert scene.camera.data.lens == pytest.approx(300 * 36 / 1200)
 
 
 def test_errors_are_reports_and_nothing_is_finished(tmp_path):
     use_files(tmp_path)
-    settings().mesh_path = str(tmp_path / "absent.ply")
+    settings().of_mesh.mesh = str(tmp_path / "absent.ply")
     refused(bpy.ops.noisy_world.load_scene, names="absent.ply", error=RuntimeError)
-    settings().mesh_path = ""
+    settings().of_mesh.mesh = ""
     assert not bpy.ops.noisy_world.load_scene.poll()
     (tmp_path / "bad.txt").write_text("1 2 3\n")
     use_files(tmp_path)
-    settings().trajectory_path = str(tmp_path / "bad.txt")
+    settings().scene.trajectory.file = str(tmp_path / "bad.txt")
     refused(bpy.ops.noisy_world.load_trajectory, names="bad.txt", error=RuntimeError)
     assert all("noisy_world" not in item for item in bpy.context.scene.objects)
 
@@ -249,7 +249,7 @@ def test_a_large_mesh_is_loaded_all_at_once(tmp_path):
         vertices_m = np.stack([x, y, np.sin(x / 50)], axis=1) / 100
         starts = np.arange(0, faces.size, 4, dtype=np.int32)
         write_ply(tmp_path / "large.ply", Mesh(vertices_m, rgb, faces.ravel(), starts))
-        settings().mesh_source, settings().mesh_path = "FILE", str(tmp_path / "large.ply")
+        settings().mesh_source, settings().of_mesh.mesh = "FILE", str(tmp_path / "large.ply")
         cost = calls_made(bpy.ops.noisy_world.load_scene, "EXEC_DEFAULT", True)
         (mesh,) = (item.data for item in bpy.context.scene.objects if item.get("noisy_world") == "mesh")
         assert (len(mesh.vertices), len(mesh.polygons)) == (side**2, (side - 1) ** 2)
@@ -269,7 +269,7 @@ def test_what_is_saved_comes_back_and_opens_without_the_add_on(tmp_path):
     bpy.ops.noisy_world.load_scene()
     bpy.ops.noisy_world.load_trajectory()
     bpy.ops.noisy_world.add_step(perturbation="snow")
-    settings().steps[0].snow.override_mean = True
+    settings().steps[0].snow.use_mean = True
     settings().steps[0].snow.mean = 0.25
     path = str(tmp_path / "file.blend")
     bpy.ops.wm.save_as_mainfile(filepath=path)

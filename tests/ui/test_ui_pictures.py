@@ -72,8 +72,8 @@ def test_every_shipped_preset_and_perturbation_has_one_and_no_other_is_there():
     presets = [path.with_suffix(".jpg") for path in listed(shipped_folder())]
     wanted = {path.relative_to(shipped_folder()).as_posix() for path in presets}
     wanted |= {f"perturbations/{name}.jpg" for name in registry()}
-    files = [path for path in gallery.FOLDER.rglob("*") if path.is_file()]
-    assert {path.relative_to(gallery.FOLDER).as_posix() for path in files} == wanted
+    files = [path for path in gallery.THUMBNAILS.rglob("*") if path.is_file()]
+    assert {path.relative_to(gallery.THUMBNAILS).as_posix() for path in files} == wanted
     assert sum(path.stat().st_size for path in files) < MOST_BYTES
     shapes = {cv2.imread(str(path)).shape for path in files}
     assert len(shapes) == 1
@@ -94,9 +94,9 @@ def test_one_without_is_listed_by_its_name_and_ones_own_stands_beside_its_file(t
     own.mkdir()
     for name in ("bare", "mine"):
         shutil.copy(shipped_folder() / "demo.yaml", own / f"{name}.yaml")
-    shutil.copy(gallery.FOLDER / "demo.jpg", own / "mine.jpg")
+    shutil.copy(gallery.THUMBNAILS / "demo.jpg", own / "mine.jpg")
     monkeypatch.setattr(gallery, "own_folder", lambda: own)
-    monkeypatch.setattr(gallery, "FOLDER", Path(tmp_path / "none"))
+    monkeypatch.setattr(gallery, "THUMBNAILS", Path(tmp_path / "none"))
     layout = drawn(gallery.PRESETS)
     assert [text for _, text in layout.buttons][:3] == ["bare", "mine", "Benchmark"]
     assert layout.icons[0] == 0

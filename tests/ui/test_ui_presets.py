@@ -18,12 +18,7 @@ from noisy_world.sources import read_scenes
 
 pytestmark = pytest.mark.usefixtures("add_on")
 
-SEVERAL = ("benchmark", "paper_code", "six_rooms", "study", "thresholds")  # scenes
-PRESETS = [  # those that the panel can show: one scene each
-    path
-    for path in sorted((Path(__file__).resolve().parents[2] / "presets").rglob("*.yaml"))
-    if not path.name.startswith("noisy_") and path.stem not in SEVERAL
-]
+PRESETS = sorted((Path(__file__).resolve().parents[2] / "presets").rglob("*.yaml"))
 
 
 def parsed(preset):
@@ -32,28 +27,16 @@ def parsed(preset):
     )}  # fmt: skip
 
 
-@cases("path", PRESETS)
-def test_a_shipped_preset_comes_back_as_the_same_plan(path, tmp_path):
-    from noisy_world.panel.document import save_preset
+def test_the_preset_that_is_shown_is_the_file_that_a_run_continues():
     from noisy_world.panel.document import open_preset
+    from noisy_world.panel.runs import saved_preset
 
-    shipped = read_preset(path)
-    for name, setting in parsed(shipped).items():
-        open_preset(settings(), path, name)
-        save_preset(settings(), tmp_path / "saved.yaml")
-        saved = read_preset(tmp_path / "saved.yaml")
-        for part in ("mesh_camera", "render", "seed", "rig"):
-            assert getattr(saved.spec, part) == getattr(shipped.spec, part), part
-        assert [item.keys for item in read_scenes(saved)] == [item.keys for item in read_scenes(shipped)]
-        assert saved.spec.output.layout == shipped.spec.output.layout
-        assert saved.spec.output.overview == shipped.spec.output.overview
-        again = parsed(saved)
-        assert list(again) == (["clean", name] if setting.steps else ["clean"])
-        for one, other in zip(again[name].steps, setting.steps, strict=True):
-            for member in ("perturbation", "occurrence", "severity", "levels", "temporal"):
-                assert getattr(one, member) == getattr(other, member), (name, member)
-            level = one.severity or None
-            assert one.parameters(level) == other.parameters(level), name
+    for name in ("demo", "real_camera", "noisy_rooms", "study"):
+        (path,) = [path for path in PRESETS if path.stem == name]
+        open_preset(settings(), path)
+        assert saved_preset(settings()) == path
+        settings().seed += 1
+        assert saved_preset(settings()) is None
 
 
 def test_a_preset_without_a_camera_says_what_the_panel_then_shows(tmp_path):
@@ -65,7 +48,7 @@ def test_a_preset_without_a_camera_says_what_the_panel_then_shows(tmp_path):
     path.write_text(json.dumps({key: value for key, value in to_document(settings()).items() if key != "camera"}))
     open_preset(settings(), path)
     assert saved_preset(settings()) == path
-    settings().width_px -= 1
+    settings().camera.width -= 1
     assert saved_preset(settings()) is None
 
 
@@ -77,7 +60,7 @@ def test_each_embedded_room_is_shown_and_kept(tmp_path):
     for mesh, seed, name in (("embedded:room?seed=3", 3, "room3"), ("embedded:room", 0, "room")):
         document = {"scenes": [{"mesh": mesh, "trajectory": {"handheld": {"frames": 3}}}]}
         open_document(document, tmp_path / "p.yaml")
-        assert (settings().mesh_source, settings().room_seed, settings().scene_name) == ("ROOM", seed, name)
+        assert (settings().mesh_source, settings().room_seed, settings().scene.name) == ("ROOM", seed, name)
         assert to_document(settings())["scenes"][0]["mesh"] == mesh
     settings().room_seed = 5
     save_preset(settings(), tmp_path / "saved.yaml")
@@ -93,17 +76,17 @@ def test_a_body_is_shown_and_kept(tmp_path):
 
     path = {"handheld": {"frames": 3}, "body": {"kind": "rover", "motion": 4.0}}
     open_document({"scenes": [{"mesh": "embedded:room", "trajectory": path}]}, tmp_path / "p.yaml")
-    assert (settings().body, settings().body_motion) == ("rover", 4.0)
+    assert (settings().scene.trajectory.body.kind, settings().scene.trajectory.body.motion) == ("rover", 4.0)
     assert to_document(settings())["scenes"][0]["trajectory"]["body"] == path["body"]
     save_preset(settings(), tmp_path / "saved.yaml")
-    settings().body = "NONE"
+    settings().scene.trajectory.use_body = False
     assert "body" not in to_document(settings())["scenes"][0]["trajectory"]
     open_preset(settings(), tmp_path / "saved.yaml")
     assert to_document(settings())["scenes"][0]["trajectory"]["body"] == path["body"]
     open_document(
         {"scenes": [{"mesh": "embedded:room", "trajectory": {"handheld": {"frames": 3}}}]}, tmp_path / "p.yaml"
     )
-    assert settings().body == "NONE"
+    assert not settings().scene.trajectory.use_body
 
 
 def test_what_the_files_are_written_as_is_kept(tmp_path):
@@ -115,27 +98,27 @@ def test_what_the_files_are_written_as_is_kept(tmp_path):
         "output": {"layout": "euroc", "colour": "rgb", "depth_scale_per_m": 1000.1, "depth_beyond": "farthest"},
     }
     open_document(document, tmp_path / "p.yaml")
-    wanted = {**document["output"], "image": "png", "modalities": ["rgb", "depth"], "overview": False}
-    assert to_document(settings())["output"] == wanted
+    assert to_document(settings())["output"] == document["output"]
     save_preset(settings(), tmp_path / "saved.yaml")
-    settings().layout = "replica"
+    settings().output.layout = "replica"
     open_preset(settings(), tmp_path / "saved.yaml", "clean")
-    assert to_document(settings())["output"] == wanted
+    assert to_document(settings())["output"] == document["output"]
     # What a preset leaves to the layout is the layout's own, not what the panel showed before.
     open_document({**document, "output": {"layout": "tum"}}, tmp_path / "p.yaml")
-    output = to_document(settings())["output"]
-    assert (output["colour"], output["depth_scale_per_m"], output["depth_beyond"]) == ("rgb", 5000.0, "void")
+    output = settings().output
+    assert (output.colour, output.depth_scale_per_m, output.depth_beyond) == ("rgb", 5000.0, "void")
+    assert to_document(settings())["output"] == {"layout": "tum"}
 
 
 def test_a_layout_brings_what_its_readers_expect():
     from noisy_world.layouts import LAYOUTS
 
-    made = settings()
-    assert (made.layout, made.image, made.colour, made.depth_scale_per_m) == ("replica", "jpg", "rgb", 6553.5)
+    made = settings().output
+    assert (made.image, made.colour, made.depth_scale_per_m) == ("jpg", "rgb", 6553.5)
     made.layout = "euroc"
     assert (made.image, made.colour, made.depth_scale_per_m) == ("png", "grey", 5000.0)
     made.layout = "replica"
-    assert (made.image, made.colour, made.depth_scale_per_m) == ("png", "rgb", 6553.5)  # png is one of its images
+    assert (made.image, made.colour, made.depth_scale_per_m) == ("jpg", "rgb", 6553.5)
     items = made.bl_rna.properties["layout"].enum_items
     assert [item.identifier for item in items] == list(LAYOUTS)
     assert items["euroc"].name == "EuRoC ASL"
@@ -155,32 +138,19 @@ def test_numbers_that_float32_cannot_hold_are_kept(tmp_path):
     assert said["camera"]["fx"] == 52.123456789012
     assert said["camera"]["fy"] == 1 / 3
     assert said["settings"][0]["perturb"] == [{"fog": {"severity": 2.123456789, "thickness": 1.23456789012}}]
-    settings().fx_px = 50.1  # by hand: what was typed counts
+    settings().camera.fx = 50.1  # by hand: what was typed counts
     assert to_document(settings())["camera"]["fx"] == 50.1
 
 
-@cases(
-    ("change", "key"),
-    [
-        ({"scenes": [{"mesh": "a.ply", "trajectory": "t.txt"}, {"mesh": "b.ply", "trajectory": "t.txt"}]}, "scenes"),
-        ({"scenes": [{"sequence": "room*"}]}, "scenes.0.sequence"),
-        ({"scenes": [{"mesh": "*.ply", "trajectory": "t.txt"}]}, "scenes.0.mesh"),
-        ({"scenes": [{"mesh": "embedded:room?seed=*", "trajectory": "t.txt"}]}, "scenes.0.mesh"),
-        ({"scenes": [{"mesh": "embedded:room?seed=8", "trajectory": "t.txt"}]}, "scenes.0.mesh"),
-        ({"scenes": [{"mesh": "a.ply", "trajectory": {"file": "t.txt", "start": 2}}]}, "scenes.0.trajectory.start"),
-        ({"rig": {"rgb": {}}}, "rig"),
-        ({"render": {"device": "gpu"}}, "render.device"),
-        ({"seed": 2**40}, "seed"),
-        ({"settings": [{"name": "x", "perturb": [{"fog": {"mode": "dynamic", "levels": [1, 5]}}]}]}, "settings"),
-    ],
-)
-def test_what_the_panel_cannot_show_is_refused_in_a_line(change, key, tmp_path):
+def test_what_cannot_be_read_leaves_the_panel_as_it_is(tmp_path):
     from noisy_world.panel.document import to_document
 
-    document = {"scenes": [{"mesh": "embedded:room", "trajectory": {"handheld": {"frames": 3}}}]} | change
+    document = {"scenes": [{"mesh": "embedded:room", "trajectory": {"handheld": {"frames": 3}}}], "seed": 5}
     settings().seed = 77
     before = to_document(settings())
-    refused(open_document, document, tmp_path / "p.yaml", names=f"p.yaml: {key}: ")
+    steps = [{"name": "x", "perturb": [{"fog": {"severity": 9}}]}]
+    refused(open_document, document | {"settings": steps}, tmp_path / "p.yaml", names="settings.0.perturb.0.fog")
+    refused(open_document, document | {"scenes": [{"mesh": "a.ply"}]}, tmp_path / "p.yaml", names="trajectory")
     assert to_document(settings()) == before
 
 
@@ -208,9 +178,9 @@ def test_paths_beside_a_preset_are_relative_in_it(tmp_path):
     save_preset(settings(), tmp_path / "kitchen.yaml")
     (scene,) = read_scenes(read_preset(tmp_path / "kitchen.yaml"))
     assert (scene.keys.mesh, scene.keys.trajectory.file) == ("square.ply", "traj.txt")
-    settings().mesh_path = ""
+    settings().of_mesh.mesh = ""
     open_preset(settings(), tmp_path / "kitchen.yaml")
-    assert Path(settings().mesh_path) == tmp_path / "square.ply"
+    assert Path(settings().of_mesh.mesh) == tmp_path / "square.ply"
 
 
 # --- perturbations alone ---
@@ -228,7 +198,7 @@ def described():
 
     rest = to_document(settings())
     rest.pop("settings")
-    kept = [settings().preset_path, settings().preset_settings, settings().setting_name]
+    kept = [settings().preset_path, settings().preset_settings, settings().setting.name]
     return (rest, kept), {name: values for item in perturb_of(settings()) for name, values in item.items()}
 
 
@@ -237,8 +207,8 @@ def of_ones_own(tmp_path):
     """A scene, a path, a camera and perturbations of one's own in the panel."""
     use_files(tmp_path)
     item = settings()
-    item.scene_name, item.seed, item.width_px, item.layout = "kitchen", 12, 333, "tum"
-    item.preset_path, item.setting_name = str(tmp_path / "mine.yaml"), "rough"
+    item.scene.name, item.seed, item.camera.width, item.output.layout = "kitchen", 12, 333, "tum"
+    item.preset_path, item.setting.name = str(tmp_path / "mine.yaml"), "rough"
     item.deviation_rotation, item.speed_factor = math.radians(1.5), 3
     for name, severity in (("contrast", 2.0), ("spatter", 4.0), ("depth_gaussian_noise", 1.0)):
         bpy.ops.noisy_world.add_step(perturbation=name)
@@ -275,7 +245,7 @@ def steps_of_panel():
 def test_a_perturbation_that_is_there_is_set_and_nothing_of_it_is_left(of_ones_own):
     bpy.ops.noisy_world.add_step(perturbation="fog")
     fog = of_ones_own.steps[of_ones_own.active_step]
-    fog.severity, fog.enabled, fog.temporal, fog.fog.override_thickness, fog.fog.uniform = 5, False, "drift", True, True
+    fog.severity, fog.enabled, fog.temporal, fog.fog.use_thickness, fog.fog.uniform = 5, False, "drift", True, True
     (path,) = [path for path in SINGLE if path.stem == "fog"]
     assert use(path, setting="fog_s3") == {"FINISHED"}
     (made,) = [item for item in of_ones_own.steps if item.perturbation == "fog"]
@@ -298,13 +268,9 @@ def test_what_of_a_file_is_taken_can_be_chosen(of_ones_own, tmp_path, capfd):
     own = tmp_path / "own.yaml"
     own.write_text(
         "scenes: [{mesh: 'embedded:room', trajectory: {handheld: {frames: 3}}}]\n"
-        "rig: {rgb: {}}\n"  # which the panel cannot show, but its perturbations it can
         "settings:\n"
         "  - {name: x, perturb: [{fog: {severity: 2}}, {contrast: {severity: 5}}, {faster_motion: {factor: 2}}]}\n"
     )
-    refused(use, own, names="robot", error=RuntimeError)
-    assert described() == (rest, before)
-    capfd.readouterr()
     assert use(own, part="PERTURBATIONS") == {"FINISHED"}
     assert "Added Fog (severity 2); set Faster Motion, Contrast (severity 5); scene, path" in capfd.readouterr().out
     assert described() == (
@@ -327,29 +293,6 @@ def test_a_copy_of_a_shipped_perturbation_is_ones_own_and_whole(of_ones_own, tmp
     assert settings().mesh_source == "ROOM"
 
 
-def test_perturbations_that_cannot_be_shown_leave_the_panel_alone(of_ones_own, tmp_path):
-    before = described()
-    path = tmp_path / "levels.yaml"
-    path.write_text(
-        "scenes: [{mesh: 'embedded:room', trajectory: {handheld: {frames: 3}}}]\n"
-        "settings: [{name: x, perturb: [{contrast: {severity: 2}}, {fog: {mode: dynamic, levels: [1, 5]}}]}]\n"
-    )
-    refused(use, path, part="PERTURBATIONS", names="levels", error=RuntimeError)
-    assert described() == before
-
-
-def test_a_stream_is_refused_where_it_would_be_lost(of_ones_own, tmp_path):
-    before = described()
-    path = tmp_path / "stream.yaml"
-    path.write_text(
-        "scenes: [{mesh: 'embedded:room', trajectory: {handheld: {frames: 3}}}]\n"
-        "settings: [{name: x, stream: y, perturb: [{fog: {severity: 2}}]}]\n"
-    )
-    refused(use, path, part="ALL", names=["x: ", "stream y"], error=RuntimeError)
-    assert described() == before
-    assert use(path, part="PERTURBATIONS") == {"FINISHED"}, "the panel's setting has a name of its own, and so a stream"
-
-
 # --- home folders ---
 
 
@@ -362,7 +305,7 @@ def test_home_folders_in_the_panels_fields(tmp_path, monkeypatch):
     monkeypatch.setenv("HOME", str(tmp_path))
     use_files(tmp_path)
     item = settings()
-    item.mesh_path, item.trajectory_path, item.output_folder = "~/square.ply", "~/traj.txt", "~/sets/one"
+    item.of_mesh.mesh, item.scene.trajectory.file, item.output_folder = "~/square.ply", "~/traj.txt", "~/sets/one"
     assert output_folder(item) == tmp_path / "sets/one"
     (scene,) = to_document(item)["scenes"]
     assert (scene["mesh"], scene["trajectory"]["file"]) == (str(tmp_path / "square.ply"), str(tmp_path / "traj.txt"))
@@ -372,9 +315,9 @@ def test_home_folders_in_the_panels_fields(tmp_path, monkeypatch):
     text = (tmp_path / "mine.yaml").read_text().replace("mesh: square.ply", "mesh: ~/square.ply")
     (tmp_path / "sub").mkdir()
     (tmp_path / "sub" / "theirs.yaml").write_text(text.replace("file: traj.txt", "file: ~/traj.txt"))
-    item.mesh_path = item.trajectory_path = ""
+    item.of_mesh.mesh = item.scene.trajectory.file = ""
     assert use("~/sub/theirs.yaml") == {"FINISHED"}
-    assert (item.mesh_path, item.trajectory_path) == (str(tmp_path / "square.ply"), str(tmp_path / "traj.txt"))
+    assert (item.of_mesh.mesh, item.scene.trajectory.file) == (str(tmp_path / "square.ply"), str(tmp_path / "traj.txt"))
     open_preset(item, tmp_path / "sub" / "theirs.yaml")
     assert runs.saved_preset(item) == tmp_path / "sub" / "theirs.yaml"
 
@@ -386,5 +329,5 @@ def test_a_user_who_is_not_there_is_a_line(tmp_path):
     refused(bpy.ops.noisy_world.generate, names=["Output: ", "'nobody-of-this-name'"], error=RuntimeError)
     named = {"names": "'nobody-of-this-name'", "error": RuntimeError}
     refused(bpy.ops.noisy_world.save_preset, filepath="~nobody-of-this-name/x.yaml", **named)
-    item.mesh_path = "~nobody-of-this-name/x.ply"
+    item.of_mesh.mesh = "~nobody-of-this-name/x.ply"
     refused(bpy.ops.noisy_world.load_scene, names=["Mesh File: ", "'nobody-of-this-name'"], error=RuntimeError)

@@ -250,7 +250,7 @@ def test_reference_width_follows_the_camera(scene):
     add(scene, "gaussian_blur")
     scene.noisy_world.preview = True
     preview.flush()
-    scene.noisy_world.width_px = 640
+    scene.noisy_world.camera.width = 640
     preview.flush()
     assert scene.compositing_node_group.nodes[GROUP].inputs["Reference Width"].default_value == 640
 

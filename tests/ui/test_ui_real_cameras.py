@@ -35,7 +35,7 @@ def test_electronics_are_added_and_rows_only_where_they_are_read(tmp_path):
     from noisy_world.panel.section_presets import use_camera
 
     panel = settings()
-    panel.mesh_source, panel.engine = "ROOM", "cycles"
+    panel.mesh_source, panel.render.engine = "ROOM", "cycles"
     said = use_camera(panel, "webcam", electronics=True)
     assert said.endswith("rows are read one by one with Embree alone, so that was left out")
     own = CAMERA_DEVICES["webcam"].steps
@@ -57,5 +57,5 @@ def test_a_scenes_own_camera_is_kept():
 
     panel = settings()
     panel.mesh_source = "SCENE"
-    panel.lens_source = "SCENE"
+    panel.use_camera = False
     refused(bpy.ops.noisy_world.use_camera, device="phone", names="own camera", error=RuntimeError)

@@ -53,8 +53,8 @@ def stage(tmp_path):
     scene.render.resolution_x, scene.render.resolution_y = 32, 24
     scene.frame_start, scene.frame_end = 1, 2
     item = settings()
-    item.mesh_source, item.scene_name, item.output_folder = "SCENE", "stage", str(tmp_path / "out")
-    item.image = "png"
+    item.mesh_source, item.scene.name, item.output_folder = "SCENE", "stage", str(tmp_path / "out")
+    item.output.image = "png"
     bpy.ops.noisy_world.add_step(perturbation="gaussian_noise")
     return scene
 

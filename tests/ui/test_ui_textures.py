@@ -23,7 +23,7 @@ def write_mesh(folder, declarations, values, *comments):
 
 
 def load(path):
-    settings().mesh_source, settings().mesh_path = "FILE", path
+    settings().mesh_source, settings().of_mesh.mesh = "FILE", path
     assert bpy.ops.noisy_world.load_scene() == {"FINISHED"}
     (item,) = (item for item in bpy.context.scene.objects if item.get("noisy_world") == "mesh")
     return item
@@ -57,7 +57,7 @@ def test_a_texture_is_shown_saved_and_replaced(tmp_path):
 def test_a_missing_texture_leaves_the_scene_as_it_was(tmp_path):
     item = load(square(tmp_path / "square.ply"))
     name = item.name
-    settings().mesh_path = write_mesh(
+    settings().of_mesh.mesh = write_mesh(
         tmp_path, ["list uchar float texcoord"], [[(0.25,) * 8]] * 2, "comment TextureFile wall.png"
     )
     refused(bpy.ops.noisy_world.load_scene, names="'wall.png'", error=RuntimeError)

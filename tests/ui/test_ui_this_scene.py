@@ -3,7 +3,6 @@
 
 import math
 from pathlib import Path
-from types import SimpleNamespace
 
 import bpy
 import cv2
@@ -86,8 +85,15 @@ def test_what_is_previewed_is_what_is_written_from_a_copy_that_is_kept(hall, tmp
 
 def test_through_a_lens_the_preview_is_what_is_written_and_its_preset_comes_back(hall, tmp_path):
     item = settings()
-    item.lens_source, item.distorts, item.distortion_k1 = "GIVEN", True, -0.25
-    item.width_px, item.height_px, item.fx_px, item.fy_px, item.cx_px, item.cy_px = 32, 24, 30.0, 30.0, 15.5, 11.5
+    item.use_camera, item.camera.use_distortion, item.camera.distortion.k1 = True, True, -0.25
+    item.camera.width, item.camera.height, item.camera.fx, item.camera.fy, item.camera.cx, item.camera.cy = (
+        32,
+        24,
+        30.0,
+        30.0,
+        15.5,
+        11.5,
+    )
     assert bpy.ops.noisy_world.load_trajectory() == {"FINISHED"}
     hall.frame_set(3)
     there = names()
@@ -101,9 +107,9 @@ def test_through_a_lens_the_preview_is_what_is_written_and_its_preset_comes_back
     background.tidy()
     assert np.array_equal(elsewhere.rgb, frame_preview.still_of(hall, 1).rgb)
     assert np.array_equal(elsewhere.depth_m, depth_m)
-    item.distorts = False
+    item.camera.use_distortion = False
     assert not np.array_equal(stills.rendered(hall, 1).rgb, elsewhere.rgb)
-    item.distorts = True
+    item.camera.use_distortion = True
     assert bpy.ops.noisy_world.generate() == {"FINISHED"}
     run_of(hall)
     folder = tmp_path / "out/clean/hall/results"
@@ -117,7 +123,8 @@ def test_through_a_lens_the_preview_is_what_is_written_and_its_preset_comes_back
 
 def test_a_saved_file_is_itself_the_source_and_its_preset_comes_back(hall, tmp_path):
     item = settings()
-    item.lens_source, item.render_source, item.compositing, item.every = "GIVEN", "GIVEN", "keep", 2
+    item.use_camera = item.render.use_engine = item.render.use_samples = True
+    item.compositing, item.scene.trajectory.every = "keep", 2
     hall.compositing_node_group = darkened()
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "hall.blend"))
     item = settings()
@@ -129,14 +136,14 @@ def test_a_saved_file_is_itself_the_source_and_its_preset_comes_back(hall, tmp_p
     assert {"camera", "render"} <= set(said)
     assert said["render"]["samples"] == 1
     assert document.save_preset(item, tmp_path / "hall.yaml") == ""
-    item.mesh_source, item.compositing, item.every, item.render_source = "ROOM", "off", 1, "SCENE"
+    item.mesh_source, item.compositing, item.scene.trajectory.every = "ROOM", "off", 1
     assert item.trajectory_source == "HANDHELD"
     document.open_preset(item, tmp_path / "hall.yaml")
     assert document.to_document(item) == said
-    item.render_source = item.lens_source = "SCENE"
+    item.render.use_engine = item.render.use_samples = item.use_camera = False
     said = document.to_document(item)
     assert "camera" not in said
-    assert said["render"] == {"backend": "compositor"}
+    assert "render" not in said
 
 
 def darkened():
@@ -167,17 +174,23 @@ def test_one_rule_says_whether_compositing_is_in_the_view_in_preview_frame_and_i
         item.compositing = chosen
         preview.apply(hall)
         assert ("Own compositing" in hall.compositing_node_group.nodes) == kept, (chosen, composites)
-        assert (document.to_document(item)["scenes"][0].get("compositor") == "keep") == kept, (chosen, composites)
+        assert (document.to_document(item)["scenes"][0].get("compositor") == "keep") == kept, (
+            chosen,
+            composites,
+        )
         assert (stills.own_still(hall, 1).keep_compositor) == kept, (chosen, composites)
     assert stills.rendered(hall, 1).rgb.mean() < 0.7 * bright
 
 
-def test_another_files_scene_is_refused_in_a_line(hall, tmp_path):
+def test_another_files_scene_is_held_by_its_keys(hall, tmp_path):
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "other.blend"))
     document.save_preset(settings(), tmp_path / "other.yaml")
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "mine.blend"))
-    use, other = bpy.ops.noisy_world.use_preset, str(tmp_path / "other.yaml")
-    refused(use, filepath=other, names=["other.blend", "open"], error=RuntimeError)
+    known = document.to_document(settings(), tmp_path)["scenes"][0] | {"blend": "other.blend"}
+    bpy.ops.noisy_world.use_preset(filepath=str(tmp_path / "other.yaml"))
+    assert settings().mesh_source == "blend"
+    assert document.to_document(settings(), tmp_path)["scenes"] == [known]
+    refused(bpy.ops.noisy_world.preview_frame, names="Generate", error=RuntimeError)
 
 
 def test_frames_of_a_file_s_path_and_the_live_chain_follow_the_scenes_frames(hall, tmp_path):
@@ -195,8 +208,8 @@ def test_frames_of_a_file_s_path_and_the_live_chain_follow_the_scenes_frames(hal
         hall.frame_set(frame)
         assert node.inputs["Frame Offset"].default_value + frame == index
     settings().trajectory_source = "FILE"
-    settings().trajectory_path, _ = straight(tmp_path / "path.txt", 3)
-    settings().trajectory_rate_hz = 24.0
+    settings().scene.trajectory.file, _ = straight(tmp_path / "path.txt", 3)
+    settings().scene.trajectory.rate_hz = 24.0
     bpy.ops.noisy_world.load_trajectory()
     assert stills.path_frames(hall).tolist() == [1.0, 2.0, 3.0]
     assert hall.camera == hall.objects["Mine"]
@@ -288,7 +301,7 @@ def test_stereo_is_refused_in_a_line_for_this_scene_and_left_out_of_a_mesh(hall,
     refused(bpy.ops.noisy_world.preview_frame, names="turn Stereoscopy off", error=RuntimeError)
     use_files(tmp_path)
     item = settings()
-    item.width_px = item.height_px = 16
+    item.camera.width = item.camera.height = 16
     assert bpy.ops.noisy_world.load_scene() == bpy.ops.noisy_world.load_trajectory() == {"FINISHED"}
     assert stills.rendered(hall, 0).rgb.shape == (16, 16, 3)
     assert hall.render.use_multiview
@@ -304,17 +317,16 @@ def test_a_scene_whose_unit_is_no_metre_is_told_when_its_path_is_loaded(hall):
     )
 
 
-def test_embree_is_offered_only_where_it_is(hall, monkeypatch):
+def test_embree_is_marked_where_it_is_missing(hall, monkeypatch):
     item = settings()
-    item.render_source = "GIVEN"
-    item.engine = "embree"
+    item.render.use_engine = item.render.use_samples = True
+    item.render.engine = "embree"
     refused(bpy.ops.noisy_world.preview_frame, names=["Engine: ", "Embree"], error=RuntimeError)
     assert fields.is_offered("embree")
     monkeypatch.setattr(fields, "find_spec", lambda _: None)
     property_ = fields.described(RenderSpec, "engine")
-    assert [value for value, *_ in property_.keywords["items"]] == ["cycles", "eevee", "workbench"]
-    unknown = SimpleNamespace(engine="")  # as Blender reads a number that no choice has
-    refused(document.engine_of, unknown, names=["render.engine: ", "Embree"])
+    assert property_.keywords["items"][-1][:2] == ("embree", "Embree (Missing)")
+    refused(document.engine_of, item, names=["render.engine: ", "embreex"])
 
 
 def test_a_cube_beside_a_loaded_mesh_is_named_and_may_become_the_dataset(tmp_path):
@@ -336,18 +348,18 @@ def test_a_file_of_ones_own_begins_with_this_scene_and_a_panel_in_use_stays(tmp_
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "plane.blend"))
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "plane.blend"))
     assert (settings().mesh_source, settings().trajectory_source, settings().use_clean) == ("SCENE", "CAMERA", False)
-    assert settings().scene_name == "plane"
+    assert settings().scene.name == "plane"
     bpy.ops.wm.read_factory_settings()
     bpy.ops.mesh.primitive_plane_add()
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "a hall.blend"))  # which names no folder of a dataset
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "a hall.blend"))
-    assert (settings().mesh_source, settings().scene_name) == ("SCENE", "room")
+    assert (settings().mesh_source, settings().scene.name) == ("SCENE", "room")
     bpy.ops.wm.read_factory_settings()
     settings().seed = 4  # a panel that was used for the embedded room, which it names by default
     bpy.ops.mesh.primitive_plane_add()
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "used.blend"))
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "used.blend"))
-    assert (settings().mesh_source, settings().scene_name) == ("ROOM", "room")
+    assert (settings().mesh_source, settings().scene.name) == ("ROOM", "room")
 
 
 def test_clean_frames_are_asked_for(hall):

@@ -46,7 +46,7 @@ def dataset(tmp_path_factory):
 
 def prepare(scene, folder):
     panel = scene.noisy_world
-    panel.output_folder, panel.scene_name, panel.setting_name = str(folder), "box", "foggy"
+    panel.output_folder, panel.scene.name, panel.setting.name = str(folder), "box", "foggy"
     return panel
 
 
@@ -120,9 +120,9 @@ def test_why_nothing_can_be_run(scene, dataset, tmp_path, monkeypatch):
     assert generate._problem(scene).endswith("none: holds no frames of this scene yet; press Generate")
     panel.output_folder = str(dataset)
     assert bpy.ops.noisy_world.track.poll()
-    panel.use_depth = False
+    panel.output.modalities = {"rgb"}
     assert generate._problem(scene) == "The embedded system needs color and depth"
-    panel.use_depth = True
+    panel.output.modalities = {"rgb", "depth"}
     stand_in(monkeypatch, tmp_path, "tell(start={'label': 'tracking', 'total': 4, 'done': 0})\ntime.sleep(60)")
     run = runs.start_tracking(scene, dataset, ("clean/box",))
     assert not bpy.ops.noisy_world.track.poll()

@@ -9,7 +9,7 @@ from typing import Literal, get_args, get_origin, get_type_hints
 import bpy
 import numpy as np
 import pytest
-from panel_tools import own_classes, settings
+from panel_tools import groups_of, own_classes, settings
 from preview_tools import add
 
 from noisy_world.core.depth_range import DepthRange
@@ -22,13 +22,15 @@ from noisy_world.perturbations.groups import socket_name
 from noisy_world.perturbations.kinds import ColourPerturbation
 from noisy_world.core.schema import label_of, tooltip_of
 from noisy_world.perturbations import registry
+from noisy_world.sources import preset_leaves
 from noisy_world.perturbations.shipped.defocus_depth import DefocusDepth
-from noisy_world.panel import gallery, properties, sections
+from noisy_world.nodes.datablocks import fcurves_of
+from noisy_world.panel import gallery, older_files, sections
 from noisy_world.panel.fields import SECTIONS, SHOWN
-from noisy_world.panel.document import OWN_FIELDS, PANEL
+from noisy_world.panel.document import PANEL, to_document
 from noisy_world.panel.generate import NoisyWorldGenerate, NoisyWorldGenerateAnew
 from noisy_world.panel.steps import LONG, parts_of
-from noisy_world.panel.fields import property_name, set_value, value_of
+from noisy_world.panel.tree import property_name, set_value, value_of
 from noisy_world.panel.wording import ACTIONS, field_of, noted, spoken
 
 pytestmark = pytest.mark.usefixtures("add_on")
@@ -50,19 +52,59 @@ def test_angles_are_radians_in_blender_and_come_back_as_typed():
             if digits < 4:  # as typed into the field
                 assert value_of(settings(), "deviation_rotation_deg") == typed
     assert step.motion_blur.bl_rna.properties["angle"].subtype == "ANGLE"
-    assert settings().bl_rna.properties["handheld_speed_m_s"].unit == "VELOCITY"
+    assert settings().scene.trajectory.handheld.bl_rna.properties["speed_m_s"].unit == "VELOCITY"
 
 
 def test_angles_that_older_files_hold_in_degrees_are_taken():
-    step = add(scene(), "motion_blur")
+    add(scene(), "motion_blur")
     stored = scene().bl_system_properties_get()["noisy_world"]
     stored["deviation_rotation_deg"], stored["steps"][0]["motion_blur"] = 3.7, {"angle_deg": 25.0}
-    properties._on_load()
+    older_files._on_load()
     assert value_of(settings(), "deviation_rotation_deg") == 3.7
-    assert value_of(step.motion_blur, "angle_deg") == 25.0
+    assert [step.perturbation for step in settings().steps] == ["motion_deviation", "motion_blur"]
+    assert value_of(settings().steps[1].motion_blur, "angle_deg") == 25.0
     set_value(settings(), "deviation_rotation_deg", 1.0)
-    properties._on_load()  # only once
+    older_files._on_load()  # only once
     assert value_of(settings(), "deviation_rotation_deg") == 1.0
+
+
+def test_what_older_files_hold_in_a_list_of_fields_is_taken_over():
+    """The values as a panel of one list of fields stored them: numbers of choices, radians, 1 for what is on."""
+    step = add(scene(), "fog")
+    step.keyframe_insert("severity", frame=1)
+    stored = scene().bl_system_properties_get()["noisy_world"]
+    held = {
+        "seed": 99, "mesh_source": 1, "mesh_path": "/a/b.ply", "scene_name": "kitchen", "trajectory_source": 1,
+        "trajectory_path": "/a/t.txt", "trajectory_axes": 2, "body": 4, "body_motion": 2.5, "every": 3,
+        "deviation_rotation": math.radians(3.0), "speed_factor": 2, "width_px": 320, "fx_px": 123.4, "distorts": 1,
+        "distortion_k1": -0.25, "has_imu": 1, "imu_device": 2, "imu_y_m": 0.3, "engine": 1, "samples": 4, "layout": 1,
+        "use_normal": 1, "setting_name": "mine", "lens_source": 0,
+    }  # fmt: skip
+    for name, value in held.items():
+        stored[name] = value
+    for name in [name for name in stored if name.startswith("use_") and name != "use_normal"]:
+        del stored[name]
+    stored["steps"][0]["fog"] = {"override_thickness": 1, "thickness": 1.25, "uniform": 1}
+    older_files._on_load()
+    said = to_document(settings())
+    (path,) = [item["trajectory"] for item in said["scenes"] if (item["name"], item["mesh"]) == ("kitchen", "/a/b.ply")]
+    assert path == {"file": "/a/t.txt", "axes": "opengl", "body": {"kind": "rover", "motion": 2.5}, "every": 3}
+    assert (said["seed"], said["camera"]["width"], said["camera"]["fx"]) == (99, 320, 123.4)
+    assert said["camera"]["distortion"] == {"model": "radial-tangential", "k1": -0.25}
+    assert said["rig"] == {"imu": {"device": "bmi055", "translation_m": [0.0, 0.3, 0.0]}}
+    assert said["render"] == {"engine": "eevee", "samples": 4}
+    assert said["output"] == {"layout": "tum", "modalities": ["rgb", "depth", "normal"]}
+    (clean, own) = said["settings"]
+    assert (clean, own["name"]) == ({"name": "clean"}, "mine")
+    moved, faster, fog = own["perturb"]
+    assert moved == {"motion_deviation": {"rotation_deg": 3.0, "translation_m": 0.0}}
+    assert faster == {"faster_motion": {"factor": 2}}
+    assert fog["fog"] == {"severity": 3.0, "thickness": 1.25, "uniform": True}
+    assert keyed_curves(scene()) == ["noisy_world.steps[2].severity"], "which follows its entry"
+
+
+def keyed_curves(scene):
+    return [curve.data_path for curve in fcurves_of(scene.animation_data)]
 
 
 def test_panel_socket_and_preset_use_the_same_word():
@@ -113,7 +155,7 @@ def wrong(where, *problem, remedy="", file=PANEL):
         (wrong("scenes.0.blend", "is gone", remedy=CommandLineOnly("see --list keys")),
          "is gone; see --list keys", "This Scene: is gone"),
         (wrong("rig.depth", "is none", remedy=Action.OTHER_NAME), "rig.depth: is none; give it another name",
-         "rig.depth: is none; give Scene > Name or Render and Output > Setting another name"),
+         "Render and Output > Depth: is none; give Scene > Name or Render and Output > Setting another name"),
         (wrong("", "its lens distorts", remedy=Message("set ", PresetKey("undistort", "true"))),
          "; set undistort: true", "its lens distorts; set Scene > Undistort: On"),
         (StorageError("no space", file="/d", remedy=Message("make room and ", Action.RUN_AGAIN, ": all is kept")),
@@ -124,7 +166,7 @@ def wrong(where, *problem, remedy="", file=PANEL):
         (other_dataset(Path("/d"), Message(PresetKey("seed"), " was 1", either(PROCESSORS, *ELSEWHERE))),
          "set render.processors: any where frames of unlike processors, within 1/255 of each other, are good enough, "
          "choose another folder with --out, or replace the dataset with --overwrite",
-         "/d: holds another dataset: Seed was 1; set render.processors: any in the saved preset where frames of unlike "
+         "/d: holds another dataset: Seed was 1; set Render and Output > Processors: Any where frames of unlike "
          "processors, within 1/255 of each other, are good enough, choose another folder under Output, or press "
          "Replace Dataset"),
         (wrong("line 3, column 1", "is no YAML; near_m", file="/data/near_m/grey.ply"),
@@ -147,8 +189,8 @@ def test_the_buttons_that_messages_name_are_there():
 
 def test_fields_are_called_as_the_tab_shows_them():
     titles = {cls.bl_label for cls in sections.CLASSES if issubclass(cls, bpy.types.Panel)}
-    labels = {item.name.partition(" (")[0] for item in settings().bl_rna.properties}
-    shown = [shown.label.split(" > ") for (cls, _), shown in SHOWN.items() if cls in SECTIONS]
+    labels = {item.name.partition(" (")[0] for group in groups_of(settings()) for item in group.bl_rna.properties}
+    shown = [shown.label.split(" > ") for (cls, _), shown in SHOWN.items() if cls in SECTIONS and " > " in shown.label]
     assert {section for section, _ in shown} <= titles
     assert {label for _, label in shown} <= labels
     assert len(shown) > 40
@@ -162,12 +204,12 @@ def test_each_choice_of_the_tab_has_the_words_of_its_own_field():
         assert tuple(info.choices or ()) == _values(cls, name), (cls, name)
         assert all(item.label and item.meaning for item in info.choices.values()), (cls, name)
     step, panel = add(scene(), "fog_depth"), settings()
-    air, camera = _tooltips(step.fog_depth, "air"), _tooltips(panel, "colour")
+    air, camera = _tooltips(step.fog_depth, "air"), _tooltips(panel.output, "colour")
     assert "airlight" in air["grey"].lower()
     assert "channel" in camera["grey"].lower()
     assert "lit" in air["auto"].lower().split()
-    assert "opencv" in _tooltips(panel, "trajectory_axes")["auto"].lower()
-    assert "lit" not in _tooltips(panel, "trajectory_axes")["auto"].lower().split()
+    assert "opencv" in _tooltips(panel.scene.trajectory, "axes")["auto"].lower()
+    assert "lit" not in _tooltips(panel.scene.trajectory, "axes")["auto"].lower().split()
 
 
 def _values(cls, name):
@@ -178,6 +220,13 @@ def _values(cls, name):
 def _tooltips(group, name):
     """The tooltip that Blender shows for each value of a property."""
     return {item.identifier: item.description for item in group.bl_rna.properties[name].enum_items}
+
+
+def test_every_key_of_a_preset_is_told_as_a_field_or_a_section():
+    titles = {cls.bl_label for cls in own_classes(bpy.types.Panel)} | {"This Scene"}
+    for key, _ in preset_leaves():
+        label = field_of(key.replace("[]", ".0"))
+        assert label.partition(" > ")[0] in titles, (key, label)
 
 
 def test_keys_in_notes_are_named_as_fields():
@@ -194,7 +243,7 @@ def test_keys_in_notes_are_named_as_fields():
 def test_every_perturbation_is_offered_once_and_said_in_a_sentence():
     lists = [gallery.offered(chosen) for chosen in (gallery.PHYSICAL, gallery.BENCHMARK, gallery.PACKAGES)]
     names = [item.name for found in lists for item in found]
-    assert sorted([*names, *OWN_FIELDS]) == sorted(registry())
+    assert sorted(names) == sorted(registry())
     physical = {item.name for item in lists[0]}
     twins = {item.name: item.about.twin for item in lists[1] if item.about.twin}
     assert set(twins.values()) <= physical

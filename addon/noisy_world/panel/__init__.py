@@ -9,12 +9,12 @@ def _parts() -> list[tuple[Callable[[], None], Callable[[], None]]]:
     """Return what registers and unregisters each part, in the order of the panels in the tab."""
     from . import (
         bake_exposure,
-        document,
         drawn_paths,
         exclusions,
         gallery,
         generate,
         loading,
+        older_files,
         open_scene,
         operators,
         presets,
@@ -23,12 +23,13 @@ def _parts() -> list[tuple[Callable[[], None], Callable[[], None]]]:
         section_presets,
         sections,
         shots,
+        source_views,
     )
 
     return [
         (properties.register, properties.unregister),
-        (properties.register_older_files, properties.unregister_older_files),
-        (document.register, document.unregister),
+        (older_files.register, older_files.unregister),
+        (source_views.register, source_views.unregister),
         (open_scene.register, open_scene.unregister),
         (loading.register, loading.unregister),
         (exclusions.register, exclusions.unregister),

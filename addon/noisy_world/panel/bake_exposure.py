@@ -23,7 +23,7 @@ from ..perturbations.parsing import parse_steps
 from ..perturbations.steps import DEFAULT_SEVERITY, Setting, Step
 from ..render.compositor_keys import ToldGroup, bake, told_groups
 from ..render.own_stills import OwnStill, StillRequest, read_metered
-from . import document, open_scene, preview, runs
+from . import open_scene, preview, runs, source_views
 from . import stills as metered
 from .document import identifiers_of, steps_of
 from .frame_preview import forget_drawn, sequence_of
@@ -32,6 +32,7 @@ from .properties import panel_of
 from .runs import Following
 from .sidebar import write
 from .stills import request_of
+from .tree import value_of
 
 SIZES = (
     ("SMALL", "Small", "Meter small renders: quick, and within some hundredths of a stop of what is written"),
@@ -124,7 +125,7 @@ they are written, lag and all. Press again when the scene's light has changed; E
     @classmethod
     def lacks(cls, scene: bpy.types.Scene) -> str:
         """Ask for a step that decides by frames, and for a scene that is rendered."""
-        if document.is_shown(panel_of(scene)):
+        if source_views.shows_footage(panel_of(scene)):
             return "A recording is metered when it is generated"
         return "" if decides(panel_of(scene)) else "No perturbation of the list decides frame by frame"
 
@@ -166,7 +167,7 @@ with the values that the tab's list has for them, else the defaults. Your own ke
         """Return all frames of the scene, seen by its own camera."""
         if not _setting(scene, groups_of(scene))[0].looks_back:
             return None
-        camera, seed = open_scene.intrinsics_of_scene(scene), render_seed(panel_of(scene).seed)
+        camera, seed = open_scene.intrinsics_of_scene(scene), render_seed(value_of(panel_of(scene), "seed"))
         stills = {
             frame: OwnStill(float(frame), None, True, camera, None, None, None, seed, False, 0.5)
             for frame in range(scene.frame_start, scene.frame_end + 1)

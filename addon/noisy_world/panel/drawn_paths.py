@@ -22,12 +22,12 @@ from ..layouts import find_sequence
 from ..perturbations.execution import chosen_poses, move, split_motion
 from ..render.mesh_session import get_origin
 from ..trajectories.bodies import BODIES
-from . import document, open_scene
-from .document import NO_BODY, identifiers_of, listed_motion, motion_of, recorded
-from .fields import value_of
+from . import open_scene, source_views
+from .document import identifiers_of, listed_motion, motion_of, recorded
 from .own_objects import OURS
-from .properties import PLACE, panel_of
+from .properties import FASTER, panel_of
 from .sidebar import write
+from .tree import value_of
 from .wording import spoken
 
 if TYPE_CHECKING:
@@ -56,17 +56,18 @@ def lines(panel: Any, c2w: NDArray[np.float64], row: int, moved: NDArray[np.floa
 
     c2w: (N, 4, 4) the planned path. row: which pose of it is shown. moved: (4, 4) where deviation has the camera then.
     """
-    has_body, has_imu = panel.body != NO_BODY, bool(panel.has_imu)
+    path = panel.scene.trajectory
+    has_body, has_imu = path.use_body, panel.rig.use_imu
     if not (has_body or has_imu):
         return []
     found = list(zip(AXES_RGB, axes(moved, AXIS_M), strict=True))
     if has_imu:
-        imu = moved @ pose(np.eye(3), np.array([value_of(panel, name) for name in PLACE]))
+        imu = moved @ pose(np.eye(3), np.array(value_of(panel.rig.imu, "translation_m")))
         found += zip(AXES_RGB, axes(imu, IMU_AXIS_M), strict=True)
     if has_body:
-        body = BODIES[panel.body]
+        body = BODIES[path.body.kind]
         floor_m = float(c2w[:, 2, 3].mean()) - body.height_m
-        outline = figure(panel.body) @ _upright(c2w, row)[:3, :3].T + [*c2w[row, :2, 3], floor_m]
+        outline = figure(path.body.kind) @ _upright(c2w, row)[:3, :3].T + [*c2w[row, :2, 3], floor_m]
         found += [(BODY_RGB, outline), (BODY_RGB, _shadow(c2w, floor_m))]
     return found
 
@@ -406,7 +407,7 @@ def path_of(scene: bpy.types.Scene) -> Any | None:
 
 def clean_stamps_s(scene: bpy.types.Scene) -> NDArray[np.float64]:
     """Return the time stamps (N,) of the clean path, seconds; without a path those of the scene frames."""
-    if document.is_shown(panel_of(scene)):
+    if source_views.shows_footage(panel_of(scene)):
         return recorded(panel_of(scene)).stamps_s
     if open_scene.follows(panel_of(scene)):
         return open_scene.stamps_of(scene)
@@ -466,7 +467,7 @@ def drawn_poses(scene: bpy.types.Scene, c2w: NDArray[np.float64]) -> NDArray[np.
     naming a perturbation that breaks its contract.
     """
     moved = deviated_poses(scene, c2w)
-    if not listed_motion(panel_of(scene)):
+    if all(FASTER in item for item in listed_motion(panel_of(scene))):
         return moved
     keyed = c2w if moved is None else moved
     chosen = chosen_frames(scene, len(keyed))
@@ -493,8 +494,7 @@ def _batches(scene: bpy.types.Scene) -> Drawn | None:
         _drawn.pop(scene.session_uid, None)
         return None
     panel = panel_of(scene)
-    fields = (panel.deviation_rotation, panel.deviation_translation_m, panel.speed_factor)
-    motion = (*fields, json.dumps(listed_motion(panel)))
+    motion = json.dumps(listed_motion(panel))
     origin_m = get_origin(scene)
     made_from = (hash(bytes(memoryview(values))), motion, identifiers_of(panel), tuple(origin_m))
     found = _drawn.get(scene.session_uid)
@@ -595,7 +595,7 @@ def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
         return
     if second is not None:
         row.label(text="Deviated Path", icon=DEVIATED_ICON)
-    if panel_of(scene).body != NO_BODY:
+    if panel_of(scene).scene.trajectory.use_body:
         row.label(text="Body", icon=BODY_ICON)
 
 

@@ -17,7 +17,7 @@ from bpy.app.handlers import persistent
 
 from ..nodes.chain_scene import own_compositing
 from ..preset.names import safe_name
-from . import document, loading, open_scene
+from . import loading, open_scene, source_views
 from .fields import LISTENERS, Handlers
 from .own_objects import own_object
 from .properties import panel_of
@@ -76,7 +76,7 @@ def excluded(scene: bpy.types.Scene) -> tuple[str, ...]:
 def _is_made_without_ours(scene: bpy.types.Scene) -> bool:
     """Tell whether the dataset shows the scene itself, or a recording: then a preview's frames are the dataset's."""
     panel = panel_of(scene)
-    return open_scene.is_shown(panel) or document.is_shown(panel)
+    return open_scene.is_shown(panel) or source_views.shows_footage(panel)
 
 
 def _shown(scene: bpy.types.Scene) -> Iterator[bpy.types.Object]:
@@ -162,7 +162,7 @@ def sentence(scene: bpy.types.Scene, names: tuple[str, ...] | None = None) -> st
     if panel.mesh_source == "ROOM":
         room = f"embedded room {panel.room_seed}" if panel.room_seed else "the embedded room"
         return f"Not in the dataset: {enumerated(names)}. The dataset shows {room}; choose another under Scene"
-    mesh = Path(panel.mesh_path).name or "the mesh file under Scene"
+    mesh = Path(panel.of_mesh.mesh).name or "the mesh file under Scene"
     return f"Not in the dataset: {enumerated(names)}. The dataset shows {mesh}"
 
 
@@ -257,7 +257,7 @@ def begin(scene: bpy.types.Scene) -> None:
         panel_of(scene).mesh_source = "SCENE"
         name = Path(bpy.data.filepath).stem
         if name and not safe_name(name):
-            panel_of(scene).scene_name = name
+            panel_of(scene).scene.name = name
 
 
 def is_used(scene: bpy.types.Scene) -> bool:

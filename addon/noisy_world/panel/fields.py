@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Blender properties from the fields of dataclasses, in Blender's wording, and the listeners to their changes."""
 
-import json
 import math
 import types
 from collections.abc import Callable, Iterator
@@ -11,14 +10,12 @@ from importlib.util import find_spec
 from typing import Any, Literal, TypeAlias, Union, get_args, get_origin, get_type_hints
 
 import bpy
-import numpy as np
 
-from ..channels import COLOUR_AND_DEPTH, Channel
 from ..core.labels import american, title
 from ..core.schema import KeyInfo, label_of, tooltip_of
 from ..perturbations.shipped.faster_motion import FasterMotion
 from ..perturbations.shipped.motion_deviation import MotionDeviation
-from ..preset.keys import CameraSpec, ImuSpec, OutputSpec, PresetSpec, RenderSpec, SettingSpec
+from ..preset.keys import CameraSpec, OnlySpec, OutputSpec, PresetSpec, RenderSpec, RigSpec, SensorSpec, SettingSpec
 from ..preset.scene_keys import BodySpec, HandheldSpec, SceneKeys, TrajectorySpec
 from ..preset.sensor_keys import DistortionSpec
 from ..sources import SOURCES
@@ -29,7 +26,7 @@ SECTIONS: dict[type, str] = {
     **{kind.keys: SCENE for kind in SOURCES.values()}, SceneKeys: SCENE,
     TrajectorySpec: TRAJECTORY, HandheldSpec: TRAJECTORY, BodySpec: TRAJECTORY,
     CameraSpec: CAMERA, DistortionSpec: CAMERA, RenderSpec: OUTPUT,
-    OutputSpec: OUTPUT, ImuSpec: OUTPUT, SettingSpec: OUTPUT, PresetSpec: PERTURBATIONS,
+    OutputSpec: OUTPUT, RigSpec: OUTPUT, SensorSpec: OUTPUT, SettingSpec: OUTPUT, OnlySpec: OUTPUT, PresetSpec: OUTPUT,
     MotionDeviation: DEVIATION, FasterMotion: DEVIATION,
 }  # fmt: skip
 """The sections of the tab that show the fields of dataclasses."""
@@ -82,10 +79,10 @@ def described(
     """
     item: Field[Any] = next(field for field in fields(cls) if field.name == name)
     info: KeyInfo = item.metadata["key"]
-    hint = _plain(get_type_hints(cls)[name])
+    hint = plain_hint(get_type_hints(cls)[name])
     label, items = label or label_of(cls, name), _items(hint, info)
     choices = {"true": "On", "false": "Off"} if hint is bool else {value: shown for value, shown, _ in items}
-    SHOWN[cls, name] = ShownField(f"{section or SECTIONS[cls]} > {label}", choices)
+    SHOWN[cls, name] = ShownField(f"{section or section_of(cls)} > {label}", choices)
     if info.unit in _SPOKEN_UNITS:
         label += f" ({'fps' if label == _FRAME_RATE else _SPOKEN_UNITS[info.unit]})"
     on_change = tell(update or name) if isinstance(update, str) else update
@@ -96,13 +93,18 @@ def described(
         "options": set(),
     }
     if item.default is not MISSING and item.default is not None:
-        common["default"] = item.default
+        common["default"] = set(item.default) if items and get_origin(hint) is tuple else item.default
     if "description" in other:
         other["description"] = sentence(other["description"])
     if items:
-        items = [(value, *words) for value, *words in items if is_offered(value)]
+        items = [(value, word if is_offered(value) else f"{word} (Missing)", said) for value, word, said in items]
         chosen: dict[str, Any] = {"items": items}
+        if get_origin(hint) is tuple:
+            common["options"] = {"ENUM_FLAG"}
         return bpy.props.EnumProperty(**(chosen | common | other))
+    if get_origin(hint) is tuple:
+        size: dict[str, Any] = {"size": len(get_args(hint)), "subtype": "XYZ" if len(get_args(hint)) == 3 else "NONE"}
+        return bpy.props.FloatVectorProperty(**(size | _range(float, info, common | other)))
     if hint is bool:
         return bpy.props.BoolProperty(**(common | other))
     if hint is str:
@@ -127,7 +129,12 @@ def is_offered(value: str) -> bool:
     return value != EMBREE or find_spec("embreex") is not None
 
 
-def _number(hint: type, info: KeyInfo, common: dict[str, Any]) -> Any:
+def section_of(cls: type) -> str:
+    """Return the section of the tab that shows a dataclass, or one that it is made from."""
+    return next((SECTIONS[base] for base in cls.__mro__ if base in SECTIONS), OUTPUT)
+
+
+def _range(hint: type, info: KeyInfo, common: dict[str, Any]) -> dict[str, Any]:
     if info.minimum is not None:
         common.setdefault("min", hint(info.minimum))
     if info.above is not None:
@@ -137,6 +144,11 @@ def _number(hint: type, info: KeyInfo, common: dict[str, Any]) -> Any:
     for soft, wider, hard in (("soft_min", max, "min"), ("soft_max", min, "max")):
         if soft in common:
             common[soft] = hint(wider(common[soft], common.get(hard, common[soft])))
+    return common
+
+
+def _number(hint: type, info: KeyInfo, common: dict[str, Any]) -> Any:
+    common = _range(hint, info, common)
     if hint is int:
         return bpy.props.IntProperty(**_INT_SUBTYPES.get(info.unit, {}), **common)
     if info.unit == "deg":
@@ -149,7 +161,8 @@ def _number(hint: type, info: KeyInfo, common: dict[str, Any]) -> Any:
     return bpy.props.FloatProperty(**(precise | common))
 
 
-def _plain(hint: Any) -> Any:
+def plain_hint(hint: Any) -> Any:
+    """Return a type without None."""
     if get_origin(hint) in (Union, types.UnionType):
         return next(option for option in get_args(hint) if option is not type(None))
     return hint
@@ -196,57 +209,6 @@ def notify_once() -> Iterator[None]:
         for (_, name), scene in changes.items():
             for listener in LISTENERS:
                 listener(scene, name)
-
-
-def channel_flag(item: Channel) -> Any:
-    """Return the property that says whether a channel is written."""
-    return bpy.props.BoolProperty(
-        options=set(),
-        name=american(item.label),
-        description=american(f"Render and write {item.spoken}"),
-        default=item.name in COLOUR_AND_DEPTH,
-        update=tell(f"use_{item.name}"),
-    )
-
-
-# Numbers of the panel as a preset has them: Blender's are float32, and angles in radians.
-
-
-def property_name(name: str) -> str:
-    """Return the property that holds a value: that of an angle, in radians, is without the unit."""
-    return name.removesuffix("_deg")
-
-
-def value_of(group: Any, name: str) -> Any:
-    """Return a property's value as typed: the stored number, or the shortest decimal that gives this float32.
-
-    name: of the value; where it ends in _deg, the value is in degrees.
-    """
-    value = getattr(group, property_name(name))
-    if not isinstance(value, float):
-        return value
-    remembered = json.loads(group.exact).get(name) if getattr(group, "exact", "") else None
-    if remembered is not None and np.float32(_stored(name, remembered)) == np.float32(value):
-        return remembered
-    return _shortest_deg(value) if name.endswith("_deg") else float(str(np.float32(value)))
-
-
-def set_value(group: Any, name: str, value: Any) -> None:
-    """Set a property as `value_of` gives it; a number that float32 does not hold exactly is stored beside it."""
-    setattr(group, property_name(name), _stored(name, value))
-    if isinstance(value, float) and value_of(group, name) != value:
-        group.exact = json.dumps((json.loads(group.exact) if group.exact else {}) | {name: value})
-
-
-def _stored(name: str, value: Any) -> Any:
-    return math.radians(value) if name.endswith("_deg") else value
-
-
-def _shortest_deg(angle_rad: float) -> float:
-    """Return the shortest decimal in degrees that gives this float32 in radians."""
-    angle_deg = math.degrees(angle_rad)
-    shorter = (float(f"{angle_deg:.{digits}g}") for digits in range(1, 10))
-    return next((value for value in shorter if np.float32(math.radians(value)) == np.float32(angle_rad)), angle_deg)
 
 
 # Handlers of Blender's events, which a module of the panel adds and removes together.

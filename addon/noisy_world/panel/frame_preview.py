@@ -23,8 +23,8 @@ from ..images.pixels import as_bytes, grey_bytes
 from ..nodes.datablocks import override, set_pixels, size_px
 from ..perturbations.steps import Setting
 from ..render.source import RenderedFrame
-from . import document, exclusions, open_scene, runs
-from .document import format_of, identifiers_of, intrinsics_of, recorded, steps_of
+from . import exclusions, open_scene, runs, source_views
+from .document import format_of, identifiers_of, intrinsics_of, recorded, scene_name, setting_name, steps_of
 from .drawn_paths import clean_stamps_s
 from .fields import Handlers
 from .properties import panel_of
@@ -95,9 +95,9 @@ def sequence_of(scene: bpy.types.Scene) -> tuple[PlannedSequence, int]:
     Raises NoisyWorldError where a value of the panel is wrong.
     """
     panel = panel_of(scene)
-    setting = Setting(panel.setting_name, steps_of(panel), panel.backend)
+    setting = Setting(setting_name(panel), steps_of(panel), panel.render.backend)
     frames = path_frames(scene)
-    sequence = lay_out(setting, panel.scene_name, len(frames), identifiers_of(panel))
+    sequence = lay_out(setting, scene_name(panel), len(frames), identifiers_of(panel))
     now = scene.frame_current
     source = int(np.abs(frames - now).argmin()) if open_scene.is_shown(panel) else now
     return sequence, max(0, min(sequence.frame_at(source), len(sequence.source_frames) - 1))
@@ -125,7 +125,7 @@ def _perturbed(scene: bpy.types.Scene, index: int | None) -> _Drawn:
     if sequence.setting.needs_depth:
         check_depth(scene)
     clean = _clean(scene, _shown(sequence, index).rgb_source)
-    stored = panel_of(scene).colour
+    stored = panel_of(scene).output.colour
     after = before = _as_stored(clean.rgb, stored)
     notes: list[dict[str, Any]] = []
     if sequence.setting.rgb:
@@ -167,7 +167,7 @@ def draw_depth(scene: bpy.types.Scene, index: int | None = None) -> tuple[NDArra
     about = f"depth from {near_m:.2f} m (red) to {far_m:.2f} m (blue), void gray; {lost}{_listed(notes)}"
     if not sequence.paired:
         return picture, f"Frame {index}: {about}"
-    colour = _as_stored(_clean(scene, shown.rgb_source).rgb, panel_of(scene).colour)
+    colour = _as_stored(_clean(scene, shown.rgb_source).rgb, panel_of(scene).output.colour)
     pair = f"Color of frame {index}, depth of frame {shown.depth_frame}"
     return beside(colour, picture), f"{pair}: {about}"
 
@@ -195,7 +195,7 @@ def sources_of(scene: bpy.types.Scene, kind: Kind, index: int) -> set[int]:
 
 def _is_rendered(scene: bpy.types.Scene, sources: set[int]) -> bool:
     """Tell whether source frames are at hand; those of a recording are read, and always are."""
-    return document.is_shown(panel_of(scene)) or sources <= _stills.get(scene.session_uid, {}).keys()
+    return source_views.shows_footage(panel_of(scene)) or sources <= _stills.get(scene.session_uid, {}).keys()
 
 
 def _shown(sequence: PlannedSequence, index: int) -> Shown:
@@ -209,7 +209,7 @@ def _clean(scene: bpy.types.Scene, source: int) -> CleanFrame:
     still = still_of(scene, source)
     assert still.rgb is not None
     panel = panel_of(scene)
-    shown = recorded(panel) if document.is_shown(panel) else None
+    shown = recorded(panel) if source_views.shows_footage(panel) else None
     return CleanFrame(
         source,
         replace(still, rgb=np.clip(still.rgb, 0.0, 1.0)),

@@ -17,7 +17,6 @@ from ..core.labels import american, title
 from ..nodes.datablocks import layout_of
 from ..perturbations import registry
 from ..perturbations.kinds import Perturbation
-from .document import OWN_FIELDS
 
 # How the perturbations are offered: in two lists, the benchmark's and the physical ones, and in a sentence each.
 
@@ -44,8 +43,8 @@ def list_of(perturbation: Perturbation) -> Offered:
 
 
 def offered(chosen: Offered) -> list[Perturbation]:
-    """Return what a list offers, in the order of propagation: what has no fields of its own in the panel."""
-    return [item for item in registry().values() if list_of(item) == chosen and item.name not in OWN_FIELDS]
+    """Return what a list offers, in the order of propagation."""
+    return [item for item in registry().values() if list_of(item) == chosen]
 
 
 def line_on(perturbation: Perturbation) -> str:

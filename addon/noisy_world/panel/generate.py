@@ -7,13 +7,12 @@ from typing import TYPE_CHECKING, Any
 
 import bpy
 
-from ..channels import CHANNELS
 from ..core.errors import Action, InputError, NoisyWorldError, offers
 from ..core.file_access import utf8_name
 from ..core.labels import american
 from ..nodes.datablocks import layout_of
 from . import drawn_paths, exclusions, loading
-from .document import CLEAN
+from .document import CLEAN, scene_name, setting_name
 from .drawn_paths import read_tracked
 from .open_scene import output_folder
 from .operators import UNDOABLE, OnScene, guarded
@@ -73,7 +72,7 @@ class NoisyWorldGenerate(Following, bpy.types.Operator):
             cls.poll_message_set(BUSY)
             return False
         panel = panel_of(context.scene)
-        if not any(getattr(panel, f"use_{name}") for name in CHANNELS):
+        if not panel.output.modalities:
             cls.poll_message_set("Nothing is to be written: choose color or depth")
             return False
         return True
@@ -416,7 +415,7 @@ def sequences_of(panel: Any, out: Path) -> tuple[str, ...]:
 
     Raises InputError where it holds none.
     """
-    names = dict.fromkeys(f"{setting}/{panel.scene_name}" for setting in (panel.setting_name, CLEAN))
+    names = dict.fromkeys(f"{setting}/{scene_name(panel)}" for setting in (setting_name(panel), CLEAN))
     found = tuple(name for name in names if (out / name).is_dir())
     if not found:
         raise InputError(panel.output_folder, "holds no frames of this scene yet", remedy="press Generate")
@@ -430,7 +429,7 @@ def _problem(scene: bpy.types.Scene | None) -> str:
     if active_run() is not None:
         return BUSY
     panel = panel_of(scene)
-    if not (panel.use_rgb and panel.use_depth):
+    if not {"rgb", "depth"} <= panel.output.modalities:
         return "The embedded system needs color and depth"
     try:
         sequences_of(panel, output_folder(panel))

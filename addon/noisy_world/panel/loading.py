@@ -17,10 +17,10 @@ from ..render.mesh_session import add_camera, add_mesh, key_poses, rgba_of, set_
 from ..scenes.polygon_mesh import Mesh
 from ..sources import find_scenes
 from ..sources.rendered_mesh import load_mesh, mesh_source_forget_meshes
-from . import document, open_scene
-from .document import CAMERA, NO_BODY, intrinsics_of, listed_motion, preset_of, scene_of
+from . import open_scene, source_views
+from .document import intrinsics_of, listed_motion, preset_of, scene_name, scene_of
 from .drawn_paths import CLEAN_C2W, CLEAN_STAMPS_S, chosen_frames, deviated_poses
-from .fields import LISTENERS, value_of
+from .fields import LISTENERS
 from .open_scene import absolute
 from .own_objects import (
     OURS,
@@ -35,6 +35,7 @@ from .own_objects import (
     tied,
 )
 from .properties import panel_of
+from .tree import value_of
 
 KEYED_BY = "noisy_world_keyed_by"  # of our camera: what the list did to the path when it was keyed, as JSON
 LOADED_FROM = "noisy_world_loaded_from"  # of ours: what of the panel decided the mesh or the path, as JSON
@@ -44,9 +45,7 @@ DISPLAY_COLOURS = "Display"
 FASTEST_FPS = 32767  # that Blender knows
 RATE_TOLERANCE = 1e-3  # of a rate, which stamps with six decimals do not hold exactly; chosen
 FAR_M = 1000.0  # beyond it float32 numbers are 0.06 mm apart or more, and the scene is moved
-PATH_PROPERTIES = (
-    "deviation_rotation", "deviation_translation_m", "speed_factor", "seed", "scene_name", "setting_name",
-)  # fmt: skip
+PATH_PROPERTIES = ("seed", "scene.name", "scene.use_name", "setting.name")
 
 
 def is_editable(scene: bpy.types.Scene | None) -> bool:
@@ -66,7 +65,7 @@ def load_scene(scene: bpy.types.Scene) -> tuple[bpy.types.Object, tuple[str, ...
     mesh = load_mesh(_mesh_path(panel), panel.room_seed)
     take_out_mesh(scene)
     set_origin(scene, _origin_m(mesh))
-    loaded = add_mesh(scene, mesh, panel.scene_name, decoding="shader")
+    loaded = add_mesh(scene, mesh, scene_name(panel), decoding="shader")
     mark(loaded, "mesh")
     put_into(scene, loaded)
     # Its colours hold the light already, and for shadows EEVEE would draw it several more times.
@@ -90,10 +89,10 @@ def _mesh_path(panel: Any) -> Path | None:
     if panel.mesh_source == "ROOM":
         return None
     try:
-        split_home(panel.mesh_path)
+        split_home(panel.of_mesh.mesh)
     except LookupError as error:
         raise InputError("Mesh File", str(error)) from error
-    return Path(absolute(panel.mesh_path))
+    return Path(absolute(panel.of_mesh.mesh))
 
 
 def _origin_m(mesh: Mesh) -> NDArray[np.float64]:
@@ -262,10 +261,10 @@ def set_camera(scene: bpy.types.Scene) -> bpy.types.Object:
 def apply_intrinsics(scene: bpy.types.Scene) -> None:
     """Give our camera, where there is one, the panel's intrinsics; the scene's resolution goes with them."""
     camera = camera_alone(scene)
-    if camera is None or open_scene.is_shown(panel_of(scene)) or document.is_shown(panel_of(scene)):
+    if camera is None or open_scene.is_shown(panel_of(scene)) or source_views.shows_footage(panel_of(scene)):
         return
     panel = panel_of(scene)
-    near_m, far_m = value_of(panel, "near_m"), value_of(panel, "far_m")
+    near_m, far_m = value_of(panel.camera, "near_m"), value_of(panel.camera, "far_m")
     set_intrinsics(scene, camera, intrinsics_of(panel), near_m=near_m, far_m=far_m)
     camera[LEFT_AS] = _lens_state(scene, camera)
 
@@ -294,12 +293,12 @@ def _decided_by(panel: Any, kind: str) -> str:
         path = open_scene.motion_state(panel.id_data) if open_scene.follows(panel) else scene_of(panel)["trajectory"]
         return json.dumps([kind, path])
     described = scene_of(panel)
-    if document.is_shown(panel):
+    if source_views.shows_footage(panel):
         return json.dumps([kind, described])
     if kind == "mesh":
         return json.dumps(described["mesh"])
-    made_here = panel.trajectory_source == "HANDHELD" or panel.body != NO_BODY
-    return json.dumps([described["trajectory"], *([described["mesh"], panel.seed] if made_here else [])])
+    made_here = panel.trajectory_source == "HANDHELD" or panel.scene.trajectory.use_body
+    return json.dumps([described["trajectory"], *([described["mesh"], value_of(panel, "seed")] if made_here else [])])
 
 
 def _mesh_state(item: bpy.types.Object) -> str:
@@ -328,9 +327,9 @@ def follow(scene: bpy.types.Scene, name: str) -> None:
     """Update our camera after a change of the panel."""
     if not isinstance(scene, bpy.types.Scene) or not is_editable(scene):
         return
-    if name in CAMERA:
+    if name.startswith("camera."):
         apply_intrinsics(scene)
-    elif name in PATH_PROPERTIES or (name == "steps" and _keyed_otherwise(scene)):
+    elif name in PATH_PROPERTIES or (name in ("steps", "motion") and _keyed_otherwise(scene)):
         with suppress(NoisyWorldError):  # the panel shows the message beside the legend of the paths
             key_camera(scene)
 

@@ -24,6 +24,7 @@ from ..render.scene_inspection import camera_problems, inspect_scene, scale_note
 from .fields import Handlers, tell
 from .own_objects import OURS, keys_state
 from .properties import panel_of
+from .tree import value_of
 
 # Paths of the panel's files and of its dataset.
 
@@ -316,7 +317,7 @@ def follows(panel: Any) -> bool:
 
 def frame_range(scene: bpy.types.Scene) -> FrameRange:
     """Return the scene's frames that the dataset shows, where its own camera is the path."""
-    step = scene.frame_step * panel_of(scene).every
+    step = scene.frame_step * panel_of(scene).scene.trajectory.every
     return FrameRange(scene.frame_start, max(scene.frame_start, scene.frame_end), step)
 
 
@@ -370,7 +371,7 @@ def sampled_path(scene: bpy.types.Scene) -> Trajectory:
 
     own_camera(scene)
     sampled = sampled_camera(scene, None, frame_range(scene).frames)
-    for item in camera_problems(sampled, lens_given=panel_of(scene).lens_source == "GIVEN"):
+    for item in camera_problems(sampled, lens_given=panel_of(scene).use_camera):
         raise InputError(CAMERA_FIELD, item.problem, remedy=item.remedy)
     c2w = rigid_c2w(sampled.matrices, ConfigPath(CAMERA_FIELD))
     note = scale_note(scene)
@@ -381,7 +382,7 @@ def sampled_path(scene: bpy.types.Scene) -> Trajectory:
 def check(scene: bpy.types.Scene) -> None:
     """Raise InputError where the scene, as it is open, can be no source: what is missing, scripted or not baked."""
     panel = panel_of(scene)
-    given = panel.lens_source == "GIVEN"
+    given = panel.use_camera
     found = inspect_scene(scene, None, frame_range(scene), path=False, lens_given=given)
     needed = follows(panel) or not given
     for item in found.problems:
@@ -402,8 +403,8 @@ def entry(panel: Any, place: Any) -> dict[str, Any]:
         said["camera"] = scene.camera.name
     if keeps_compositing(scene):
         said["compositor"] = "keep"
-    if abs(panel.depth_alpha - 0.5) > 1e-6:
-        said["depth_alpha"] = float(str(np.float32(panel.depth_alpha)))
+    if panel.of_blend.use_depth_alpha:
+        said["depth_alpha"] = value_of(panel.of_blend, "depth_alpha")
     return said
 
 

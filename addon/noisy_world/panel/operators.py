@@ -15,8 +15,7 @@ from ..perturbations import registry
 from ..perturbations.kinds import SEQUENCE_KINDS
 from ..render.compositor_keys import has_several_cameras, key_motion, keyable
 from ..render.own_view import bound_cameras
-from . import document, loading
-from .document import OWN_FIELDS
+from . import loading, source_views
 from .fields import tell
 from .gallery import line_on
 from .own_objects import own_object
@@ -79,7 +78,8 @@ class _OnFiles(OnScene):
             return False
         panel = panel_of(context.scene)
         for what in cls.needed:
-            if getattr(panel, f"{what}_source") == "FILE" and not getattr(panel, f"{what}_path"):
+            path = panel.of_mesh.mesh if what == "mesh" else panel.scene.trajectory.file
+            if getattr(panel, f"{what}_source") == "FILE" and not path:
                 cls.poll_message_set(f"Choose a {FILES[what]} file")
                 return False
         return True
@@ -87,7 +87,7 @@ class _OnFiles(OnScene):
 
 def _is_loadable(operator: Any, context: bpy.types.Context) -> bool:
     """Tell whether what the panel names can be loaded into this file; a recording cannot."""
-    if document.is_shown(panel_of(context.scene)):
+    if source_views.shows_footage(panel_of(context.scene)):
         operator.poll_message_set("A recording has no mesh: Preview Frame shows its frames")
         return False
     return True
@@ -217,9 +217,6 @@ class NoisyWorldAddStep(OnScene, bpy.types.Operator):
         name = self.perturbation
         if name not in registry():
             self.report({"ERROR"}, f"{name!r}: no such perturbation")
-            return CANCELLED
-        if name in OWN_FIELDS:
-            self.report({"ERROR"}, f"{title(registry()[name].label)} has fields of its own in Deviation and Speed")
             return CANCELLED
         once = isinstance(registry()[name], SEQUENCE_KINDS)
         if once and any(step.perturbation == name for step in panel.steps):

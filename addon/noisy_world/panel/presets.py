@@ -13,7 +13,7 @@ from ..core.labels import title
 from ..nodes.datablocks import layout_of
 from ..perturbations.steps import Step
 from . import gallery
-from .document import add_perturbations, apply_part, open_preset, save_preset
+from .document import add_perturbations, apply_part, open_preset, save_preset, scene_name, setting_name
 from .gallery import is_own, listed, own_folder, own_path, preset_label, shipped_folder
 from .operators import CANCELLED, DONE, UNDOABLE, OnScene, guarded
 from .properties import panel_of
@@ -149,7 +149,7 @@ class NoisyWorldSavePreset(OnScene, bpy.types.Operator, ExportHelper):
         if used and not Path(used).is_relative_to(shipped_folder()):
             self.filepath = used
         else:
-            self.filepath = str(beside / f"{panel.scene_name}_{panel.setting_name}{self.filename_ext}")
+            self.filepath = str(beside / f"{scene_name(panel)}_{setting_name(panel)}{self.filename_ext}")
         return {*super().invoke(context, event)}
 
     def execute(self, context: bpy.types.Context) -> set[str]:
@@ -307,7 +307,7 @@ class NOISYWORLD_PT_preset(PanelSection, bpy.types.Panel):
         row.operator("noisy_world.add_preset", text="", icon="ADD")
         row.operator("noisy_world.remove_preset", text="", icon="REMOVE")
         if panel.preset_path and panel.preset_settings.count("\n") > 0:
-            layout.menu("NOISYWORLD_MT_settings", text=f"Setting: {panel.setting_name}")
+            layout.menu("NOISYWORLD_MT_settings", text=f"Setting: {setting_name(panel)}")
         row = layout.row(align=True)
         row.operator("noisy_world.open_preset", text="Open", icon="FILE_FOLDER")
         row.operator("noisy_world.save_preset", text="Save", icon="FILE_TICK")

@@ -18,7 +18,7 @@ from ..nodes.datablocks import layout_of, override
 from ..perturbations import registry
 from ..perturbations.kinds import DepthPerturbation, PairingPerturbation
 from ..render.own_stills import read_frames
-from . import document, exclusions, frame_preview, open_scene, properties, runs, stills, views
+from . import exclusions, frame_preview, open_scene, properties, runs, source_views, stills, views
 from .document import intrinsics_of
 from .fields import Handlers
 from .frame_preview import (
@@ -64,7 +64,7 @@ class _Preview(Following, OnScene):
         if runs.active_still() is not None:
             cls.poll_message_set("A frame is being rendered: Esc stops that")
             return False
-        if context.scene.camera is None and not document.is_shown(panel_of(context.scene)):
+        if context.scene.camera is None and not source_views.shows_footage(panel_of(context.scene)):
             cls.poll_message_set("The scene has no camera")
             return False
         return True
@@ -75,7 +75,7 @@ class _Preview(Following, OnScene):
         def work() -> str:
             scene = context.scene
             forget(scene)
-            document.forget()
+            source_views.forget()
             _, index = sequence_of(scene)
             return show_frame(context, scene, self.kind, index)
 
@@ -83,7 +83,7 @@ class _Preview(Following, OnScene):
 
     def invoke(self, context: bpy.types.Context, _: bpy.types.Event) -> set[str]:
         """Render while the windows stay usable; the picture that is there stays until the new one comes."""
-        if document.is_shown(panel_of(context.scene)):
+        if source_views.shows_footage(panel_of(context.scene)):
             return self.execute(context)
         self._area = 0 if context.area is None else context.area.as_pointer()
         return self.followed(context) if self.started(context) else CANCELLED
@@ -228,16 +228,12 @@ DEVICE_CHANGED = "noisy_world_composites_on_processor"
 COSTLY_S = 0.5  # pictures that take longer wait for a pause
 PAUSE_S = 0.3  # without a change counts as a pause
 POLL_S = 0.05  # between looks for a pause
-RENDERED_BY = {
-    "seed", "scene_name", "setting_name", "deviation_rotation", "deviation_translation_m",
-    "sequence_path", "recorded_layout", "recorded_poses", "recorded_rate_hz", "undistort", "register_depth",
-    "recorded_depth_scale_per_m", "recorded_void", "recorded_camera",
-    "video_path", "video_depth_path", "video_depth_scale_per_m",
-    "mesh_source", "trajectory_source", "lens_source", "render_source", "compositing", "depth_alpha",
-    "width_px", "height_px", "fx_px", "fy_px", "cx_px", "cy_px", "near_m", "far_m", "distortion",
-}  # fmt: skip
-"""Properties that move or change the camera, by the names that listeners get."""
-SHOWN_BY = {"preview", "preview_split", "steps", "speed_factor", "backend", "every"} | RENDERED_BY
+RENDERED_BY = (
+    "seed", "scene.", "setting.name", "of_", "mesh_source", "room_seed", "trajectory_source", "use_camera", "camera.",
+    "compositing", "render.use_", "motion",
+)  # fmt: skip
+"""Properties that move or change the camera, as names that listeners get begin."""
+SHOWN_BY = ("preview", "steps", "setting.stream", "render.backend", *RENDERED_BY)
 """What a preview depends on."""
 
 _changed_s: dict[int, float] = {}  # by scene: the time of its last change that is not shown yet
@@ -257,9 +253,9 @@ def touch(scene: bpy.types.Scene, what: str = "steps") -> None:
         return
     if what != "preview_split":
         frame_preview.forget_drawn(scene)
-    if what not in SHOWN_BY:
+    if not what.startswith(SHOWN_BY):
         return
-    if what in RENDERED_BY:
+    if what.startswith(RENDERED_BY):
         frame_preview.forget(scene)
     if what == "preview":
         _changed_s[scene.session_uid] = 0.0

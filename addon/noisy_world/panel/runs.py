@@ -20,6 +20,9 @@ import bpy
 from ..core.errors import InputError, NoisyWorldError, StorageError
 from ..core.file_access import check_utf8_values, path_in
 from ..nodes.datablocks import override
+from ..perturbations import registry
+from ..perturbations.parsing import parse_settings
+from ..perturbations.steps import Setting
 from ..preset.keys import Preset, PresetSpec, read_preset
 from ..preset.scene_keys import SceneKeys
 from ..render.own_stills import COPY, StillRequest, write_request
@@ -29,9 +32,10 @@ from ..sources.blender_process import background_command
 from ..sources.scene_kinds import SceneEntry
 from . import open_scene
 from .background import BackgroundRun, BackgroundSeries
-from .document import PANEL, PANEL_SOURCES, preset_of, shown_as, to_document
+from .document import PANEL, preset_of, to_document
 from .open_scene import output_folder
 from .properties import panel_of
+from .source_views import PANEL_SOURCES, shown_as
 from .wording import spoken
 
 STOPPED = "Stopped; finished frames stay, and Generate continues from there"
@@ -174,7 +178,7 @@ def saved_preset(panel: Any) -> Path | None:
         return None
 
 
-def _placed(preset: Preset) -> tuple[PresetSpec, list[SceneKeys]]:
+def _placed(preset: Preset) -> tuple[PresetSpec, list[SceneKeys], tuple[Setting, ...]]:
     """Return a preset's content with absolute paths and the camera written out, as the panel has them."""
     found = []
     entries = read_scenes(preset)
@@ -185,14 +189,15 @@ def _placed(preset: Preset) -> tuple[PresetSpec, list[SceneKeys]]:
                 return text
             return path_in(preset.folder, text, entry.place.at(key)).resolve().as_posix()
 
-        source = PANEL_SOURCES.get(shown_as(entry))
-        given: dict[str, Any] = {key: whole(getattr(entry.keys, key), key) for key in (source.files if source else ())}
+        files = PANEL_SOURCES[shown_as(entry)].files
+        given: dict[str, Any] = {key: whole(getattr(entry.keys, key), key) for key in files}
         if (path := getattr(entry.keys, "trajectory", None)) is not None:
             given["trajectory"] = replace(path, file=whole(path.file, "trajectory"))
         found.append(replace(entry.keys, **given))
-    own = any(source.lens_field for entry in entries if (source := PANEL_SOURCES.get(shown_as(entry))))
+    own = any(PANEL_SOURCES[shown_as(entry)].own_lens for entry in entries)
     camera = preset.spec.camera if own else preset.spec.mesh_camera
-    return replace(preset.spec, scenes=(), camera=camera, data=None), found
+    settings = parse_settings(preset.spec.settings, preset.setting_places, registry(), preset.spec.render.backend)
+    return replace(preset.spec, scenes=(), settings=(), camera=camera, data=None), found, settings
 
 
 def temporary_preset(document: dict[str, Any], folder: Path, name: str = "noisy_world") -> Path:

@@ -21,12 +21,14 @@ from ..perturbations.kinds import ExposurePerturbation
 from ..perturbations.parsing import DEVICE, parse_steps
 from ..preset.camera_devices import CAMERA_DEVICES, with_device
 from ..preset.keys import CameraSpec
-from .document import CAMERA, INTRINSICS, PANEL, Part, can_apply, shown
-from .fields import EMBREE, notify_once, set_value, tell
+from .document import INTRINSICS, PANEL, Part, can_apply
+from .fields import EMBREE, notify_once, tell
 from .gallery import listed, own_folder, preset_label, shipped_folder
 from .operators import UNDOABLE, OnScene, guarded
-from .properties import panel_of, take_distortion
-from .steps import put_step
+from .properties import panel_of
+from .source_views import shown
+from .steps import in_order, put_entry
+from .tree import set_value, take, taking
 
 LABELS: dict[str, str] = {
     "SCENE": "Scene", "PATH": "Trajectory", "CAMERA": "Camera", "PERTURBATIONS": "Perturbation",
@@ -58,7 +60,7 @@ def take_camera(panel: Any, path: Path) -> str:
     camera = read_camera_file(path)
     with notify_once():
         for name in INTRINSICS:
-            set_value(panel, name, getattr(camera, name))
+            set_value(panel.camera, name, getattr(camera, f"{name}_px"))
     return f"{camera.width_px} x {camera.height_px}, fx {camera.fx_px:g}, fy {camera.fy_px:g}, from {path.name}"
 
 
@@ -162,19 +164,19 @@ def use_camera(panel: Any, name: str, *, electronics: bool) -> str:
     place = ConfigPath(PANEL, "camera")
     camera = parse(CameraSpec, with_device({"camera": {"device": name}}, ConfigPath(PANEL))["camera"], place)
     source = shown(panel)
-    if not source.gives_lens(panel):
+    if source.own_lens and not panel.use_camera:
         raise InputError(PANEL, "this scene's own camera is used", where="camera", remedy="choose to give one here")
     steps = parse_steps([{DEVICE: name}], place, registry()) if electronics else ()
-    rolls = panel.engine == EMBREE
+    rolls = panel.render.engine == EMBREE
     left = [step for step in steps if isinstance(step.perturbation, ExposurePerturbation) and not rolls]
     with notify_once():
-        for field in INTRINSICS:
-            set_value(panel, field, getattr(camera, CAMERA[field]))
-        if source.distorts and not source.own_distortion:
-            take_distortion(panel, camera.distortion)
-        for step in steps:
+        given = with_device({"camera": {"device": name}}, ConfigPath(PANEL))["camera"]
+        with taking():
+            take(panel.camera, camera, given, leave=("near_m", "far_m"))
+            panel.use_camera = True
+        for step, (kind, values) in zip(steps, in_order([{DEVICE: name}] if electronics else [], place), strict=True):
             if step not in left:
-                put_step(panel, step)
+                put_entry(panel, kind, values, step.occurrence)
         tell("steps")(panel, bpy.context)
     said = f"{CAMERA_DEVICES[name].label}: {camera.width} x {camera.height}, fx {camera.fx:g}, fy {camera.fy:g}"
     return f"{said}; rows are read one by one with Embree alone, so that was left out" if left else said
@@ -203,7 +205,7 @@ class NOISYWORLD_PT_cameras(bpy.types.Panel):
 
 def picture_of(name: str) -> int:
     """Return Blender's number of a camera's picture; 0, which draws none, before registration."""
-    return _loaded[0][name].icon_id if _loaded and name in _loaded[0] else 0
+    return _loaded[0][name].icon_id if _loaded else 0
 
 
 def draw_choice(layout: bpy.types.UILayout) -> None:
@@ -219,8 +221,6 @@ def register_real_cameras() -> None:
     """Load the pictures, and register the classes."""
     pictures = bpy.utils.previews.new()
     for name in CAMERA_DEVICES:
-        if not (PICTURES / f"{name}.jpg").is_file():  # a package's camera
-            continue
         pictures.load(name, utf8_name(PICTURES / f"{name}.jpg"), "IMAGE")
     _loaded.append(pictures)
     _register()

@@ -8,7 +8,6 @@ import bpy.utils.previews
 import numpy as np
 from numpy.typing import NDArray
 
-from ..channels import CHANNELS
 from ..core.errors import NoisyWorldError
 from ..core.geometry import rotvec_from_rotation
 from ..core.schema import ConfigPath
@@ -20,14 +19,18 @@ from ..perturbations.execution import move
 from ..perturbations.kinds import MotionPerturbation, Stage
 from ..perturbations.parsing import parse_steps
 from ..perturbations.steps import steps_of_kind
-from . import bake_exposure, document, gallery, generate, loading, operators, preview, section_presets, views
+from ..preset.keys import OutputSpec, PresetSpec, RenderSpec, RigSpec, SettingSpec
+from ..preset.scene_keys import HandheldSpec, TrajectorySpec
+from . import bake_exposure, gallery, generate, loading, operators, preview, section_presets, source_views, views
 from . import drawn_paths as paths
-from .document import NO_BODY, PANEL, identifiers_of, shown, values_of
+from .document import APART, OF_FILES, PANEL, identifiers_of, values_of
+from .drawing import draw_body, draw_distortion, draw_given, draw_imu, draw_keys, draw_lines
 from .fields import CAMERA, DEVIATION, OUTPUT, PERTURBATIONS, SCENE, TRAJECTORY
 from .gallery import BENCHMARK, PACKAGES, PHYSICAL, Offered, line_on, offered, short_label
 from .own_objects import own_object
-from .properties import active_step, draw_distortion, draw_imu, panel_of, perturbation_of
+from .properties import active_step, own_step, panel_of, perturbation_of
 from .sidebar import write
+from .source_views import shown
 from .steps import draw_step, other_rate, without_effect
 
 # A small picture of what a perturbation of motion does: how it moves and turns the camera in time, and how often.
@@ -161,6 +164,9 @@ def unregister_motion_plot() -> None:
 
 
 TAB = "Noisy World"
+WALK = ("frames", "rate_hz", "speed_m_s", "clearance_m")
+OUTPUT_DRAWN = ("layout", "image", "colour", "depth_scale_per_m", "depth_beyond", "modalities", "overview")
+"""The keys of paths made here and of the output that are drawn whether the preset gives them or not."""
 STAGE_LABELS: "dict[Stage, tuple[str, IconItems]]" = {
     "motion": ("Motion", "CON_FOLLOWPATH"),
     "exposure": ("Exposure", "MOD_TIME"),
@@ -220,7 +226,8 @@ class NOISYWORLD_PT_scene(PanelSection, bpy.types.Panel):
         layout.prop(panel, "mesh_source")
         source = shown(panel)
         source.draw(layout, panel)
-        layout.prop(panel, "scene_name")
+        layout.prop(panel.scene, "name")
+        draw_lines(layout, panel.other_scenes)
         if not source.loads:
             return
         layout.operator("noisy_world.load_scene", icon="MESH_DATA")
@@ -239,23 +246,24 @@ class NOISYWORLD_PT_trajectory(PanelSection, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         """Draw it."""
         layout, panel = self.fields(context), panel_of(context.scene)
-        if document.is_shown(panel):
+        if source_views.shows_footage(panel):
             shown(panel).draw_path(layout, panel)
             return
         layout.prop(panel, "trajectory_source", text="Path")
-        if panel.trajectory_source == "FILE":
-            layout.prop(panel, "trajectory_path")
-            names = ("trajectory_format", "trajectory_pose", "trajectory_axes", "trajectory_rate_hz")
-            names += ("trajectory_stamp_unit",)
-        elif panel.trajectory_source == "CAMERA":
-            names = ()
-        else:
-            names = ("handheld_frames", "handheld_rate_hz", "handheld_speed_m_s", "handheld_clearance_m")
+        path = panel.scene.trajectory
         column = layout.column(align=True)
+        if panel.trajectory_source == "FILE":
+            layout.prop(path, "file")
+            for name in OF_FILES[1:]:
+                column.prop(path, name)
+        elif panel.trajectory_source == "HANDHELD":
+            for name in WALK:
+                column.prop(path.handheld, name)
+            draw_given(column, path.handheld, HandheldSpec, leave=WALK)
         if panel.trajectory_source != "CAMERA":
-            names += ("body",) if panel.body == NO_BODY else ("body", "body_motion")
-        for name in (*names, "every"):
-            column.prop(panel, name)
+            draw_body(column, path)
+            draw_given(column, path, TrajectorySpec, leave=(*OF_FILES, "handheld", "body", "every"))
+        column.prop(path, "every")
         layout.operator("noisy_world.load_trajectory", icon="CON_FOLLOWPATH")
         if message := loading.path_summary(context.scene):
             layout.label(text=message, icon="CHECKMARK")
@@ -272,7 +280,7 @@ class NOISYWORLD_PT_deviation(PanelSection, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         """Draw it."""
         layout, panel = self.fields(context), panel_of(context.scene)
-        if not document.is_shown(panel) or panel.deviation_rotation or panel.deviation_translation_m:
+        if not source_views.shows_footage(panel) or own_step(panel, "motion_deviation") is not None:
             column = layout.column(align=True)
             column.prop(panel, "deviation_rotation")
             column.prop(panel, "deviation_translation_m")
@@ -292,19 +300,19 @@ class NOISYWORLD_PT_camera(PanelSection, bpy.types.Panel):
         layout, panel = self.fields(context), panel_of(context.scene)
         source = shown(panel)
         if source.own_distortion:
-            draw_distortion(layout, panel, rendered=False)
-        if source.lens_field:
-            layout.prop(panel, source.lens_field)
-            if not source.gives_lens(panel):
+            draw_distortion(layout, source.group(panel), rendered=False)
+        if source.own_lens:
+            layout.prop(panel, "use_camera", text="Give Intrinsics")
+            if not panel.use_camera:
                 return
         section_presets.draw_choice(layout)
         layout.operator("noisy_world.camera_from_file", text="From File", icon="FILE_FOLDER")
-        for names in (("width_px", "height_px"), ("fx_px", "fy_px"), ("cx_px", "cy_px"), ("near_m", "far_m")):
+        for names in (("width", "height"), ("fx", "fy"), ("cx", "cy"), ("near_m", "far_m")):
             column = layout.column(align=True)
             for name in names:
-                column.prop(panel, name)
+                column.prop(panel.camera, name)
         if source.distorts and not source.own_distortion:
-            draw_distortion(layout, panel, rendered=source.loads)
+            draw_distortion(layout, panel.camera, rendered=source.loads)
         if source.loads and own_object(context.scene, "camera") is None:
             layout.operator("noisy_world.set_camera", icon="CAMERA_DATA")
 
@@ -431,29 +439,36 @@ class NOISYWORLD_PT_output(PanelSection, bpy.types.Panel):
         """Draw it."""
         layout, panel = self.fields(context), panel_of(context.scene)
         column = layout.column(align=True)
-        source = shown(panel)
-        if source.render_field:
-            column.prop(panel, source.render_field)
-        for name in ("engine", "samples") if source.gives_render(panel) else ():
-            column.prop(panel, name)
-        column.prop(panel, "backend")
+        source, render, output = shown(panel), panel.render, panel.output
+        if source.own_render:
+            draw_keys(column, render, RenderSpec, only=("engine", "samples"), ticked=True)
+        elif not source_views.shows_footage(panel):
+            draw_keys(column, render, RenderSpec, only=("engine", "samples"))
+        column.prop(render, "backend")
+        draw_given(column, render, RenderSpec, leave=("engine", "samples", "backend"))
         column = layout.column(align=True)
-        column.prop(panel, "layout")
+        column.prop(output, "layout")
         row = column.row(align=True)
-        row.enabled = len(LAYOUTS[panel.layout].images) > 1
-        row.prop(panel, "image")
-        column.prop(panel, "colour")
+        row.enabled = len(LAYOUTS[output.layout].images) > 1
+        row.prop(output, "image")
+        column.prop(output, "colour")
         column = layout.column(align=True)
-        column.enabled = panel.use_depth
-        column.prop(panel, "depth_scale_per_m")
-        column.prop(panel, "depth_beyond")
+        column.enabled = "depth" in output.modalities
+        column.prop(output, "depth_scale_per_m")
+        column.prop(output, "depth_beyond")
         if source.carries:
-            draw_imu(layout, panel)
-        column = layout.column(heading="Write", align=True)
-        for name in (*(f"use_{channel}" for channel in CHANNELS), "overview"):
-            column.prop(panel, name)
+            draw_imu(layout, panel.rig)
+            draw_given(layout, panel.rig, RigSpec, leave=("imu",))
+        column = layout.column(align=True)
+        column.prop(output, "modalities")
+        draw_given(column, output, OutputSpec, leave=OUTPUT_DRAWN)
+        column = layout.column(align=True)
+        column.prop(output, "overview")
         column.prop(panel, "use_clean")
-        layout.prop(panel, "setting_name")
+        draw_given(layout, panel, PresetSpec, leave=("seed", "camera", "rig", "render", "output", *APART))
+        layout.prop(panel.setting, "name")
+        draw_given(layout, panel.setting, SettingSpec, leave=("name", "perturb", "sweep", "include"))
+        draw_lines(layout, panel.other_settings)
         layout.prop(panel, "output_folder")
         generate.draw(layout, context)
 

@@ -13,12 +13,10 @@ import bpy
 from ..core.errors import Action, InputError, NoisyWorldError, offers
 from ..core.schema import ConfigPath
 from ..perturbations import registry
-from ..perturbations.parsing import parse_settings, swept
-from ..perturbations.steps import Setting
-from ..preset.keys import Preset, SettingSpec, check_document, read_preset
+from ..preset.keys import Preset, check_document, read_preset
 from . import open_scene
 from .background import BackgroundRun, BackgroundSeries, SeriesTask
-from .document import CLEAN, PANEL, perturb_of, setting_of, show_setting, to_document
+from .document import CLEAN, PANEL, perturb_of, setting_name, setting_of, show_setting, to_document
 from .fields import notify_once
 from .generate import NoisyWorldGenerate, draw_progress, operators
 from .open_scene import absolute, folder_of
@@ -93,7 +91,7 @@ def preset_of_shot(scene: bpy.types.Scene, shot: Any) -> Preset:
             document = to_document(panel)  # with the severities that are keyed in the shot's frames
         except NoisyWorldError as error:
             raise InputError(f"{WHERE} > {shot.name}", error.message) from error
-    step = scene.frame_step * panel.every
+    step = scene.frame_step * panel.scene.trajectory.every
     frames = f"{shot.frame_start}:{shot.frame_end}" + (f":{step}" if step > 1 else "")
     document["scenes"][0] |= {"blend": str(blend), "camera": shot.camera.name, "frames": frames}
     document |= {"seed": shot.seed} | ({"settings": own} if own else {})
@@ -122,7 +120,7 @@ def kept_list(panel: Any) -> str:
     """Return what the panel does to a scene as a text that a shot can hold; "" where a severity is keyed."""
     if any(step.enabled and curve_of(step) is not None for step in panel.steps):
         return ""  # a curve belongs to the timeline
-    return json.dumps({"name": panel.setting_name, "perturb": perturb_of(panel)}, ensure_ascii=False)
+    return json.dumps({"name": setting_name(panel), "perturb": perturb_of(panel)}, ensure_ascii=False)
 
 
 def _own_settings(panel: Any, shot: Any) -> list[dict[str, Any]]:
@@ -137,18 +135,8 @@ def _own_settings(panel: Any, shot: Any) -> list[dict[str, Any]]:
 def _preset_setting(shot: Any) -> dict[str, Any]:
     """Return the setting that a shot takes from a preset, as a preset has it; one of a sweep is written out."""
     preset, chosen = _of_preset(shot)
-    for spec, place in zip(preset.spec.settings, preset.setting_places, strict=True):
-        if spec.sweep is None:
-            made = [(spec.name, spec.stream, list(spec.perturb))]
-        else:
-            found = swept(spec.sweep, place.at("sweep"), registry())
-            made = [(name, stream, [step]) for name, stream, step, _ in found]
-        for name, stream, perturb in made:
-            if name == chosen.name:
-                drawn_by = {} if stream is None else {"stream": stream}
-                timed = [with_rate(panel_of(shot.id_data), step) for step in perturb]
-                return {"name": name, "perturb": timed, "backend": chosen.backend, **drawn_by}
-    raise AssertionError(f"{chosen.name} is one of the preset's settings")
+    timed = [with_rate(panel_of(shot.id_data), step) for step in chosen["perturb"]]
+    return {"backend": preset.spec.render.backend, **chosen, "perturb": timed}
 
 
 def with_rate(panel: Any, step: dict[str, Any]) -> dict[str, Any]:
@@ -166,7 +154,7 @@ def _own(shot: Any) -> dict[str, Any]:
     return json.loads(shot.own_list)
 
 
-def _of_preset(shot: Any) -> tuple[Preset, Setting]:
+def _of_preset(shot: Any) -> tuple[Preset, dict[str, Any]]:
     if not shot.preset:
         raise problem(shot, "names no preset", "choose one")
     preset = read_preset(Path(absolute(shot.preset)))
@@ -183,23 +171,18 @@ def show_shot(scene: bpy.types.Scene, shot: Any) -> str:
         scene.camera, scene.frame_start, scene.frame_end = shot.camera, shot.frame_start, shot.frame_end
         panel.seed = shot.seed
         if chosen is not None:
-            show_setting(panel, chosen)
+            show_setting(panel, chosen, ConfigPath(PANEL, "settings.0"))
     if not shot.frame_start <= scene.frame_current <= shot.frame_end:
         scene.frame_set(shot.frame_start)
     took = "" if chosen is None else ", and its perturbations are in the list"
     return f"{shot.name}: camera, frames and seed are the shot's{took}"
 
 
-def _shown_setting(shot: Any) -> Setting | None:
+def _shown_setting(shot: Any) -> dict[str, Any] | None:
     """Return the setting that a shot has of its own; None where it has the panel's list."""
     if shot.perturbations == PRESET_LIST:
         return _of_preset(shot)[1]
-    if shot.perturbations == PANEL_LIST:
-        return None
-    own = _own(shot)
-    spec = SettingSpec(name=own["name"], perturb=tuple(own["perturb"]))
-    (found,) = parse_settings([spec], [ConfigPath(PANEL, "settings.0")], registry(), panel_of(shot.id_data).backend)
-    return found
+    return None if shot.perturbations == PANEL_LIST else _own(shot)
 
 
 STOPPED = "Stopped; finished frames stay, and Generate Shots continues from there"

@@ -25,7 +25,7 @@ def write(
 
     dialog: the width of the dialog that it stands in, in pixels at a scale of 1; 0 for none.
     """
-    scale = context.preferences.system.ui_scale
+    scale = context.preferences.system.ui_scale or 1.0  # 0 without a window
     width = dialog * scale if dialog else 220 * scale if context.region is None else context.region.width
     letters = max(16, int((width / scale - 60 - taken) / 6.2))
     column = layout.column(align=True)

@@ -2,7 +2,7 @@
 """The list of perturbations: its order, severities that are keyed, and the fields of the selected entry."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import fields
 from typing import Any
 
@@ -10,14 +10,17 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
+from ..core.schema import ConfigPath, parse
 from ..nodes.chain_scene import action_bag
 from ..nodes.datablocks import action_of, fcurves_of, interpolation, new_action
 from ..perturbations import registry
-from ..perturbations.kinds import SEQUENCE_KINDS, SEVERITIES, DepthPerturbation, Perturbation
-from ..perturbations.steps import Step
-from .fields import notify_once, property_name, set_value, value_of
+from ..perturbations.kinds import SEQUENCE_KINDS, SEVERITIES, DepthPerturbation, Perturbation, propagation_key
+from ..perturbations.parsing import written_out
+from ..perturbations.steps import DEFAULT_SEVERITY
+from .fields import notify_once
 from .open_scene import follows, frame_range, is_shown, scene_frames
-from .properties import OVERRIDE, parameters_of, perturbation_of
+from .properties import parameters_of, perturbation_of
+from .tree import GIVEN, property_name, set_value, take, taking, to_line, value_of
 
 # Severities that are keyed on the timeline, frame by frame as presets hold them; and keys that nothing honours.
 
@@ -149,41 +152,49 @@ RATE = "frame_rate_hz"  # the parameter of what counts time by frames
 SAME_RATE = 1e-3  # of a rate: a difference that nobody sees
 
 
-def take_step(item: Any, step: Step, *, speed_factor: int = 1) -> None:
-    """Fill an entry of the list from a preset's step. speed_factor: of the path, for what is keyed along it."""
-    item.perturbation = step.perturbation.name
-    group = parameters_of(item)
-    item.mode = "static" if step.levels is None or step.keyed else "dynamic"
-    item.use_severity = step.severity is not None or step.keyed or not step.perturbation.severities
-    if step.severity is not None:
-        set_value(item, "severity", step.severity)
-    if step.perturbation.temporals:
-        item.temporal = step.temporal
-    for name, value in step.given.items():
-        if name in step.perturbation.severities:
-            setattr(group, OVERRIDE + name, True)  # first, as this sets the parameter to the severity's value
-        set_value(group, name, value)
-    if step.keyed and step.levels is not None:
-        item.severity = step.levels[0]
-        frames = scene_frames(item.id_data, len(step.levels) * speed_factor)[::speed_factor]
-        key_severity(item, step.levels, frames)
+def in_order(items: Sequence[Any], place: ConfigPath) -> list[tuple[str, Mapping[str, Any]]]:
+    """Return what a preset's `perturb` says of each perturbation, in propagation order, a device's written out."""
+    found = [(name, values or {}) for item, _ in written_out(items, place) for name, values in item.items()]
+    return sorted(found, key=lambda each: propagation_key(registry()[each[0]]))
 
 
-def put_step(panel: Any, step: Step) -> bool:
+def take_entry(item: Any, name: str, values: Mapping[str, Any], *, speed_factor: int = 1) -> None:
+    """Fill an entry of the list from what a preset says. speed_factor: of the path, for what is keyed along it."""
+    perturbation = registry()[name]
+    known = [field.name for field in fields(perturbation.parameters)]
+    given = {key: value for key, value in values.items() if key in known}
+    place = ConfigPath(name)
+    mode, levels = values.get("mode", "static"), values.get("levels")
+    with taking():
+        item.perturbation = name
+        item.mode = "dynamic" if mode == "dynamic" else "static"
+        item.levels = to_line(levels) if mode == "dynamic" and levels else ""
+        item.use_severity = not perturbation.severities or "severity" in values or mode != "static" or not given
+        set_value(item, "severity", values.get("severity", DEFAULT_SEVERITY))
+        if perturbation.temporals:
+            item.temporal = values.get("temporal", perturbation.temporals[0])
+        take(parameters_of(item), parse(perturbation.parameters, given, place), given)
+    if mode == "keyed" and levels:
+        item.severity = levels[0]
+        frames = scene_frames(item.id_data, len(levels) * speed_factor)[::speed_factor]
+        key_severity(item, levels, frames)
+
+
+def put_entry(panel: Any, name: str, values: Mapping[str, Any], occurrence: int) -> bool:
     """Let the list hold a preset's step: in place of the entry of its name, else added; tell whether there was one.
 
-    Of several entries of this name, the one with the step's own place among them is replaced.
+    occurrence: its own place among those of its name; the entry with the same one is replaced.
     """
-    same = [index for index, item in enumerate(panel.steps) if item.perturbation == step.perturbation.name]
-    place = same[step.occurrence] if step.occurrence < len(same) else None
+    same = [index for index, item in enumerate(panel.steps) if item.perturbation == name]
+    place = same[occurrence] if occurrence < len(same) else None
     if place is not None:
         remove_entry(panel, place)
-    made = add_step(panel, step.perturbation.name)
+    made = add_step(panel, name)
     if place is not None:
         move_entry(panel, made, place)
         panel.active_step = made = place
-    take_step(panel.steps[made], step, speed_factor=panel.speed_factor)
-    if RATE not in step.given:
+    take_entry(panel.steps[made], name, values, speed_factor=panel.speed_factor)
+    if RATE not in values:
         take_rate(panel, panel.steps[made])
     return place is not None
 
@@ -359,11 +370,11 @@ def _draw_parameter(layout: bpy.types.UILayout, step: Any, perturbation: Perturb
         return
     label, row = _split_row(layout)
     label.label(text=group.bl_rna.properties[property_name(name)].name)
-    if getattr(group, OVERRIDE + name):
+    if getattr(group, GIVEN + name):
         row.prop(group, property_name(name), text="")
     else:
         row.label(text=_severity_value(step, perturbation, name))
-    row.prop(group, OVERRIDE + name, text="", icon="GREASEPENCIL")
+    row.prop(group, GIVEN + name, text="", icon="GREASEPENCIL")
 
 
 def _severity_value(step: Any, perturbation: Perturbation, name: str) -> str:

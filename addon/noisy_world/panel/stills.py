@@ -27,17 +27,18 @@ from ..render.own_stills import OwnStill, StillRequest, render_own_still, render
 from ..render.own_view import sampled_camera, shots_at
 from ..render.source import RenderedFrame
 from ..sources.renderers import lens_of
-from . import document, exclusions, loading, open_scene
+from . import exclusions, loading, open_scene, source_views
 from .document import PANEL, engine_of, intrinsics_of, motion_of, preset_of, recorded
 from .drawn_paths import clean_poses, clean_stamps_s, deviated_poses
 from .fields import EMBREE
 from .open_scene import keeps_compositing
 from .properties import ITEMS, panel_of
+from .tree import value_of
 
 
 def path_frames(scene: bpy.types.Scene) -> NDArray[Any]:
     """Return the scene frame of each pose of the clean path, whole or not."""
-    if document.is_shown(panel_of(scene)):
+    if source_views.shows_footage(panel_of(scene)):
         return np.arange(len(recorded(panel_of(scene)).stamps_s))
     stamps_s = clean_stamps_s(scene)
     return open_scene.scene_frames(scene, len(stamps_s), stamps_s)
@@ -46,8 +47,8 @@ def path_frames(scene: bpy.types.Scene) -> NDArray[Any]:
 def rendered(scene: bpy.types.Scene, frame: int) -> RenderedFrame:
     """Render the frame of a pose: of a mesh it is the scene frame of this number; of a recording, read its frame."""
     panel = panel_of(scene)
-    if document.is_shown(panel):
-        return document.still(recorded(panel), frame)
+    if source_views.shows_footage(panel):
+        return source_views.still(recorded(panel), frame)
     if not open_scene.is_shown(panel):
         (still,) = render_stills(scene, [frame], empty=exclusions.shows_dataset(scene))
         return still
@@ -65,8 +66,8 @@ def request_of(scene: bpy.types.Scene, indices: Iterable[int]) -> StillRequest:
 def check_depth(scene: bpy.types.Scene) -> None:
     """Raise InputError where the dataset shows footage that has no depth."""
     panel = panel_of(scene)
-    if document.is_shown(panel) and not recorded(panel).source.capabilities.depth:
-        name = {item: label for item, label, _ in ITEMS}[panel.mesh_source]
+    if source_views.shows_footage(panel) and not recorded(panel).source.capabilities.depth:
+        name = {item: label for item, label, *_ in ITEMS}[panel.mesh_source]
         without = "take out what reads depth"
         remedy = without if panel.mesh_source == "RECORDING" else f"choose the folder of its depth, or {without}"
         raise InputError(f"Scene > {name}", "has no depth", remedy=remedy)
@@ -88,7 +89,7 @@ def own_still(scene: bpy.types.Scene, index: int) -> OwnStill:
     Raises InputError where the path has to be loaded first.
     """
     panel = panel_of(scene)
-    given = panel.render_source == "GIVEN"
+    given, sampled = panel.render.use_engine, panel.render.use_samples
     open_scene.check(scene)
     follows = open_scene.follows(panel)
     c2w = clean_poses(scene) if loading.has_current_path(scene) else None
@@ -110,19 +111,19 @@ def own_still(scene: bpy.types.Scene, index: int) -> OwnStill:
         c2w=None if keyed is None or (moved is None and follows) else keyed[index],
         follows=follows,
         intrinsics=intrinsics_of(panel),
-        clip_m=(panel.near_m, panel.far_m) if panel.lens_source == "GIVEN" else None,
+        clip_m=(panel.camera.near_m, panel.camera.far_m) if panel.use_camera else None,
         engine=_engine(panel) if given else None,
-        samples=panel.samples if given else None,
-        seed=render_seed(panel.seed),
+        samples=panel.render.samples if sampled else None,
+        seed=render_seed(value_of(panel, "seed")),
         keep_compositor=keeps_compositing(scene),
-        depth_alpha=panel.depth_alpha,
+        depth_alpha=panel.of_blend.depth_alpha,
         lens=_lens(panel),
     )
 
 
 def _lens(panel: Any) -> Distortion | None:
     """Return the lens that distorts what the panel's camera sees. Raises InputError where it cannot."""
-    if panel.lens_source != "GIVEN" or not panel.distorts:
+    if not panel.use_camera or not panel.camera.use_distortion:
         return None
     preset = preset_of(panel)
     assert preset.spec.camera is not None, "the panel gives it"
@@ -240,7 +241,7 @@ def shown_path(scene: bpy.types.Scene, sources: Collection[int]) -> Trajectory |
     frames alone. Raises NoisyWorldError where a recording cannot be read or a perturbation breaks its contract.
     """
     panel = panel_of(scene)
-    if document.is_shown(panel):
+    if source_views.shows_footage(panel):
         return recorded(panel).path
     c2w = None if _waits(scene) else clean_poses(scene)
     if c2w is not None:

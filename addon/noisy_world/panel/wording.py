@@ -11,7 +11,7 @@ from ..perturbations import registry
 from ..preset.keys import PresetSpec
 from ..sources import SOURCES
 from .document import PANEL
-from .fields import CAMERA, DEVIATION, OUTPUT, PERTURBATIONS, SCENE, SECTIONS, SHOWN, TRAJECTORY, ShownField
+from .fields import CAMERA, DEVIATION, OUTPUT, PERTURBATIONS, SCENE, SHOWN, TRAJECTORY, ShownField
 from .properties import NoisyWorldStep
 
 ACTIONS = {
@@ -21,7 +21,7 @@ ACTIONS = {
     Action.RUN_AGAIN: "press Generate again",
     Action.NAME_CAMERA: "make one of its cameras the scene's",
     Action.OTHER_CAMERA: "make another camera the scene's",
-    Action.GIVE_CAMERA: f"choose {CAMERA} > Intrinsics: As Given, and numbers that then hold",
+    Action.GIVE_CAMERA: f"tick {CAMERA} > Give Intrinsics, and choose numbers that then hold",
     Action.OTHER_FRAMES: "choose another range of frames in the timeline",
 }
 """How each thing that a user may do is done here."""
@@ -30,12 +30,9 @@ _WITHOUT_PROPERTY = {
     "scenes": SCENE,
     "scenes.blend": "This Scene", "scenes.scene": "This Scene", "scenes.camera": f"{TRAJECTORY} > Scene Camera",
     "scenes.frames": f"{TRAJECTORY} > Scene Camera", "settings": PERTURBATIONS, "perturbations": PERTURBATIONS,
-    "motion": DEVIATION, "output.modalities": f"{OUTPUT} > Write",
+    "motion": DEVIATION,
 }  # fmt: skip
 """The field of the panel for keys that no property of its own gives; without the numbers of lists."""
-
-_CHOICES = {"output.modalities": {"[rgb]": "Color"}}
-"""Their choices in words, by the values that messages name."""
 
 _OF_STEP = {"levels": "severity"}
 """The property of an entry of the list that gives a key of another name."""
@@ -79,14 +76,21 @@ def _key(path: str, value: str) -> str:
     found = _shown(path) or next((shown for (_, key), shown in SHOWN.items() if key == name), None)
     if not value:
         return found.label.rpartition(" > ")[2] if found else path
-    return f"{found.label}: {found.choices.get(value, value)}" if found else f"{path}: {value} in the saved preset"
+    return f"{found.label}: {_chosen(found, value)}" if found else f"{path}: {value} in the saved preset"
+
+
+def _chosen(field: ShownField, value: str) -> str:
+    """Return a value, or each of a list in brackets, in the words of the field."""
+    if value[:1] == "[":
+        return ", ".join(field.choices.get(each.strip(), each) for each in value.strip("[]").split(","))
+    return field.choices.get(value, value)
 
 
 def _shown(path: str) -> ShownField | None:
     """Return the field or the section that shows all that a key is."""
     names = [name for name in path.split(".") if not name.isdigit()]
     if label := _WITHOUT_PROPERTY.get(".".join(names)):
-        return ShownField(label, _CHOICES.get(".".join(names), {}))
+        return ShownField(label, {})
     begins = [(PresetSpec, names)]
     if names[0] == "scenes":
         begins = [(kind.keys, names[1:]) for kind in SOURCES.values()]
@@ -94,10 +98,9 @@ def _shown(path: str) -> ShownField | None:
         on_path = list(fields_on(begin, ".".join(inner)))
         if not inner or len(on_path) < len(inner):
             continue
-        cls, name, inside = on_path[-1]
-        found = next((SHOWN[base, name] for base in cls.__mro__ if (base, name) in SHOWN), None)
-        if found or inside in SECTIONS:
-            return found or ShownField(SECTIONS[inside], {})
+        cls, name, _ = on_path[-1]
+        if found := next((SHOWN[base, name] for base in cls.__mro__ if (base, name) in SHOWN), None):
+            return found
     return None
 
 

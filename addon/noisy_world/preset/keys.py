@@ -23,6 +23,12 @@ from .sensor_keys import DepthCameraKeys, DistortionSpec, ImuKeys, check_depth_c
 # The keys of a preset's settings: one, several by a sweep, or those of another preset.
 
 
+BACKENDS = {
+    "compositor": Choice("Compositor", "Blender's compositor: the node groups that the preview shows"),
+    "reference": Choice("Reference", "The same perturbations in numpy and OpenCV"),
+}
+
+
 @dataclass(frozen=True)
 class SweepSpec:
     """Settings of one perturbation each: every name with every severity, mode and value of its parameters."""
@@ -79,6 +85,7 @@ class SettingSpec:
     backend: Literal["compositor", "reference"] | None = key(
         "what executes this setting's perturbations of colour, where it is not the preset's",
         default=None,
+        choices=BACKENDS,
         identity="meaning",
     )
 
@@ -441,14 +448,17 @@ class RenderSpec:
     backend: Literal["compositor", "reference"] = key(
         "what executes the perturbations of colour: Blender's compositor, as an artist sees it, or numpy and OpenCV",
         default="compositor",
-        choices={
-            "compositor": Choice("Compositor", "Blender's compositor: the node groups that the preview shows"),
-            "reference": Choice("Reference", "The same perturbations in numpy and OpenCV"),
-        },
+        choices=BACKENDS,
         identity="meaning",
     )
     device: Literal["cpu", "gpu"] = key(
-        "what Cycles renders on; a graphics card is used only where this asks for it", default="cpu", identity="meaning"
+        "what Cycles renders on; a graphics card is used only where this asks for it",
+        default="cpu",
+        choices={
+            "cpu": Choice("Processor", "Frames are the same on every computer"),
+            "gpu": Choice("Graphics Card", "Faster; frames depend on the card"),
+        },
+        identity="meaning",
     )
     samples: int = key(
         "rays a pixel, with embree at most: it casts more than one where colours differ; depth is the pixel centre's "
@@ -465,6 +475,10 @@ class RenderSpec:
     processors: Literal["same", "any"] = key(
         "whether all frames have to come from one kind of processor; any: results differ by 1/255 between kinds",
         default="same",
+        choices={
+            "same": Choice("Same", "All frames come from one kind of processor"),
+            "any": Choice("Any", "Frames may differ by 1/255 between kinds of processors"),
+        },
         identity="nothing",
     )
 

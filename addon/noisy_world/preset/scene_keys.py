@@ -53,6 +53,13 @@ class BodySpec:
 
     kind: BodyKind = key(
         "whose camera it is: that of a head that walks or runs, a small quadruped, a rover on a rough floor, a drone",
+        choices={
+            "walker": Choice("Walker", "A head that walks"),
+            "runner": Choice("Runner", "A head that runs"),
+            "quadruped": Choice("Quadruped", "A small robot on four legs that trots"),
+            "rover": Choice("Rover", "A robot on four wheels, on a rough floor"),
+            "drone": Choice("Drone", "A multicopter, which leans into its acceleration"),
+        },
         identity="meaning",
     )
     motion: float = key(

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from ..core.errors import Message, PresetKey, either
-from ..core.schema import ConfigPath, key
+from ..core.schema import Choice, ConfigPath, key
 from ..preset.keys import CameraSpec, Preset
 from ..preset.names import LAST_POSSIBLE, FrameRange, frame_range_problem
 from ..preset.scene_keys import PathKeys, check_trajectory
@@ -40,7 +40,13 @@ class BlendKeys(PathKeys):
         identity="meaning",
     )
     compositor: Literal["off", "keep"] = key(
-        "what becomes of the .blend's own compositor", default="off", identity="meaning"
+        "what becomes of the .blend's own compositor",
+        default="off",
+        choices={
+            "off": Choice("Off", "Frames are as rendered, before the compositing"),
+            "keep": Choice("Keep", "Frames are as the compositing makes them"),
+        },
+        identity="meaning",
     )
     depth_alpha: float = key(
         "depth of a .blend goes through what is less opaque than this",

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import ClassVar, Literal
 
 from ..core.errors import Message, Part, PresetKey
-from ..core.schema import ConfigPath, key
+from ..core.schema import Choice, ConfigPath, key
 from ..preset.scene_keys import PathKeys, check_trajectory
 from ..render.source import Source
 from ..scenes.polygon_mesh import EMBEDDED_ROOM, MEANT, ROOMS, is_embedded, room_name, room_seeds
@@ -29,11 +29,19 @@ class MeshKeys(PathKeys):
     up: Literal["y", "z"] | None = key(
         "the axis of the mesh's file that points up, where that is not what the file declares; y is turned to Z up",
         default=None,
+        choices={
+            "y": Choice("Y", "The file's y points up: it is turned to Z up"),
+            "z": Choice("Z", "The file's z points up, as Blender's does"),
+        },
         identity="meaning",
     )
     light: Literal["none", "scene"] = key(
         "how a mesh is lit: not at all, showing its base colours; or by the lights and materials of its file",
         default="none",
+        choices={
+            "none": Choice("None", "Not at all: its base colours are shown"),
+            "scene": Choice("Scene", "By the lights and materials of its file"),
+        },
         identity="meaning",
     )
 

@@ -77,9 +77,9 @@ def photograph(name: str) -> at.Steps:
 def load_room() -> at.Steps:
     """Load a room of six walls: on a processor, drawing the embedded one again and again takes minutes."""
     item = settings()
-    item.mesh_source, item.mesh_path = "FILE", str(FOLDER / "mesh.ply")
-    item.width_px, item.height_px, item.fx_px, item.fy_px = 800, 450, 400, 400
-    item.cx_px, item.cy_px = 399.5, 224.5
+    item.mesh_source, item.of_mesh.mesh = "FILE", str(FOLDER / "mesh.ply")
+    item.camera.width, item.camera.height, item.camera.fx, item.camera.fy = 800, 450, 400, 400
+    item.camera.cx, item.camera.cy = 399.5, 224.5
     yield from at.push("noisy_world.load_scene")
     yield lambda: any(item.type == "MESH" for item in bpy.data.objects)
 
@@ -88,8 +88,8 @@ def load_path() -> at.Steps:
     """Load the path from its file, let the camera deviate from it, and look at both from above."""
     yield from at.choose("noisy_world.trajectory_source", "F")
     yield lambda: settings().trajectory_source == "FILE"
-    yield from at.fill_in("noisy_world.trajectory_path", str(FOLDER / "trajectory.txt"))
-    yield lambda: settings().trajectory_path == str(FOLDER / "trajectory.txt")
+    yield from at.fill_in("noisy_world.scene.trajectory.file", str(FOLDER / "trajectory.txt"))
+    yield lambda: settings().scene.trajectory.file == str(FOLDER / "trajectory.txt")
     yield from at.push("noisy_world.load_trajectory")
     yield lambda: bpy.context.scene.camera is not None
     assert bpy.context.scene.frame_end == FRAMES - 1, bpy.context.scene.frame_end
@@ -259,7 +259,7 @@ def this_scene() -> at.Steps:
     yield from at.choose("noisy_world.mesh_source", "T")
     yield lambda: settings().trajectory_source == "CAMERA"
     item = settings()
-    item.scene_name, item.image, item.output_folder = "hall", "png", str(FOLDER / "own")
+    item.scene.name, item.output.image, item.output_folder = "hall", "png", str(FOLDER / "own")
     for name in ("fog_depth", "motion_blur"):
         bpy.ops.noisy_world.add_step(perturbation=name)
     yield from at.fill_in("noisy_world.deviation_translation_m", "0.05")
