@@ -61,8 +61,8 @@ def test_a_journal_leads_nowhere_else(unfinished, tmp_path, name):
     digest = hashlib.sha256(kept.read_bytes()).hexdigest()
     # A frame with this one file is incomplete, and files of incomplete frames are removed.
     for frame in (0, 5, 77, -1):
-        record = {"frame": frame, "time_s": max(frame, 0) / 20, "sha256": {name: digest}}
-        with (out / ".noisy_world/clean/box/journal-0.jsonl").open("a") as journal:
+        record = {"sequence": "clean/box", "frame": frame, "time_s": max(frame, 0) / 20, "sha256": {name: digest}}
+        with (out / ".noisy_world/journal-0.box.jsonl").open("a") as journal:
             journal.write(json.dumps(record) + "\n")
     run(preset, out, frames=slice(0, 4))
     assert kept.read_text() == "somebody's"
@@ -280,7 +280,7 @@ def test_changed_records_are_not_believed_though_they_could_be(finished, tmp_pat
 
 def test_a_journal_that_says_what_is_not_planned_is_not_believed(unfinished, tmp_path):
     preset, out = unfinished
-    path = out / ".noisy_world/fog/box/journal-0.jsonl"
+    path = out / ".noisy_world/journal-0.box.jsonl"
     text = path.read_text()
     assert '"severity": 3' in text
     path.write_text(text.replace('"severity": 3', '"severity": 5', 1))

@@ -116,7 +116,7 @@ def test_a_crash_at_every_step_costs_nothing(tmp_path):
 def test_a_torn_journal_line_is_dropped(world, whole, tmp_path):
     out = tmp_path / "torn"
     stop_before(2, world, out)
-    (journal,) = (out / ".noisy_world" / "clean" / "box").glob("journal-0.jsonl")
+    (journal,) = (out / ".noisy_world").glob("journal-0.box.jsonl")
     data = journal.read_bytes()
     assert data.count(b"\n") >= 1
     journal.write_bytes(data + data[: len(data) // 2].replace(b"\n", b""))
@@ -311,7 +311,7 @@ def test_the_lock_goes_with_its_process(tmp_path):
 import os, sys, time
 sys.path.insert(0, {str(ROOT / "addon")!r})
 from pathlib import Path
-from noisy_world.core.datasets.storage import FolderLock
+from noisy_world.core.atomic_files import FolderLock
 lock = FolderLock(Path({str(path)!r}))
 print("taken", flush=True)
 time.sleep(60)

@@ -5,14 +5,15 @@ import contextlib
 import errno
 import json
 import os
+import re
 import threading
-from collections import OrderedDict
-from collections.abc import Iterable, Iterator
+from array import array
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, BinaryIO, ClassVar, cast
+from typing import Any, BinaryIO
 
-from .atomic_files import storage_errors
+from .atomic_files import link_on_the_way, storage_errors, write_atomic
 from .depth_range import OutOfRange
 from .file_access import open_regular, open_text, read_bytes, read_text
 from .json_text import finite_number, parse_json
@@ -125,69 +126,74 @@ def joined_records(records: Iterable[FrameRecord]) -> dict[int, FrameRecord]:
 
 
 # Journals: the records of finished frames, a line for each, which a process appends while it works.
+#
+# A process has one for each scene, `journal-NAME.SCENE.jsonl` in the working folder of a dataset; a line begins with
+# the sequence that it is of. Earlier versions had one for each sequence, `SETTING/SCENE/journal-NAME.jsonl`, which is
+# read.
 
 
+JOURNALS = "journal-*.jsonl"
+KEPT = "kept"  # the name of the journal of what was left of others
 AT_ONCE = 500  # records that are written together, when many are there: some 200 kB
-MOST_OPEN = 100  # journals at once; chosen: of the 256 files that a process may have open on some systems
+SEQUENCE = re.compile("[A-Za-z0-9][A-Za-z0-9._-]*/[A-Za-z0-9][A-Za-z0-9._-]*")
+"""The folder of a sequence: two plain names, which lead nowhere else."""
+_OF = re.compile(rb'\{"sequence": "([^"\\]+)"(, "instead": true\})?')
+
+
+def journal_path(work: Path, name: str, scene: str) -> Path:
+    """Return the journal of a process for a scene. name: the process's, without dots."""
+    return work / f"journal-{name}.{scene}.jsonl"
+
+
+def journal_line(sequence: str, record: FrameRecord) -> str:
+    """Return the line of a record in a journal."""
+    return f'{{"sequence": "{sequence}", {record.line()[1:]}'
 
 
 class Journal:
-    """The lines of finished frames, appended one by one.
-
-    Of all journals of a process the MOST_OPEN last used are open: a scene may have more settings than a process may
-    have open files.
-    """
-
-    _open: ClassVar[OrderedDict["Journal", BinaryIO]] = OrderedDict()
-    _lock: ClassVar[threading.Lock] = threading.Lock()
+    """A file of lines, appended one by one. Threads may share it."""
 
     def __init__(self, path: Path) -> None:
-        with storage_errors(path):
-            path.parent.mkdir(parents=True, exist_ok=True)
-            _cut_torn_line(path)
-            path.open("ab", buffering=0).close()
+        """Open it. Raises StorageError."""
         self._path = path
+        self._lock = threading.Lock()
+        with storage_errors(path):
+            try:
+                _cut_torn_line(path)
+                self._file = path.open("ab", buffering=0)
+            except FileNotFoundError:
+                path.parent.mkdir(parents=True, exist_ok=True)
+                self._file = path.open("ab", buffering=0)
 
-    def append(self, record: FrameRecord) -> None:
+    def append(self, sequence: str, record: FrameRecord) -> None:
         """Add a frame whose files are written."""
-        self.append_line(record.line())
+        self.append_line(journal_line(sequence, record))
 
-    def append_all(self, records: Iterable[FrameRecord]) -> None:
-        """Add frames whose files are written, some hundred lines at once."""
+    def append_all(self, records: Iterable[tuple[str, FrameRecord]]) -> None:
+        """Add frames whose files are written, with their sequences, some hundred lines at once."""
         for lines in batched(records, AT_ONCE):
-            self.append_line("".join(record.line() for record in lines))
+            self.append_line("".join(journal_line(*line) for line in lines))
 
     def append_line(self, text: str) -> None:
-        """Add a line, or several, each of which ends with a line feed."""
+        """Add a line, or several, each of which ends with a line feed. Raises StorageError."""
         line = text.encode()
-        with storage_errors(self._path), self._lock:  # another thread's journal may take this one's place
-            if self._opened().write(line) != len(line):  # a full disk takes a part of an unbuffered write
+        with storage_errors(self._path), self._lock:
+            if self._file.write(line) != len(line):  # a full disk takes a part of an unbuffered write
                 raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-
-    def _opened(self) -> BinaryIO:
-        if self not in self._open:
-            if len(self._open) >= MOST_OPEN:
-                self._open.popitem(last=False)[1].close()
-            self._open[self] = cast("BinaryIO", self._path.open("ab", buffering=0))
-        self._open.move_to_end(self)
-        return self._open[self]
 
     def close(self) -> None:
         """Close the file."""
-        with self._lock:
-            if (file := self._open.pop(self, None)) is not None:
-                file.close()
+        self._file.close()
 
 
 def _cut_torn_line(path: Path) -> None:
     """Remove what a killed process left after the last whole line, so that the next line is not appended to it."""
-    with contextlib.suppress(FileNotFoundError):
-        with open_regular(path, buffering=0) as file:
-            if not file.seek(0, os.SEEK_END) or _last_byte(file) == b"\n":
-                return  # nearly always: what a journal of megabytes says is not read each time it is opened
-        data = read_bytes(path, largest_bytes=None)
-        with path.open("r+b") as torn:
-            torn.truncate(data.rfind(b"\n") + 1)
+    with open_regular(path, buffering=0) as file:
+        if not file.seek(0, os.SEEK_END) or _last_byte(file) == b"\n":
+            return  # nearly always: what a journal of megabytes says is not read each time it is opened
+    data = read_bytes(path, largest_bytes=None)
+    with path.open("r+b") as torn:
+        torn.truncate(data.rfind(b"\n") + 1)
 
 
 def _last_byte(file: BinaryIO) -> bytes:
@@ -211,3 +217,156 @@ def read_lines(path: Path) -> Iterator[dict[str, Any]]:
             with contextlib.suppress(ValueError):
                 if isinstance(value := parse_json(line), dict):
                     yield value
+
+
+# --- all journals of a working folder ---
+
+
+def has_journal(work: Path, only: Collection[str] | None = None) -> bool:
+    """Tell whether a run has begun to record frames. only: of the scenes of these sequences, if not of all."""
+    scenes = None if only is None else {folder.split("/")[-1] for folder in only}
+    return any(size for path, size in _journal_files(work) if scenes is None or _scene_of(path) in scenes)
+
+
+def _journal_files(work: Path) -> list[tuple[Path, int]]:
+    """Return the journals, in order, with their sizes in bytes; what a link stands for is none."""
+    found: list[tuple[Path, int]] = []
+    for path in sorted((*work.glob(JOURNALS), *work.glob(f"*/*/{JOURNALS}"))):
+        if not path.is_symlink() and link_on_the_way(work, path.parent) is None and path.is_file():
+            with contextlib.suppress(FileNotFoundError):  # a run has just ended
+                found.append((path, path.stat().st_size))
+    return found
+
+
+def _scene_of(path: Path) -> str:
+    name = path.name.removeprefix("journal-").removesuffix(".jsonl")
+    return name.partition(".")[2] or path.parent.name
+
+
+@dataclass
+class _Lines:
+    """Where the lines of a sequence are in one journal: offsets and lengths in bytes."""
+
+    at: "array[int]" = field(default_factory=lambda: array("q"))
+    length: "array[int]" = field(default_factory=lambda: array("i"))
+
+
+class Journals:
+    """What the journals of a working folder say, by sequence. Memory holds where lines are: 12 bytes each."""
+
+    def __init__(self, work: Path) -> None:
+        self._work = work
+        self._read_to: dict[Path, int] = {}
+        self._lines: dict[str, dict[Path, _Lines]] = {}
+        self._instead: set[str] = set()
+
+    def read_on(self) -> None:
+        """Find the lines that were written since the last time."""
+        there = dict(_journal_files(self._work))
+        if any(there.get(path, -1) < size for path, size in self._read_to.items()):
+            self.forget_lines()
+        for path, size in there.items():
+            if size > self._read_to.get(path, 0):
+                self._read(path)
+
+    def forget_lines(self) -> None:
+        """Begin anew: journals were written again."""
+        self._read_to, self._lines, self._instead = {}, {}, set()
+
+    def _read(self, path: Path) -> None:
+        at = self._read_to.get(path, 0)
+        own = f"{path.parent.parent.name}/{path.parent.name}" if path.parent != self._work else ""
+        with contextlib.suppress(OSError), open_regular(path) as file:
+            file.seek(at)
+            for line in file:
+                if not line.endswith(b"\n"):
+                    break
+                found = _OF.match(line)
+                sequence = found[1].decode(errors="replace") if found else own
+                if found and found[2]:
+                    self._instead.add(sequence)
+                elif sequence in self._lines or SEQUENCE.fullmatch(sequence):
+                    lines = self._lines.setdefault(sequence, {}).setdefault(path, _Lines())
+                    lines.at.append(at)
+                    lines.length.append(len(line))
+                at += len(line)
+        self._read_to[path] = at
+
+    @property
+    def sequences(self) -> frozenset[str]:
+        """The sequences of which they record a frame."""
+        return frozenset(self._lines)
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """The journals that were read."""
+        return tuple(self._read_to)
+
+    def instead(self, sequence: str) -> bool:
+        """Tell whether they say all of a sequence, so that its frames.jsonl counts no more."""
+        return sequence in self._instead
+
+    def lines(self, sequence: str) -> Iterator[tuple[Path, list[str]]]:
+        """Yield the journals that have lines of a sequence, each with these."""
+        for path, lines in list(self._lines.get(sequence, {}).items()):
+            with contextlib.suppress(FileNotFoundError):
+                yield path, list(_texts(path, lines))
+
+    def records(self, sequence: str, *, without: Path | None = None) -> Iterator[FrameRecord]:
+        """Yield the records of a sequence; a frame may have several. without: a journal that is not asked."""
+        for path, lines in self.lines(sequence):
+            if path != without:
+                yield from filter(None, map(read_record, lines))
+
+    def rewrite(self, changed: Mapping[str, Iterable[FrameRecord] | None], scratch: Path) -> None:
+        """Write the journals of some scenes again.
+
+        changed: by sequence, the records that are left of it, which count instead of its frames.jsonl too; None to
+        forget it. scratch: see `write_atomic`. Raises StorageError.
+        """
+        known: dict[str, list[str]] = {}
+        for sequence in sorted({*self._lines, *self._instead, *changed}):
+            known.setdefault(sequence.split("/")[1], []).append(sequence)
+        for scene in sorted({sequence.split("/")[1] for sequence in changed}):
+            text = "".join(line for sequence in known[scene] for line in self._left(sequence, changed))
+            kept = journal_path(self._work, KEPT, scene)
+            if text:
+                write_atomic(kept, text.encode(), scratch)
+            for path in [path for path in self._read_to if _scene_of(path) == scene]:
+                if path != kept or not text:
+                    remove_journal(self._work, path)
+        self.forget_lines()
+        self.read_on()
+
+    def _left(self, sequence: str, changed: Mapping[str, Iterable[FrameRecord] | None]) -> Iterator[str]:
+        """Yield the lines of a sequence that are left."""
+        records = changed.get(sequence, self.records(sequence))
+        if records is not None:
+            if sequence in changed or self.instead(sequence):
+                yield f'{{"sequence": "{sequence}", "instead": true}}\n'
+            yield from (journal_line(sequence, record) for record in records)
+
+
+def remove_journal(work: Path, path: Path) -> None:
+    """Remove a journal, and the folders that are empty then. Raises StorageError."""
+    with storage_errors(path):
+        path.unlink(missing_ok=True)
+    for empty in (path.parent, path.parent.parent) if path.parent != work else ():
+        with contextlib.suppress(OSError):
+            empty.rmdir()
+
+
+def remove_journals(work: Path) -> None:
+    """Remove all journals of a working folder. Raises StorageError."""
+    for path, _ in _journal_files(work):
+        remove_journal(work, path)
+
+
+def _texts(path: Path, lines: _Lines) -> Iterator[str]:
+    with open_regular(path) as file:
+        end = -1
+        for at, length in zip(lines.at, lines.length, strict=True):
+            if at != end:
+                file.seek(at)
+            yield file.read(length).decode(errors="replace")
+            end = at + length

@@ -15,12 +15,13 @@ from typing import Any
 
 from ..core.atomic_files import FolderLock, sha256_of_bytes, storage_errors
 from ..core.errors import BusyError, StorageError
+from ..core.frame_table import remove_journals
 from ..core.progress import Progress
 from .completed_images import CompletedImages
 from .differences import identity_mismatch, why_not
 from .estimate import size_text
 from .finished import read_written
-from .folder_state import RUN, WORK_FOLDER, journal_folders, read_dataset_state, remove_journals
+from .folder_state import RUN, WORK_FOLDER, read_dataset_state
 from .identity import plain_identity, versions_of
 from .overview import needed_frames
 from .packing import pack, take
@@ -111,8 +112,7 @@ class AddressDestination(Destination):
         state = read_dataset_state(self.folder)
         other = state is not None and state.identity is not None and bool(self._difference(state.identity))
         work = self.folder / WORK_FOLDER
-        for sequence in journal_folders(work):
-            remove_journals(work, sequence)
+        remove_journals(work)
         if self.folder.is_dir():
             for path in self.folder.iterdir():
                 if path.name != WORK_FOLDER:
@@ -133,8 +133,7 @@ class AddressDestination(Destination):
         return stored
 
     def _add(self, stored: StoredShard) -> None:
-        for sequence, records in stored.record.frames.items():
-            self.dataset.append_merged(sequence, records)
+        self.dataset.append_merged(stored.record.frames)
         self._images.add(stored)
         self._shards.append(stored.record.summary())
 
@@ -238,6 +237,7 @@ class AddressDestination(Destination):
         if not self._plan.preset.spec.output.overview:
             return
         stamps_of = {scene.name: scene.source.frame_stamps for scene in self._plan.scenes}
+        self.dataset.read_on()
         records = {item.folder: self.dataset.records(item.folder) for item in self._plan.sequences if item.frames}
         for folder, numbers in needed_frames({folder: list(found) for folder, found in records.items()}).items():
             names = self._plan.format.names(stamps_of[folder.split("/")[1]])

@@ -96,6 +96,7 @@ class CompletedImages:
         self._checked = checked
         self._first = render.frames[:1]  # is looked at by whoever makes the others, unless it is there
         self._hasher = Hasher()
+        dataset.read_on()
         self._flags: Flags = {folder: self._flags_of(sequence) for folder, sequence in self._sequences.items()}
 
     def _flags_of(self, sequence: PlannedSequence) -> dict[Modality, NDArray[np.bool_]]:
@@ -115,10 +116,9 @@ class CompletedImages:
 
     def _records(self, sequence: PlannedSequence) -> Iterator[FrameRecord]:
         journals = self._dataset.journal_records(sequence.folder)
-        if self._checked is None:
-            return journals
-        begun = (record for record in journals if is_as_planned(sequence, self._names, record))
-        return chain(self._dataset.finished_records(sequence.folder), begun)
+        if self._checked is not None:
+            journals = (record for record in journals if is_as_planned(sequence, self._names, record))
+        return chain(self._dataset.finished_records(sequence.folder), journals)
 
     def _counts(self, sequence: PlannedSequence, name: str, source: int, record: FrameRecord) -> bool:
         if self._checked is None or source in self._first:

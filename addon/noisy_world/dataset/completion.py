@@ -80,6 +80,7 @@ class Completion:
 
     def write(self) -> str:
         """Write the text files beside the images, and the manifest; return the manifest's SHA-256."""
+        self._dataset.read_on()
         files: dict[str, object] = {}
         counts: dict[str, int] = {}
         pictured: dict[str, list[int]] = {}

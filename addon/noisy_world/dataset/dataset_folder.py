@@ -1,19 +1,19 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A dataset on disk: which frames are finished, which are missing, and the text files that say how it was made.
 
-During a run, `OUT/.noisy_world` holds the dataset's identity, a journal for each sequence with a line for each finished
-frame, and unfinished files. At the end each journal becomes its sequence's frames.jsonl, and the folder is removed. A
-frame counts as finished if the journal names it and its files have the hashes written there; everything else is made
-again. So a killed run, a torn line, a truncated image or a power cut costs time and nothing else.
+During a run, `OUT/.noisy_world` holds the dataset's identity, journals with a line for each finished frame, and
+unfinished files. At the end the lines of a sequence become its frames.jsonl, and the folder is removed. A frame counts
+as finished if a journal names it and its files have the hashes written there; everything else is made again. So a
+killed run, a torn line, a truncated image or a power cut costs time and nothing else.
 """
 
 import contextlib
 import json
-from collections.abc import Callable, Collection, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import replace
 from functools import cached_property
-from itertools import chain
 from pathlib import Path
+from stat import S_ISREG
 from typing import Any, TypeAlias
 from uuid import uuid4
 
@@ -27,13 +27,23 @@ from ..core.atomic_files import (
     write_atomic,
 )
 from ..core.errors import StorageError
-from ..core.frame_table import FRAMES, FrameRecord, Journal, append_line, joined_records, read_records
+from ..core.frame_table import (
+    FRAMES,
+    FrameRecord,
+    Journal,
+    Journals,
+    append_line,
+    has_journal,
+    joined_records,
+    journal_path,
+    read_record,
+    read_records,
+)
 from ..layouts import FrameNames, OutputFormat
 from ..preset.keys import canonical
 from .differences import other_dataset
 from .folder_state import (
     IDENTITY,
-    JOURNALS,
     MANIFEST,
     NOTHING,
     OVERVIEW,
@@ -42,14 +52,13 @@ from .folder_state import (
     check_no_links,
     check_place,
     empty_scratch,
-    journal_folders,
     kept_notes,
     manifest_is_changed,
     merged_identity,
     merged_manifest,
     read_dataset_state,
+    recorded,
     remove_dataset,
-    remove_journals,
     remove_work_folder,
 )
 from .shard_folders import (
@@ -98,6 +107,21 @@ def _plausible(records: Iterable[FrameRecord], names: FrameNames, count: int) ->
             yield replace(record, files={name: digest for name, digest in record.files.items() if name in own})
 
 
+class SequenceJournal:
+    """The journal of a scene, for one of its sequences."""
+
+    def __init__(self, journal: Journal, folder: str) -> None:
+        self._journal = journal
+        self._folder = folder
+
+    def append(self, record: FrameRecord) -> None:
+        """Add a frame whose files are written."""
+        self._journal.append(self._folder, record)
+
+    def close(self) -> None:
+        """Do nothing: the dataset closes its journals."""
+
+
 class Dataset:
     """The folder of a dataset while a run writes to it.
 
@@ -116,6 +140,10 @@ class Dataset:
         self._opened: dict[str, Any] = {}
         self._fresh = f"merged-{uuid4().hex}"  # in a name: many processes, on many machines, merge what they have made
         self._hasher = Hasher()
+        self._journals = Journals(self._work)
+        self._open_journals: dict[Path, Journal] = {}
+        self._changed: dict[str, tuple[FrameRecord, ...]] = {}  # what is left of sequences; not written yet
+        self._standing: dict[str, bool] = {}  # whether the frames.jsonl of a finished sequence is as the manifest says
         self.identity: dict[str, Any] = {}
         self.shards_left: list[Path] = []
         self.notes: list[str] = []
@@ -187,8 +215,9 @@ class Dataset:
         if there.ended and manifest_is_changed(self.out):
             self.notes.append(f"{MANIFEST} is not as it was written; it is written again")
         self._note_changed_records(sorted(there.finished & named))
-        self._forget_finished(journal_folders(self._work) - named)
-        begun = journal_folders(self._work) - named
+        self._journals.read_on()
+        self._forget_finished(self._journals.sequences - named)
+        begun = self._journals.sequences - named
         self._kept = sorted((there.finished | begun) - named)
         self.notes += kept_notes(self._kept, begun)
         self._opened = merged_identity(there.identity or identity, identity, self._kept)
@@ -200,7 +229,7 @@ class Dataset:
     def _refuse(self, shards: dict[Path, str]) -> None:
         """Refuse shards that do not belong to the dataset. shards: why, by folder."""
         for folder, reason in shards.items():
-            if not (self._there.holds_frames or journal_folders(self._work)):
+            if not (self._there.holds_frames or has_journal(self._work)):
                 (self._work / IDENTITY).unlink()  # nothing here was made from it
             also = f" (and {len(shards) - 1} more)" if len(shards) > 1 else ""
             remedy = "remove its folder, and make the shard again"
@@ -218,8 +247,8 @@ class Dataset:
 
     def _forget_undescribed(self) -> None:
         """Remove the records of frames that only an identity described which cannot be read."""
-        for folder in journal_folders(self._work):
-            remove_journals(self._work, folder)
+        self._journals.read_on()
+        self._journals.rewrite(dict.fromkeys(self._journals.sequences), self.scratch)
         for folder in self._there.finished:
             if not self._stand(folder):
                 with storage_errors(path := self.out / folder / FRAMES):
@@ -229,14 +258,16 @@ class Dataset:
         """Say which finished sequences have records that somebody changed: nothing in them is believed."""
         for folder in folders:
             # Where a run was killed when it ended, they are newer than the manifest, and its journals are there.
-            if not (self._stand(folder) or self._journals(folder)):
+            if not (self._stand(folder) or folder in self._journals.sequences):
                 self.notes.append(f"{folder}/{FRAMES} is not as it was written; its frames are made again")
 
     def _stand(self, folder: str) -> bool:
         """Tell whether the records of a finished sequence are as the manifest says."""
-        there = self._seen if self._lock is None else self._there
-        known = there.files[folder].get(FRAMES) if folder in there.finished else None
-        return known is not None and sha256_of_regular_file(self.out / folder / FRAMES) == known
+        if folder not in self._standing:
+            there = self._seen if self._lock is None else self._there
+            known = there.files[folder].get(FRAMES) if folder in there.finished else None
+            self._standing[folder] = known is not None and sha256_of_regular_file(self.out / folder / FRAMES) == known
+        return self._standing[folder]
 
     @cached_property
     def _seen(self) -> DatasetState:
@@ -245,13 +276,19 @@ class Dataset:
 
     def _forget_finished(self, folders: Iterable[str]) -> None:
         """Remove journals that say nothing but what is in their sequence's frames.jsonl."""
+        known: list[str] = []
         for folder in folders:
             recorded = {(record.frame, *record.files.items()) for record in read_records(self.out / folder / FRAMES)}
-            if {(record.frame, *record.files.items()) for record in self.records(folder).values()} <= recorded:
-                remove_journals(self._work, folder)
+            begun = joined_records(self._journals.records(folder)).values()
+            known += [folder] if {(record.frame, *record.files.items()) for record in begun} <= recorded else []
+        if known:
+            self._journals.rewrite(dict.fromkeys(known), self.scratch)
 
     def close(self) -> None:
         """Unlock the folder. Finished frames stay for the next run; without any, the folder is removed."""
+        for journal in self._open_journals.values():
+            journal.close()
+        self._open_journals.clear()
         if self._lock is None:
             return
         if self._opened and not self.holds_frames():
@@ -265,16 +302,20 @@ class Dataset:
 
     def holds_frames(self) -> bool:
         """Tell whether a run has finished a frame."""
-        there = read_dataset_state(self.out)
-        return (there is not None and there.holds_frames) or shards_hold_frames(self.out)
+        path = self.out / MANIFEST
+        return path.exists() or has_journal(self._work) or recorded(self.out) or shards_hold_frames(self.out)
 
     def _write(self, path: Path, text: str) -> str:
         """Write a text file, unless it has this content already; return its SHA-256."""
         data = text.encode()
         digest = sha256_of_bytes(data)
-        with storage_errors(path):
-            path.parent.mkdir(parents=True, exist_ok=True)
-            if not path.is_symlink() and sha256_of_regular_file(path) == digest:
+        try:
+            found = path.lstat()
+        except OSError:
+            with storage_errors(path):
+                path.parent.mkdir(parents=True, exist_ok=True)
+        else:
+            if S_ISREG(found.st_mode) and found.st_size == len(data) and sha256_of_regular_file(path) == digest:
                 return digest
         write_atomic(path, data, self.scratch)
         return digest
@@ -297,38 +338,39 @@ class Dataset:
         recorded = self.out / folder / FRAMES
         if recorded.is_dir():
             raise StorageError("is a folder where a file of the dataset belongs", file=recorded, remedy="move it away")
-        fresh = self._journal_path(folder, self._fresh)
+        fresh = journal_path(self._work, self._fresh, folder.split("/")[1])
         written = plausible_records(self.finished_records(folder), names, count)
-        journals = chain.from_iterable(read_records(path) for path in self._journals(folder) if path != fresh)
-        begun, note = planned_records(journals, names, count, as_planned)
+        begun, note = planned_records(self._journals.records(folder, without=fresh), names, count, as_planned)
         self.notes += [f"{folder}: {note}"] if note else []
         found = joined_records((*written.values(), *begun.values()))
         checked = (self._intact(folder, record) for record in found.values())
-        merged = plausible_records(read_records(fresh), names, count).values()  # whose own hash was checked
+        lines = (line for path, lines in self._journals.lines(folder) if path == fresh for line in lines)
+        merged = plausible_records(filter(None, map(read_record, lines)), names, count).values()  # hashed when merged
         intact = joined_records((*(record for record in checked if record.files), *merged))
-        kept = self._work / folder / "journal-kept.jsonl"
-        with storage_errors(kept):
-            if intact:
-                self._write(kept, "".join(record.line() for record in intact.values()))
-            for journal in (self._work / folder).glob(JOURNALS):
-                if journal != kept or not intact:
-                    journal.unlink()
+        if intact != self.records(folder):
+            self._changed[folder] = tuple(intact.values())
+
+    def settle(self) -> None:
+        """Record what `keep_intact` has found: where it is not what was recorded, journals are written again."""
+        if self._changed:
+            self._journals.rewrite(self._changed, self.scratch)
+            self._changed = {}
+
+    def read_on(self) -> None:
+        """Read what others have recorded since this process read the journals."""
+        self._journals.read_on()
 
     def records(self, folder: str) -> dict[int, FrameRecord]:
         """Return the records of a sequence's finished frames by frame, in order."""
-        return joined_records(self.journal_records(folder))
+        return joined_records((*self.finished_records(folder), *self.journal_records(folder)))
 
     def journal_records(self, folder: str) -> Iterator[FrameRecord]:
-        """Yield the records of a sequence's journals; a frame may have several."""
-        for path in self._journals(folder):
-            yield from read_records(path)
-
-    def _journals(self, folder: str) -> list[Path]:
-        return sorted((self._work / folder).glob(JOURNALS))
+        """Yield the records of a sequence in journals, as far as they were read; a frame may have several."""
+        yield from self._journals.records(folder)
 
     def finished_records(self, folder: str) -> Iterator[FrameRecord]:
-        """Yield the records of a finished sequence, where they are as they were written."""
-        if self._stand(folder):
+        """Yield the records of a finished sequence, where they are as they were written and count."""
+        if self._stand(folder) and not self._journals.instead(folder):
             yield from read_records(self.out / folder / FRAMES)
 
     def _intact(self, folder: str, record: FrameRecord) -> FrameRecord:
@@ -343,25 +385,26 @@ class Dataset:
             for name in self.format.folders:
                 (self.out / folder / name).mkdir(parents=True, exist_ok=True)
 
-    def journal(self, folder: str) -> Journal:
+    def journal(self, folder: str) -> "SequenceJournal":
         """Open the journal of a sequence that this run writes, and create the sequence's folders."""
         self.make_folders(folder)
-        return Journal(self._journal_path(folder, "0"))
+        return SequenceJournal(self._journal_of(folder, "0"), folder)
 
-    def append_merged(self, folder: str, records: Iterable[FrameRecord]) -> None:
-        """Record frames of a sequence whose files were moved here from a shard."""
-        journal = Journal(self._journal_path(folder, self._fresh))
-        try:
-            journal.append_all(records)
-        finally:
-            journal.close()
+    def append_merged(self, frames: Mapping[str, Iterable[FrameRecord]]) -> None:
+        """Record frames whose files were moved here from a shard, by the sequence's folder."""
+        for folder, records in frames.items():
+            self._journal_of(folder, self._fresh).append_all((folder, record) for record in records)
 
     def append_summary(self, summary: dict[str, Any]) -> None:
         """Record a shard that was merged."""
         append_line(self._work / f"{self._fresh}.jsonl", json.dumps(summary) + "\n")
 
-    def _journal_path(self, folder: str, name: str) -> Path:
-        return self._work / folder / f"journal-{name}.jsonl"
+    def _journal_of(self, folder: str, name: str) -> Journal:
+        """Return this process's journal of a sequence's scene."""
+        path = journal_path(self._work, name, folder.split("/")[1])
+        if path not in self._open_journals:
+            self._open_journals[path] = Journal(path)
+        return self._open_journals[path]
 
     def write_file(self, folder: str, name: str, data: bytes) -> None:
         """Write a file of a sequence."""
@@ -383,7 +426,14 @@ class Dataset:
     def finish_sequence(self, folder: str, texts: dict[str, str], records: Iterable[FrameRecord]) -> dict[str, str]:
         """Write a sequence's text files and its frames.jsonl; return their SHA-256 by name."""
         contents = {**texts, FRAMES: "".join(record.line() for record in records)}
+        self._keep_finished(folder, sha256_of_bytes(contents[FRAMES].encode()))
         return {name: self._write(self.out / folder / name, text) for name, text in sorted(contents.items())}
+
+    def _keep_finished(self, folder: str, digest: str) -> None:
+        """Record in a journal what is finished, where frames.jsonl becomes another before the manifest does."""
+        if self._stand(folder) and self._there.files[folder][FRAMES] != digest:
+            self._journal_of(folder, "0").append_all((folder, record) for record in self.finished_records(folder))
+        self._standing[folder] = False
 
     def write_text(self, name: str, text: str) -> str:
         """Write a text file of the dataset; return its SHA-256."""
@@ -413,9 +463,12 @@ class Dataset:
 
     def seal(self) -> None:
         """End a run that has finished everything: remove the working folder, unless other sequences are unfinished."""
-        for folder in self.identity["sequences"].keys() - set(self._kept):
-            remove_journals(self._work, folder)
-        if not journal_folders(self._work):
+        for journal in self._open_journals.values():
+            journal.close()
+        self._open_journals.clear()
+        self._journals.read_on()
+        self._journals.rewrite(dict.fromkeys(self.identity["sequences"].keys() - set(self._kept)), self.scratch)
+        if not has_journal(self._work):
             remove_work_folder(self._work, self.scratch)
         self.close()
 

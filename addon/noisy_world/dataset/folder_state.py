@@ -8,16 +8,24 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from functools import cached_property
-from glob import iglob
 from pathlib import Path, PurePosixPath
 from typing import Any
 
 from ..core.atomic_files import UNFINISHED, link_on_the_way, sha256_of_regular_file, storage_errors
 from ..core.errors import Action, StorageError
-from ..core.frame_table import FRAMES, OUT_OF_RANGE, read_records
+from ..core.frame_table import (
+    FRAMES,
+    JOURNALS,
+    OUT_OF_RANGE,
+    SEQUENCE,
+    Journals,
+    has_journal,
+    read_records,
+    remove_journals,
+)
 from ..core.json_text import read_json
 from ..core.schema import shown
-from ..layouts import LAYOUTS, Layout
+from ..layouts import LAYOUTS
 from .identity import BETWEEN, FORMAT, cameras_of, setting_problem
 
 WORK_FOLDER = ".noisy_world"
@@ -29,7 +37,6 @@ MANIFEST_SHA256 = "manifest_sha256"  # in run.json
 MOST_FRAMES = 10**7  # chosen: of a path; four days at 30 Hz, and gigabytes of poses as text
 UNCHECKED = f"{RUN} does not tell the SHA-256 of {MANIFEST}, which is not checked"
 OVERVIEW = "overview.png"
-JOURNALS = "journal-*.jsonl"
 
 
 @dataclass(frozen=True)
@@ -71,12 +78,12 @@ def read_dataset_state(out: Path, only: Collection[str] | None = None) -> Datase
     """
     opened, why_not_opened = _read(out / WORK_FOLDER / IDENTITY, identity_problem)
     manifest, why_no_manifest = _read(out / MANIFEST, manifest_problem)
-    begun = journal_folders(out / WORK_FOLDER, only)
+    begun = has_journal(out / WORK_FOLDER, only)
     recorded = frozenset[str]() if manifest else _recorded_folders(out, only)
     if opened is None and manifest is None and not (begun or recorded or why_not_opened):
         return None  # a manifest.json that is not ours is somebody else's
     identity = opened or (manifest["identity"] if manifest else None)
-    sequences = begun | recorded | set(identity["sequences"] if identity else ())
+    sequences = recorded | set(identity["sequences"] if identity else journal_folders(out / WORK_FOLDER))
     sequences |= set(manifest["identity"]["sequences"] if manifest else ())
     return DatasetState(
         identity,
@@ -126,15 +133,11 @@ def _problem(identity: dict[str, Any] | None, why_not_opened: str, why_no_manife
     return version_problem(identity)
 
 
-def journal_folders(work: Path, only: Collection[str] | None = None) -> frozenset[str]:
-    """Return the sequences of which a run has finished a frame, by the journals in its working folder.
-
-    only: those that are looked for, if not all.
-    """
-    # Path.glob of Python 3.11 and 3.12 fails where another process has just removed a folder.
-    patterns = [f"{folder}/{JOURNALS}" for folder in (("*/*",) if only is None else only)]
-    names = (name for pattern in patterns for name in iglob(pattern, root_dir=work, include_hidden=True))  # noqa: PTH207
-    return _folders(path for path in map(work.joinpath, names) if path.is_file() and path.stat().st_size)
+def journal_folders(work: Path) -> frozenset[str]:
+    """Return the sequences of which a run has finished a frame, by the journals in its working folder."""
+    journals = Journals(work)
+    journals.read_on()
+    return journals.sequences
 
 
 def _recorded_folders(out: Path, only: Collection[str] | None) -> frozenset[str]:
@@ -143,17 +146,19 @@ def _recorded_folders(out: Path, only: Collection[str] | None) -> frozenset[str]
     return _folders(path for path in paths if next(read_records(path), None))
 
 
+def recorded(out: Path) -> bool:
+    """Tell whether a run has completed a sequence."""
+    return any(next(read_records(path), None) is not None for path in out.glob(f"*/*/{FRAMES}"))
+
+
 def _folders(paths: Any) -> frozenset[str]:
     names = (f"{path.parent.parent.name}/{path.parent.name}" for path in paths)
     return frozenset(name for name in names if _is_sequence(name))
 
 
-_SEQUENCE = re.compile("[A-Za-z0-9][A-Za-z0-9._-]*/[A-Za-z0-9][A-Za-z0-9._-]*")
-
-
 def _is_sequence(name: Any) -> bool:
     """Tell whether this is the folder of a sequence: two plain names, which lead nowhere else."""
-    return isinstance(name, str) and _SEQUENCE.fullmatch(name) is not None
+    return isinstance(name, str) and SEQUENCE.fullmatch(name) is not None
 
 
 # --- what may be in the files ---
@@ -292,7 +297,7 @@ def check_no_links(
     """
     work = [out / WORK_FOLDER]
     if shard is not None:
-        work = [shard, *(out / WORK_FOLDER / folder for folder in sequences)]
+        work = [shard, *(out / WORK_FOLDER).glob(JOURNALS), *(out / WORK_FOLDER / folder for folder in sequences)]
     for link in _links(out, sequences, work):
         if not folders_alone or link.is_dir():
             remedy = "remove it, or put what it leads to in its place"
@@ -361,22 +366,22 @@ def remove_dataset(out: Path, work: Path, sequences: Iterable[str]) -> None:
     """Remove the sequences, the dataset's own files and the journals of a folder. Raises StorageError."""
     with storage_errors(out):
         named = sorted(sequences)
+        ours = _folders_in_sequences()
         for folder in named:
-            _remove_sequence(out, out / folder)
+            _remove_sequence(out, out / folder, ours)
+        beside = {name for layout in LAYOUTS.values() for name in layout.setting_files}
         for setting in sorted({folder.split("/")[0] for folder in named}):
-            _remove_setting(out, out / setting)
+            _remove_setting(out, out / setting, beside)
         for name in (MANIFEST, RUN, OVERVIEW):
             (out / name).unlink(missing_ok=True)
-        for journal in work.glob(f"*/*/{JOURNALS}"):
-            if not link_on_the_way(out, journal.parent):
-                journal.unlink()
+        if not link_on_the_way(out, work):
+            remove_journals(work)
 
 
-def _remove_sequence(out: Path, folder: Path) -> None:
-    """Remove the files that a sequence in any layout may have, and then its folders that are empty.
+def _remove_sequence(out: Path, folder: Path, ours: Collection[str]) -> None:
+    """Remove the files that a sequence in any layout may have, and then those of its folders, `ours`, that are empty.
 
     The dataset in the folder may have another layout than this run's. A link that stands for a folder is not followed.
-    What is there is listed once: a shard that is merged has empty folders alone, and there are many.
     """
     if link_on_the_way(out, folder):
         return
@@ -386,25 +391,32 @@ def _remove_sequence(out: Path, folder: Path) -> None:
         for path in [path for pattern in (*patterns, FRAMES) for path in folder.glob(pattern)]:
             if not link_on_the_way(out, path.parent):
                 path.unlink(missing_ok=True)
-    ours = {str(folder / inside) for layout in LAYOUTS.values() for inside in _folders_of(layout)}
     for place, _, _ in there:
-        if place in ours:
+        if os.path.relpath(place, folder) in ours:
             with contextlib.suppress(OSError):
-                Path(place).rmdir()
+                os.rmdir(place)  # noqa: PTH106 - of thousands, one by one
 
 
-def _folders_of(layout: Layout) -> set[str]:
-    """Return the folders of a sequence in a layout, from its own on."""
-    return {str(parent) for pattern in layout.all_patterns for parent in PurePosixPath(pattern).parents}
+def _folders_in_sequences() -> set[str]:
+    """Return the folders of a sequence in any layout, from its own on."""
+    return {
+        str(parent)
+        for layout in LAYOUTS.values()
+        for pattern in layout.all_patterns
+        for parent in PurePosixPath(pattern).parents
+    }
 
 
-def _remove_setting(out: Path, folder: Path) -> None:
-    """Remove the files of a setting, and its folder where it is empty then."""
-    for name in {name for layout in LAYOUTS.values() for name in layout.setting_files}:
-        if not link_on_the_way(out, folder):
-            (folder / name).unlink(missing_ok=True)
-    with contextlib.suppress(OSError):
-        folder.rmdir()
+def _remove_setting(out: Path, folder: Path, beside: Collection[str]) -> None:
+    """Remove the files of a setting, `beside` its sequences, and its folder where it is empty then."""
+    if link_on_the_way(out, folder) or not folder.is_dir():
+        return
+    there = set(os.listdir(folder))  # noqa: PTH208 - names alone, of thousands of settings
+    for name in there.intersection(beside):
+        (folder / name).unlink(missing_ok=True)
+    if there.issubset(beside):
+        with contextlib.suppress(OSError):
+            folder.rmdir()
 
 
 def empty_scratch(scratch: Path) -> None:
@@ -423,17 +435,6 @@ def remove_unfinished(scratch: Path) -> None:
             path.unlink(missing_ok=True)
     with contextlib.suppress(OSError):
         scratch.rmdir()
-
-
-def remove_journals(work: Path, folder: str) -> None:
-    """Remove the journals of a sequence, and the folders that are empty then. Raises StorageError."""
-    place = work / folder
-    with storage_errors(place):
-        for journal in place.glob(JOURNALS) if not link_on_the_way(work, place) else ():
-            journal.unlink()
-    for empty in (place, place.parent):
-        with contextlib.suppress(OSError):
-            empty.rmdir()
 
 
 def remove_work_folder(work: Path, scratch: Path) -> None:

@@ -17,9 +17,9 @@ from typing import TypeAlias
 from ..core.atomic_files import Hasher
 from ..core.errors import InputError, InterruptedRunError
 from ..core.file_access import open_text
-from ..core.frame_table import FRAMES, FrameRecord, joined_records, read_record, read_records
+from ..core.frame_table import FRAMES, FrameRecord, Journals, joined_records, read_record, read_records
 from .finished import CARD, CROISSANT, NOTHING, TABLE, TAR_SUFFIX, Packed, is_packed, open_packed, tar_name
-from .folder_state import JOURNALS, MANIFEST, OVERVIEW, RUN, WORK_FOLDER, read_dataset_state
+from .folder_state import MANIFEST, OVERVIEW, RUN, WORK_FOLDER, read_dataset_state
 from .tar_files import TarContent, tar_contents
 
 RECENT = 200  # records of a journal, the last ones, of which it is asked when they were written
@@ -89,18 +89,20 @@ def inventory(
 class FolderPart:
     """A folder with a sequence's images, and what tells of them: the dataset's, or a shard's.
 
-    journals: files of records. records: those of a finished shard, which has no journals.
+    name: the sequence's folder. journals: of the working folder. records: of a finished shard, which has no journals.
     """
 
     images: Path
-    journals: tuple[Path, ...] = ()
+    name: str
+    journals: Journals | None = None
     records: tuple[FrameRecord, ...] = ()
 
     def recorded(self, asked: Container[int] | None, images_each: int) -> tuple[Recorded, list[JournalTimes]]:
         """Return what frames.jsonl, journals and records say, and when the newest of the last two were written."""
         found: Recorded = {}
         written: list[JournalTimes] = []
-        sources = [(_lines(path), path.name != FRAMES) for path in (self.images / FRAMES, *self.journals)]
+        sources = [(_lines(self.images / FRAMES), False)]
+        sources += [(_recorded(lines), True) for _, lines in (self.journals.lines(self.name) if self.journals else ())]
         sources += [(((record.frame, record.files) for record in self.records), True)] if self.records else []
         for lines, by_run in sources:
             newest: deque[dict[str, str]] = deque(maxlen=RECENT)
@@ -154,9 +156,11 @@ Part: TypeAlias = FolderPart | HashedPart
 """Where some of a sequence's images may be, and what tells of them."""
 
 
-def journals_of(folder: Path) -> tuple[Path, ...]:
-    """Return the journals in a sequence's part of a working folder."""
-    return tuple(sorted(folder.glob(JOURNALS)))
+def journals_of(work: Path) -> Journals:
+    """Return the journals in a working folder."""
+    journals = Journals(work)
+    journals.read_on()
+    return journals
 
 
 def counted(images: Path, frames: int, images_each: int) -> FileInventory | None:
@@ -172,7 +176,10 @@ def counted(images: Path, frames: int, images_each: int) -> FileInventory | None
 
 
 # A line as it is written, up to its files. A dataset may have millions, and to read one as JSON takes ten times longer.
-_LINE = re.compile(r'\{"frame": (\d{1,9}), "time_s": [^{"]+(?:"depth_time_s": [^{"]+)?"sha256": \{([^{}\\]*)\}[,}]')
+_LINE = re.compile(
+    r'\{(?:"sequence": "[^"]+", )?"frame": (\d{1,9}), "time_s": [^{"]+(?:"depth_time_s": [^{"]+)?'
+    r'"sha256": \{([^{}\\]*)\}[,}]'
+)
 _FILE = re.compile(r'"([^"]+)": "([0-9a-f]{64})"')
 
 
@@ -181,11 +188,16 @@ def _lines(path: Path) -> Iterator[tuple[int, dict[str, str]]]:
     if not path.is_file():
         return
     with contextlib.suppress(OSError), open_text(path, errors="replace") as file:
-        for line in file:
-            if (found := _LINE.match(line)) and line.endswith("}\n"):
-                yield int(found[1]), dict(_FILE.findall(found[2]))
-            elif record := read_record(line):
-                yield record.frame, record.files
+        yield from _recorded(file)
+
+
+def _recorded(lines: Iterable[str]) -> Iterator[tuple[int, dict[str, str]]]:
+    """Yield the frame and the files of each line that holds a record."""
+    for line in lines:
+        if (found := _LINE.match(line)) and line.endswith("}\n"):
+            yield int(found[1]), dict(_FILE.findall(found[2]))
+        elif record := read_record(line):
+            yield record.frame, record.files
 
 
 def _written(images: Path, newest: Iterable[dict[str, str]], images_each: int) -> JournalTimes | None:

@@ -21,7 +21,7 @@ from ..core.atomic_files import sha256_of_bytes
 from ..core.depth_range import OutOfRange
 from ..core.errors import InterruptedRunError, Message, NoisyWorldError, PresetKey
 from ..core.frame_request import SensorPaths
-from ..core.frame_table import FrameRecord, Journal
+from ..core.frame_table import FrameRecord
 from ..core.progress import Progress
 from ..layouts import Modality, OutputFormat
 from ..perturbations.steps import Setting
@@ -30,7 +30,7 @@ from .clean_frame import CleanFrame, CleanPair, EarlierFrames, OpenPairs, camera
 from .clean_store import CleanFiles
 from .colour import Colour, FrameOf, colour_of
 from .completed_images import FinishedImages
-from .dataset_folder import Dataset
+from .dataset_folder import Dataset, SequenceJournal
 from .frame import Frame
 from .plan import Plan, Render
 from .rendering import open_render, render_options, source_paths
@@ -106,7 +106,7 @@ class FrameWriter:
         self._names = dataset.format.names(self._stamps)
         self._sequences = [sequence for sequence in render.sequences if sequence.frames]
         self.finished = finished
-        self._journals: list[Journal] = []
+        self._journals: list[SequenceJournal] = []
         with contextlib.ExitStack() as opened:
             for sequence in self._sequences:
                 self._journals.append(dataset.journal(sequence.folder))
@@ -174,7 +174,7 @@ class FrameWriter:
                     written = list(self._write_images(channel.name, sequence, pair, files, Frame))
                 self._append(journal, written)
 
-    def _append(self, journal: Journal, records: list[FrameRecord]) -> None:
+    def _append(self, journal: SequenceJournal, records: list[FrameRecord]) -> None:
         with self._lock, self._timer.on("journals"):
             for record in records:
                 journal.append(record)

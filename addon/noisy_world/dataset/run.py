@@ -176,6 +176,7 @@ class ShardMaker:
         names = self._plan.format.names(render.scene.source.frame_stamps)
         for sequence in render.sequences:
             keep_intact(made, sequence, names)
+        made.settle()
         finished = FinishedImages([CompletedImages(made, render), *([] if there is None else [there])])
         wanted = shard.frames_of(render.frames)
         sources_missing = finished.sources_missing(render, self._plan.format.modalities, wanted)
@@ -196,6 +197,7 @@ class ShardMaker:
         return self._there[1]
 
     def _record(self, made: Dataset, render: Render, shard: Shard, identity: dict[str, Any]) -> ShardRecord:
+        made.read_on()
         frames = {sequence.folder: tuple(made.records(sequence.folder).values()) for sequence in render.sequences}
         frames = {folder: records for folder, records in frames.items() if records}
         report = replace(self._frames.report, peak_memory_bytes=peak_memory_bytes())
@@ -272,6 +274,7 @@ class Destination:
         names = self._plan.format.names(render.scene.source.frame_stamps)
         for sequence in render.sequences:
             keep_intact(self.dataset, sequence, names)
+        self.dataset.settle()
         return CompletedImages(self.dataset, render)
 
     def cut(self, work: Work, needed_bytes: int, count: int | None, jobs: int) -> tuple[Shard, ...] | None:

@@ -7,30 +7,32 @@ again, and a file that is in its place already, as the record says, counts.
 
 import contextlib
 import json
+import os
 import time
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Protocol, TypeAlias
 
 from ..core.atomic_files import FolderLock, Hasher, Mover, sha256_of_bytes, storage_errors, write_atomic
 from ..core.errors import BusyError, CannotJoinError
-from ..core.frame_table import FrameRecord, joined_records, read_lines, read_records, record_of
+from ..core.frame_table import (
+    KEPT,
+    FrameRecord,
+    Journals,
+    has_journal,
+    joined_records,
+    journal_line,
+    journal_path,
+    read_lines,
+    record_of,
+    remove_journals,
+)
 from ..core.json_text import read_json
 from ..layouts import OutputFormat
 from ..preset.keys import canonical
 from .differences import identity_mismatch, identity_sha256
-from .folder_state import (
-    IDENTITY,
-    JOURNALS,
-    MERGED,
-    WORK_FOLDER,
-    journal_folders,
-    read_dataset_state,
-    remove_dataset,
-    remove_journals,
-    remove_work_folder,
-)
+from .folder_state import IDENTITY, MERGED, WORK_FOLDER, read_dataset_state, remove_dataset, remove_work_folder
 from .shards import Shard
 
 # The record of a finished shard, `shard.json`: what it was made from, and every file with its SHA-256.
@@ -163,8 +165,8 @@ class Receiver(Protocol):
         """Create the folders of a sequence."""
         ...
 
-    def append_merged(self, folder: str, records: Iterable[FrameRecord]) -> None:
-        """Record frames of a sequence whose files were moved here from a shard."""
+    def append_merged(self, frames: Mapping[str, Iterable[FrameRecord]]) -> None:
+        """Record frames whose files were moved here from a shard, by the sequence's folder."""
         ...
 
     def append_summary(self, summary: dict[str, Any]) -> None:
@@ -223,8 +225,7 @@ def merge_shard(dataset: Receiver, folder: Path, record: ShardRecord | None = No
         record = record or read_shard(folder)
         frames = _recorded(folder) if record is None else record.frames
         merged, damaged = _move(dataset, folder, frames)
-        for sequence, records in merged.items():
-            dataset.append_merged(sequence, records)
+        dataset.append_merged(merged)
         if record is not None:
             dataset.append_summary(record.summary())
         _remove(folder)
@@ -259,11 +260,10 @@ def take_up(folder: Path, record: ShardRecord) -> None:
     unfinished = work / "unfinished"
     with storage_errors(folder):
         unfinished.mkdir(parents=True, exist_ok=True)
-    for sequence, records in record.frames.items():
-        with storage_errors(work / sequence):
-            (work / sequence).mkdir(parents=True, exist_ok=True)
-        lines = "".join(item.line() for item in records)
-        write_atomic(work / sequence / "journal-kept.jsonl", lines.encode(), unfinished)
+    for scene in {sequence.split("/")[1] for sequence in record.frames}:
+        own = ((sequence, item) for sequence, items in record.frames.items() for item in items)
+        lines = "".join(journal_line(*line) for line in own if line[0].split("/")[1] == scene)
+        write_atomic(journal_path(work, KEPT, scene), lines.encode(), unfinished)
     write_atomic(work / IDENTITY, canonical(record.identity).encode(), unfinished)
     with storage_errors(folder):
         (folder / SHARD).unlink()
@@ -279,8 +279,8 @@ def finish_shard(folder: Path, record: ShardRecord) -> None:
 def tidy(folder: Path) -> None:
     """Remove from a finished shard, whose lock is held, what was needed while it was made."""
     work = folder / WORK_FOLDER
-    for sequence in journal_folders(work):
-        remove_journals(work, sequence)
+    with storage_errors(work):
+        remove_journals(work)
     remove_work_folder(work, work / "unfinished")
 
 
@@ -329,7 +329,7 @@ def remove_shards(out: Path) -> None:
 
 def shards_hold_frames(out: Path) -> bool:
     """Tell whether a shard of a dataset has finished a frame."""
-    return any((path / SHARD).is_file() or journal_folders(path / WORK_FOLDER) for path in shard_folders(out))
+    return any((path / SHARD).is_file() or has_journal(path / WORK_FOLDER) for path in shard_folders(out))
 
 
 def _made_from(folder: Path) -> tuple[ShardRecord | None, dict[str, Any] | None, str]:
@@ -348,21 +348,17 @@ def _made_from(folder: Path) -> tuple[ShardRecord | None, dict[str, Any] | None,
 
 def _recorded(folder: Path) -> Frames:
     """Return what the journals of an unfinished shard say."""
-    work = folder / WORK_FOLDER
+    journals = Journals(folder / WORK_FOLDER)
+    journals.read_on()
     return {
-        sequence: tuple(
-            joined_records(
-                record for path in sorted((work / sequence).glob(JOURNALS)) for record in read_records(path)
-            ).values()
-        )
-        for sequence in sorted(journal_folders(work))
+        sequence: tuple(joined_records(journals.records(sequence)).values()) for sequence in sorted(journals.sequences)
     }
 
 
 def _move(dataset: Receiver, folder: Path, frames: Frames) -> tuple[dict[str, list[FrameRecord]], list[str]]:
     """Move the files that are as the records say; return the records of these, and the names of the others.
 
-    Files are hashed ahead, in threads; they are moved one after another.
+    Files are hashed ahead, in threads; they are moved one after another, or a whole sequence at once.
     """
     hasher, mover = Hasher(), Mover(dataset.scratch)
     merged: dict[str, list[FrameRecord]] = {}
@@ -372,17 +368,21 @@ def _move(dataset: Receiver, folder: Path, frames: Frames) -> tuple[dict[str, li
 
     with contextlib.closing(Hasher(links=False).ahead(names)) as digests:
         for sequence, records in frames.items():
-            dataset.make_folders(sequence)
             source, target = f"{folder}/{sequence}", f"{dataset.out}/{sequence}"
+            found = {name: next(digests) for record in records for name in record.files if _is_image(name, places)}
+            if _move_whole(source, target, records, found):
+                merged[sequence] = list(records)
+                continue
+            dataset.make_folders(sequence)
             for record in records:
                 there: dict[str, str] = {}
                 for name, digest in record.files.items():
-                    if not _is_image(name, places):
+                    if name not in found:
                         continue
-                    found, path = next(digests), Path(f"{target}/{name}")
+                    path = Path(f"{target}/{name}")
                     if hasher.sha256(path) == digest:  # moved by a process that was killed then, or made twice
                         there[name] = digest
-                    elif found == digest:
+                    elif found[name] == digest:
                         mover.move(Path(f"{source}/{name}"), path)
                         there[name] = digest
                 damaged += [f"{sequence}/{name}" for name in record.files if name not in there]
@@ -390,6 +390,28 @@ def _move(dataset: Receiver, folder: Path, frames: Frames) -> tuple[dict[str, li
                     whole = len(there) == len(record.files)
                     merged.setdefault(sequence, []).append(record if whole else replace(record, files=there))
     return merged, damaged
+
+
+def _move_whole(source: str, target: str, records: Iterable[FrameRecord], found: dict[str, str | None]) -> bool:
+    """Move the folder of a sequence with all that is in it; False where nothing was moved.
+
+    found: the SHA-256 of the images that records name. It can be moved where the dataset has nothing of the sequence,
+    and where it holds these images alone, all as they were written.
+    """
+    if any(found.get(name) != digest for record in records for name, digest in record.files.items()):
+        return False
+    if os.path.lexists(target) or sum(len(files) for _, _, files in os.walk(source)) != len(found):
+        return False
+    setting, setting_there = os.path.dirname(source), os.path.dirname(target)  # noqa: PTH120 - of thousands
+    try:
+        if not os.path.lexists(setting_there) and len(os.listdir(setting)) == 1:  # noqa: PTH208
+            os.rename(setting, setting_there)  # noqa: PTH104
+        else:
+            os.makedirs(setting_there, exist_ok=True)  # noqa: PTH103
+            os.rename(source, target)  # noqa: PTH104
+    except OSError:  # on another file system, for instance: then file by file
+        return False
+    return True
 
 
 def _names(frames: Frames, places: Collection[str]) -> Iterator[tuple[str, str]]:

@@ -31,7 +31,6 @@ from .folder_state import (
     DatasetState,
     check_no_links,
     identity_problem,
-    journal_folders,
     manifest_sha256_in,
     merged_identity,
     read_dataset_state,
@@ -167,16 +166,15 @@ def _add_finished(found: Shards, folder: Path, record: ShardRecord) -> None:
     found.finished.append(record.shard.name)
     found.identities.append(record.identity)
     for sequence, records in record.frames.items():
-        found.add(sequence, FolderPart(folder / sequence, records=records))
+        found.add(sequence, FolderPart(folder / sequence, sequence, records=records))
 
 
 def _add_unfinished(found: Shards, folder: Path) -> None:
     work = folder / WORK_FOLDER
-    times_s: list[float] = []
-    for sequence in journal_folders(work):
-        part = FolderPart(folder / sequence, journals_of(work / sequence))
-        found.add(sequence, part)
-        times_s += [journal.stat().st_mtime for journal in part.journals if journal.exists()]
+    journals = journals_of(work)
+    for sequence in sorted(journals.sequences):
+        found.add(sequence, FolderPart(folder / sequence, sequence, journals))
+    times_s = [journal.stat().st_mtime for journal in journals.files if journal.exists()]
     state = read_dataset_state(folder)
     if state is not None and state.identity is not None and not state.problem:
         found.identities.append(state.identity)
@@ -441,13 +439,19 @@ class _Folder(_Seen):
         self.ended = state.manifest is not None and not begun
         with contextlib.suppress(FileNotFoundError, ValueError):
             self.run = read_json(out / RUN)
+        self._journals = journals_of(self._work)
         self._hasher = Hasher() if check else None
 
     def inventory(self, item: Described) -> FileInventory:
         made = self.manifest["frames"].get(item.folder) if self.manifest else None
-        own = FolderPart(self._folder / item.folder, journals_of(self._work / item.folder))
+        own = FolderPart(self._folder / item.folder, item.folder, self._journals)
         of_shards = self.shards.parts.get(item.folder, [])
-        if self._hasher is None and self.chosen is None and made is not None and not (own.journals or of_shards):
+        if (
+            self._hasher is None
+            and self.chosen is None
+            and made is not None
+            and not (item.folder in self._journals.sequences or of_shards)
+        ):
             quick = counted(own.images, made, self._images_each)
             if quick is not None:
                 return quick

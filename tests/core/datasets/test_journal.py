@@ -1,23 +1,69 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-from pathlib import Path
+"""Journals of scenes: what is read of them while they are written, and when they are written again."""
 
 import pytest
 
-from noisy_world.core.frame_table import MOST_OPEN, Journal
+from noisy_world.core.frame_table import FrameRecord, Journal, Journals, journal_line, journal_path
 
-OPEN_FILES = Path("/proc/self/fd")
+ONE, TWO, OTHER = "clean/box", "fog/box", "clean/hall"
 
 
-@pytest.mark.skipif(not OPEN_FILES.exists(), reason="needs /proc, which tells how many files are open")
-def test_more_journals_than_a_process_may_have_open_files_keep_every_line(tmp_path):
-    count, before = 3 * MOST_OPEN, len(list(OPEN_FILES.iterdir()))
-    journals = [Journal(tmp_path / f"{k}" / "frames") for k in range(count)]
-    for frame in range(3):
-        for k, journal in enumerate(journals):
-            journal.append_line(f"{k} {frame}\n")
-        assert len(list(OPEN_FILES.iterdir())) <= before + MOST_OPEN
-    for journal in journals:
+def record(frame, digest="a"):
+    return FrameRecord(frame, 0.5, {f"results/frame{frame}.png": digest * 64})
+
+
+@pytest.fixture
+def work(tmp_path):
+    """A working folder with what two processes have written, one of which was killed within a line."""
+    first, second = (Journal(journal_path(tmp_path, name, "box")) for name in ("0", "merged-1"))
+    first.append(ONE, record(0))
+    first.append_all((TWO, record(frame)) for frame in range(3))
+    second.append(ONE, record(1))
+    second.append_line(journal_line(ONE, record(2))[:-20])
+    hall = Journal(journal_path(tmp_path, "0", "hall"))
+    hall.append(OTHER, record(7))
+    for journal in (first, second, hall):
         journal.close()
-    assert len(list(OPEN_FILES.iterdir())) == before
-    found = [(tmp_path / f"{k}" / "frames").read_text() for k in range(count)]
-    assert found == [f"{k} 0\n{k} 1\n{k} 2\n" for k in range(count)]
+    return tmp_path
+
+
+def frames(journals):
+    return {name: sorted(item.frame for item in journals.records(name)) for name in sorted(journals.sequences)}
+
+
+def test_lines_are_read_once_and_a_torn_one_never(work):
+    journals = Journals(work)
+    journals.read_on()
+    assert frames(journals) == {ONE: [0, 1], OTHER: [7], TWO: [0, 1, 2]}
+    again = Journal(journal_path(work, "merged-1", "box"))  # cuts what was torn
+    again.append(ONE, record(2, "b"))
+    again.close()
+    journals.read_on()
+    assert frames(journals)[ONE] == [0, 1, 2]
+    assert [item.files for item in journals.records(ONE) if item.frame == 2] == [record(2, "b").files]
+    own = Journals(work)
+    own.read_on()
+    assert frames(own) == frames(journals)
+
+
+def test_what_is_left_of_a_sequence_counts_instead_of_its_frames(work):
+    journals = Journals(work)
+    journals.read_on()
+    journals.rewrite({ONE: [record(1)], TWO: None}, work)
+    for read in (journals, Journals(work)):
+        read.read_on()
+        assert frames(read) == {ONE: [1], OTHER: [7]}
+        assert [name for name in (ONE, TWO, OTHER) if read.instead(name)] == [ONE]
+    journals.rewrite({ONE: None, OTHER: None}, work)
+    assert list(work.iterdir()) == []
+
+
+def test_journals_of_earlier_versions_one_for_each_sequence(tmp_path):
+    for name in (ONE, TWO):
+        (tmp_path / name).mkdir(parents=True)
+        (tmp_path / name / "journal-0.jsonl").write_text(record(4).line())
+    journals = Journals(tmp_path)
+    journals.read_on()
+    assert frames(journals) == {ONE: [4], TWO: [4]}
+    journals.rewrite({ONE: None, TWO: None}, tmp_path)
+    assert list(tmp_path.iterdir()) == []

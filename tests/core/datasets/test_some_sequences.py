@@ -3,23 +3,25 @@
 
 import pytest
 
-from noisy_world.dataset.folder_state import journal_folders
-from noisy_world.dataset.folder_state import check_no_links
 from noisy_world.core.errors import StorageError
+from noisy_world.core.frame_table import has_journal
+from noisy_world.dataset.folder_state import check_no_links
 
 OWN, OTHER = "clean/hall", "clean/attic"
 
 
 def test_journals_of_some_sequences(tmp_path):
-    for folder in (OWN, OTHER):
-        (tmp_path / folder).mkdir(parents=True)
-        (tmp_path / folder / "journal-0.jsonl").write_text("{}\n")
-    assert journal_folders(tmp_path) == {OWN, OTHER}
-    assert journal_folders(tmp_path, [OWN, "clean/cellar"]) == {OWN}
-    assert journal_folders(tmp_path, ()) == frozenset()
+    (tmp_path / "journal-0.hall.jsonl").write_text('{"sequence": "clean/hall", "frame": 1}\n')
+    (tmp_path / "journal-0.attic.jsonl").write_text("")
+    assert has_journal(tmp_path)
+    assert has_journal(tmp_path, [OWN, "clean/cellar"])
+    assert not has_journal(tmp_path, [OTHER])
+    assert not has_journal(tmp_path, ())
 
 
-@pytest.mark.parametrize(("place", "refused"), [("shards/own", True), (OWN, True), ("shards/other", False)])
+@pytest.mark.parametrize(
+    ("place", "refused"), [("shards/own", True), ("journal-0.hall.jsonl", True), ("shards/other", False)]
+)
 def test_links_that_matter_to_a_shard(tmp_path, place, refused):
     work = tmp_path / "out/.noisy_world"
     (work / "shards").mkdir(parents=True)
