@@ -5,6 +5,7 @@ import base64
 import json
 import os
 import struct
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -328,7 +329,8 @@ def test_a_blender_without_an_importer_or_without_pixars_library(tmp_path, monke
         (note,) = read_mesh(room).notes
         assert note.startswith("this Blender lacks the module pxr: ")
         assert [file.name for file in files_of_mesh(room)] == ["walls.png"]
-    monkeypatch.setitem(import_program._OPERATORS, "USD", ("wm", "no_such_import"))
+    without = replace(import_program._FORMATS["USD"], operator="wm.no_such_import")
+    monkeypatch.setitem(import_program._FORMATS, "USD", without)
     forget_meshes()
     said = "this Blender is built without an importer of USD; export the mesh as PLY or glTF"
     assert refusal(room) == said

@@ -11,8 +11,8 @@ import json
 import math
 import os
 import sys
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -325,15 +325,18 @@ def _imported(wanted: dict[str, Any], path: Path, folder: Path) -> ImportedScene
     for world in list(bpy.data.worlds):
         bpy.data.worlds.remove(world)  # of which only the file's own is to shine
     form = wanted["format"]
-    module, operator = _OPERATORS[form]
+    how = _FORMATS[form]
+    module, _, operator = how.operator.partition(".")
     if operator not in dir(getattr(bpy.ops, module)):
         raise _RefusedError(f"this Blender is built without an importer of {form}; export the mesh as PLY or glTF")
-    inspected = inspect_usd(path) if form == "USD" else UsdInspection(_UP[form], (), ())
+    inspected = inspect_usd(path) if form == "USD" else UsdInspection(how.up, (), ())
     if inspected.missing:
         raise _RefusedError(f"refers to {inspected.missing[0][:200]!r}, which is not there")
     if problem := compression_problem(wanted["compression"]):
         raise _RefusedError(problem)
-    _IMPORTERS[form](str(path), wanted["webp"], wanted["blend"] is not None)
+    asked = {name: (wanted | {"lit": wanted["blend"] is not None})[key] for name, key in how.ordered.items()}
+    with finite_gltf() if form == "glTF" else contextlib.nullcontext():
+        getattr(getattr(bpy.ops, module), operator)(filepath=utf8_name(path), **how.options, **asked)
     excluded = _validate_meshes()
     notes = _still()
     if excluded and form in ("USD", "FBX"):  # of other formats, the file says how many faces there are
@@ -376,51 +379,34 @@ def _still() -> tuple[str, ...]:
     return (f"{len(moving)} of its objects are animated: shown as they stand without that",) if moving else ()
 
 
-def _gltf(path: str, webp: bool, _lit: bool) -> None:
-    with finite_gltf():
-        bpy.ops.import_scene.gltf(
-            filepath=utf8_name(path),
-            import_webp_texture=webp,
-            disable_bone_shape=True,
-            import_select_created_objects=False,
-        )
+@dataclass(frozen=True)
+class _Format:
+    """How Blender imports files of a format: vertices as they are stored, unless it has to know better.
+
+    operator: of `bpy.ops`. up: the axis that is taken for up, None where the file itself decides. options: of the
+    operator. ordered: those that are as the order says.
+    """
+
+    operator: str
+    up: Up | None
+    options: Mapping[str, Any]
+    ordered: Mapping[str, str] = field(default_factory=dict)
 
 
-def _obj(path: str, _webp: bool, _lit: bool) -> None:
-    bpy.ops.wm.obj_import(filepath=utf8_name(path), forward_axis="Y", up_axis="Z", validate_meshes=False)  # as stored
-
-
-def _stl(path: str, _webp: bool, _lit: bool) -> None:
-    bpy.ops.wm.stl_import(filepath=utf8_name(path), use_mesh_validate=False)  # as stored
-
-
-def _fbx(path: str, _webp: bool, _lit: bool) -> None:
-    bpy.ops.wm.fbx_import(filepath=utf8_name(path), use_anim=False, validate_meshes=False)
-
-
-def _usd(path: str, _webp: bool, lit: bool) -> None:
-    bpy.ops.wm.usd_import(filepath=utf8_name(path), import_cameras=False, import_lights=lit, validate_meshes=False)
-
-
-_IMPORTERS: dict[str, Callable[[str, bool, bool], None]] = {
-    "glTF": _gltf,
-    "OBJ": _obj,
-    "STL": _stl,
-    "FBX": _fbx,
-    "USD": _usd,
+_FORMATS = {
+    "glTF": _Format(
+        "import_scene.gltf",
+        "y",
+        {"disable_bone_shape": True, "import_select_created_objects": False},
+        {"import_webp_texture": "webp"},
+    ),
+    "OBJ": _Format("wm.obj_import", "z", {"forward_axis": "Y", "up_axis": "Z", "validate_meshes": False}),
+    "STL": _Format("wm.stl_import", "z", {"use_mesh_validate": False}),
+    "FBX": _Format("wm.fbx_import", None, {"use_anim": False, "validate_meshes": False}),
+    "USD": _Format(
+        "wm.usd_import", None, {"import_cameras": False, "validate_meshes": False}, {"import_lights": "lit"}
+    ),
 }
-
-_OPERATORS = {
-    "glTF": ("import_scene", "gltf"),
-    "OBJ": ("wm", "obj_import"),
-    "STL": ("wm", "stl_import"),
-    "FBX": ("wm", "fbx_import"),
-    "USD": ("wm", "usd_import"),
-}
-_UP: dict[str, Up | None] = {"glTF": "y", "OBJ": "z", "STL": "z", "FBX": None, "USD": None}
 
 if __name__ == "__main__":
     sys.exit(main(sys.argv[-1]))
-
-
-# The process that imports a mesh file with Blender's importers, and writes what they made as arrays.
