@@ -420,8 +420,8 @@ def _perturbed_frames(
 
     optics: what its cameras have beyond one pinhole.
     """
-    from .dataset.clean_frame import Camera, CleanFrame, EarlierFrames
-    from .dataset.frame import CleanFrames, Frame
+    from .dataset.colour import EarlierFrames
+    from .dataset.frame import Camera, CleanFrame, CleanFrames
     from .images.measured_depth import Registration
     from .render.source import light_seen
     from .sources.recording import RecordedFrame
@@ -441,7 +441,7 @@ def _perturbed_frames(
 
     clean_frames = CleanFrames(colour, depth, clean)
     for index in sequence.frames:
-        made = Frame(sequence, index, clean_frames)
+        made = sequence.frame(index, clean_frames)
         yield PerturbedFrame(
             index,
             float(path.stamps_s[index]),

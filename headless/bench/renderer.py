@@ -41,8 +41,7 @@ def main(preset_path: str, out: str, *flags: str) -> None:
     from noisy_world.sources.renderers import open_session
 
     blender_s = time.perf_counter() - imported_s
-    from noisy_world.dataset.clean_frame import CleanFrame, cameras_of
-    from noisy_world.dataset.frame import Frame
+    from noisy_world.dataset.frame import CleanFrame, Frame, cameras_of
 
     paths = source_paths(plan, render)
     options = render_options(plan, render, threads=1 if "--one-thread" in flags else 0)

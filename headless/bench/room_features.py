@@ -13,7 +13,7 @@ sys.path[:0] = [str(ROOT / "addon"), str(ROOT / "headless")]
 
 import cv2
 
-from noisy_world.dataset.clean_frame import CleanFrame
+from noisy_world.dataset.frame import CleanFrame
 from noisy_world.dataset.plan import Plan, Render, make_plan
 from noisy_world.dataset.rendering import render_options, source_paths
 from noisy_world.preset.keys import read_preset

@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from noisy_world.core.schema import ConfigPath
-from noisy_world.dataset.clean_frame import CleanFrame
+from noisy_world.dataset.frame import CleanFrame
 from noisy_world.dataset.plan import make_plan
 from noisy_world.dataset.rendering import render_options, source_paths
 from noisy_world.images.pixels import rgb_bytes

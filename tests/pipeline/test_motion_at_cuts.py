@@ -10,7 +10,7 @@ from noisy_world.dataset.sequence import lay_out
 from noisy_world.core.schema import ConfigPath
 from noisy_world.core.trajectory import Trajectory
 from noisy_world.perturbations import registry
-from noisy_world.dataset.clean_frame import Camera
+from noisy_world.dataset.frame import Camera
 
 RATE_HZ = 10.0
 

@@ -5,7 +5,7 @@ import numpy as np
 
 from noisy_world.render.source import RenderedFrame, SceneLight
 from noisy_world.perturbations.shipped._air import air_light, sky_in
-from noisy_world.dataset.clean_frame import CleanFrame
+from noisy_world.dataset.frame import CleanFrame
 
 
 def test_sky_that_a_window_shows_does_not_light_the_air_of_a_room():

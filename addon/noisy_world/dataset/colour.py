@@ -1,24 +1,29 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The colour of all frames that show a clean one: what has to be done in the main thread, as soon as that is there."""
+"""Colour where the reference alone does not do: on light, by what was shown before, in Blender's compositor."""
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, nullcontext
+import threading
+from collections import OrderedDict
+from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
-from functools import partial
 from typing import TYPE_CHECKING, Any, TypeAlias
 
+import numpy as np
 from numpy.typing import NDArray
 
 from ..core.machine import keep_freed_memory
+from ..core.srgb import decoded, encoded
 from ..images.pixels import rgb_bytes
-from ..perturbations.kinds import ColourPerturbation
+from ..perturbations.execution import ColourWork, on_encoded, perturb_colour
+from ..perturbations.kinds import MID_GREY, ColourPerturbation, EarlierFrame, FrameContext, ReadEarlier, earlier_than
 from ..perturbations.steps import Step
-from .frame import CleanFrames, Frame
+from .frame import CleanFrame, CleanFrames, Frame
 from .sequence import PlannedSequence
 
 if TYPE_CHECKING:
     from ..nodes.compositor import Compositor
-    from .clean_frame import CleanFrame
+
+KEPT = 4096  # small images: 36 MiB at most, more than any frame of 60 Hz looks back; chosen
 
 Pictures: TypeAlias = dict[str, NDArray[Any] | None]
 """By a sequence's folder, its frame's image (H, W, 3); None where it is the clean one."""
@@ -26,8 +31,116 @@ Pictures: TypeAlias = dict[str, NDArray[Any] | None]
 Chains: TypeAlias = Mapping[str, tuple[Step[ColourPerturbation], ...]]
 """Steps of colour by the folder of their sequence, in propagation order."""
 
-FrameOf: TypeAlias = Callable[[PlannedSequence, int], Frame]
-"""A sequence and a frame's number -> that frame, of which one image at least shows the clean frame at hand."""
+
+# --- light ---
+
+
+def acts_on_light(work: ColourWork) -> bool:
+    """Tell whether a step acts on light, so before the view transform."""
+    return any(step.perturbation.acts_on_light for step, _, _ in work.active)
+
+
+def on_light(work: ColourWork, rgb: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Do what acts on light to scene-linear light (H, W, 3), of any brightness; return light."""
+    for step, context, severity in work.active:
+        if step.perturbation.acts_on_light:
+            rgb = perturb_light(step, rgb, severity, context)
+    return rgb
+
+
+def after_light(work: ColourWork, shown: NDArray[np.float32]) -> NDArray[np.uint8]:
+    """Do the rest to what the view transform has made of `on_light`: (H, W, 3), display-encoded in [0, 1]."""
+    return on_encoded(tuple(item for item in work.active if not item[0].perturbation.acts_on_light), shown)
+
+
+def perturb_light(
+    step: Step[ColourPerturbation], light: NDArray[np.float32], severity: float | None, context: FrameContext
+) -> NDArray[np.float32]:
+    """Carry out one step on scene-linear light (H, W, 3) float32, of any brightness; the result is at least 0.
+
+    Some carry out their node group. What only averages works on light itself; the others as ever, on encoded values, by
+    sRGB's curve, which goes on above 1.
+    """
+    context = replace(context, lit=True)
+    if step.perturbation.lit_by_nodes:
+        from ..perturbations.as_nodes import as_nodes
+
+        made = as_nodes(step.perturbation, light, step.parameters(severity), context)
+    elif step.perturbation.averages:
+        made = perturb_colour(step, light, severity, context)
+    else:
+        made = decoded(perturb_colour(step, encoded(light), severity, context))
+    return np.maximum(made, np.float32(0))
+
+
+# --- frames that were shown before ---
+
+
+class EarlierFrames:
+    """What the frames of one render's sequences have before them.
+
+    stamps_s: (N,) of the sequence's frames. read: returns what a meter sees of a source frame that is not kept.
+    """
+
+    def __init__(self, stamps_s: NDArray[np.float64], read: Callable[[int], NDArray[np.float32]]) -> None:
+        self._stamps_s = stamps_s
+        self._read = read
+        self._kept: OrderedDict[int, EarlierFrame] = OrderedDict()
+        self._lock = threading.Lock()
+
+    def before(self, sequence: PlannedSequence, frame: int) -> tuple[ReadEarlier, Hashable]:
+        """Return what reads the frames before one of a sequence, and what is equal where these are.
+
+        They are looked up at once, so that later it may be called in any thread.
+        """
+        numbers = earlier_than(self._stamps_s, frame, sequence.setting.looks_back_s)
+        sources = tuple(int(sequence.source_frames[number]) for number in numbers)
+        stamps_s = self._stamps_s
+        seen = tuple(
+            replace(self._frame(source), stamp_s=float(stamps_s[number]))
+            for number, source in zip(numbers, sources, strict=True)
+        )
+
+        def read(span_s: float) -> tuple[EarlierFrame, ...]:
+            return seen[-len(earlier_than(stamps_s, frame, span_s)) :]
+
+        return read, (frame, sources)
+
+    def prepare(self, sequence: PlannedSequence, frame: int) -> None:
+        """Read what is before a frame of a sequence and is not kept, but for what the frame itself shows."""
+        own = sequence.source_frames[frame]
+        for number in earlier_than(self._stamps_s, frame, sequence.setting.looks_back_s):
+            if (source := int(sequence.source_frames[number])) != own:
+                self._frame(source)
+
+    def keep(self, source: int, light: NDArray[np.float32]) -> None:
+        """Keep what a meter sees of a source frame."""
+        with self._lock:
+            self._kept[source] = EarlierFrame(0.0, light)
+            while len(self._kept) > KEPT:
+                self._kept.popitem(last=False)
+
+    def _frame(self, source: int) -> EarlierFrame:
+        if (frame := self._kept.get(source)) is None:
+            light = self._read(source)
+            self.keep(source, light)
+            frame = self._kept.get(source) or EarlierFrame(0.0, light)
+        return frame
+
+
+class GreyFrames(EarlierFrames):
+    """What frames have before them where none are known, as in a live preview: mid-grey."""
+
+    def __init__(self) -> None:
+        super().__init__(np.zeros(0), lambda _source: MID_GREY.light)
+
+    def before(self, sequence: PlannedSequence, frame: int) -> tuple[ReadEarlier, Hashable]:
+        """Return what reads a mid-grey frame."""
+        del sequence, frame
+        return lambda _span_s: (MID_GREY,), None
+
+
+# --- Blender's compositor ---
 
 
 class Compositing:
@@ -37,7 +150,7 @@ class Compositing:
         """Take the compositor with a chain for each sequence's folder."""
         self._compositor = compositor
 
-    def pictures(self, clean: "CleanFrame", frames: Sequence[Frame]) -> dict[tuple[str, int], NDArray[Any] | None]:
+    def pictures(self, clean: CleanFrame, frames: Sequence[Frame]) -> dict[tuple[str, int], NDArray[Any] | None]:
         """Perturb all frames, several sequences in one evaluation; what several do alike is evaluated once."""
         made: dict[tuple[str, int], NDArray[Any] | None] = {}
         waiting = list(frames)
@@ -48,12 +161,12 @@ class Compositing:
             made |= {(folder, turn[folder].index): image for folder, image in self._turn(clean, turn).items()}
         return made
 
-    def _turn(self, clean: "CleanFrame", frames: Mapping[str, Frame]) -> Pictures:
+    def _turn(self, clean: CleanFrame, frames: Mapping[str, Frame]) -> Pictures:
         return self._perturbed(self._compositor, clean.rgb, clean, frames)
 
     @staticmethod
     def _perturbed(
-        compositor: "Compositor", rgb: NDArray[Any], clean: "CleanFrame", frames: Mapping[str, Frame]
+        compositor: "Compositor", rgb: NDArray[Any], clean: CleanFrame, frames: Mapping[str, Frame]
     ) -> Pictures:
         """Return the frames' colour, rounded, after the chains of a compositor. rgb: encoded, what these are given."""
         made = compositor.perturb(rgb, *_inputs(clean, frames))
@@ -74,7 +187,7 @@ class LitCompositing(Compositing):
         super().__init__(after)
         self._early, self._late = parts
 
-    def _turn(self, clean: "CleanFrame", frames: Mapping[str, Frame]) -> Pictures:
+    def _turn(self, clean: CleanFrame, frames: Mapping[str, Frame]) -> Pictures:
         assert clean.light is not None, "its source is lit"
         early = {folder: frame for folder, frame in frames.items() if folder in self._early}
         lights, _ = self._before.evaluate(clean.light.rgb, *_inputs(clean, early))
@@ -92,7 +205,7 @@ class LitCompositing(Compositing):
         return found
 
 
-def _inputs(clean: "CleanFrame", frames: Mapping[str, Frame]) -> tuple[Any, ...]:
+def _inputs(clean: CleanFrame, frames: Mapping[str, Frame]) -> tuple[Any, ...]:
     """Return what a compositor is told of frames beside the image, by the folder of their sequence."""
     from ..nodes.chain import decided_by  # only Blender's compositor has groups
 
@@ -105,89 +218,11 @@ def _inputs(clean: "CleanFrame", frames: Mapping[str, Frame]) -> tuple[Any, ...]
     )
 
 
-class Colour:
-    """The colour of the sequences of a render, for one clean frame after another."""
-
-    def __init__(
-        self,
-        sequences: Sequence[PlannedSequence],
-        clean: CleanFrames,
-        compositing: Compositing | None = None,
-        *,
-        lit: bool,
-    ) -> None:
-        """Take the sequences whose colour is perturbed. lit: clean frames have light before a view transform."""
-        self._sequences = sequences
-        self._from = clean
-        self._compositing = compositing
-        self._lit = lit
-
-    def prepare(self, source: int) -> None:
-        """Read what steps look back at for the frames that show a source frame. Call it before that frame is made."""
-        earlier = self._from.colour.earlier
-        if earlier is None:
-            return
-        for sequence in self._sequences:
-            for frame in sequence.showing("rgb", source) if sequence.setting.looks_back else ():
-                earlier.prepare(sequence, frame)
-
-    def frames_of(self, clean: "CleanFrame") -> FrameOf:
-        """Return what gives the frames that show a clean one. Their images may be made in any thread."""
-        earlier = self._from.colour.earlier
-        if earlier is not None:
-            earlier.keep(clean.source, clean.light_seen)
-        pictures: dict[tuple[str, int], NDArray[Any] | None] = {}
-        clean_frames = replace(
-            self._from.of_one(clean), composited=lambda frame: pictures[frame.sequence.folder, frame.index]
-        )
-        coloured = [
-            Frame(sequence, index, clean_frames)
-            for sequence in self._sequences
-            for index in sequence.showing("rgb", clean.source)
-        ]
-        composited = [frame for frame in coloured if frame.sequence.setting.composited]
-        if composited:
-            assert self._compositing is not None, "it was prepared for them"
-            pictures |= self._compositing.pictures(clean, composited)
-        for frame in coloured:
-            if self._lit:
-                frame.changed("rgb")  # at once, as Blender alone knows the view transform
-            elif frame.sequence.setting.looks_back:
-                _ = frame.colour  # reads the frames before it
-        known = {(frame.sequence.folder, frame.index): frame for frame in coloured}
-        return partial(_frame_of, known, clean_frames)
-
-
-def _frame_of(
-    known: Mapping[tuple[str, int], Frame], clean: CleanFrames, sequence: PlannedSequence, index: int
-) -> Frame:
-    return known.get((sequence.folder, index)) or Frame(sequence, index, clean)
-
-
 @contextmanager
-def colour_of(
-    sequences: Iterable[PlannedSequence],
-    clean: CleanFrames,
-    size_px: tuple[int, int],
-    *,
-    lit: bool = False,
-    of_light: bool = False,
-) -> Iterator[Colour]:
-    """Prepare to perturb the colour of sequences.
-
-    clean: the cameras of the render. size_px: width and height of the frames; parameters in pixels refer to this width.
-    lit: clean frames have light before a view transform. of_light: that is what is stored.
-    """
-    perturbed = [item for item in sequences if item.frames and item.setting.rgb]
-    chains = {item.folder: item.setting.rgb for item in perturbed if item.setting.composited}
-    with _compositing(chains, clean, size_px, lit=lit, of_light=of_light) if chains else nullcontext() as compositing:
-        yield Colour(perturbed, clean, compositing, lit=lit)
-
-
-@contextmanager
-def _compositing(
+def compositing(
     chains: Chains, clean: CleanFrames, size_px: tuple[int, int], *, lit: bool, of_light: bool
 ) -> Iterator[Compositing]:
+    """Prepare Blender's compositor for some chains. clean, size_px, lit, of_light: as `colour_of` takes them."""
     from ..nodes.compositor import Compositor
 
     keep_freed_memory()

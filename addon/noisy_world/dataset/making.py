@@ -5,13 +5,12 @@ import contextlib
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Hashable, Iterator
-from collections.abc import Sequence as Many
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any, Generic, Self, TypeAlias, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, Self, TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,16 +25,21 @@ from ..core.progress import Progress
 from ..layouts import Modality, OutputFormat
 from ..perturbations.steps import Setting
 from ..render.source import OpenSource, PreparedSource, RenderedFrame, SourceFrame, light_seen
-from .clean_frame import CleanFrame, CleanPair, EarlierFrames, OpenPairs, cameras_of, motion_of, view_of
-from .clean_store import CleanFiles
-from .colour import Colour, FrameOf, colour_of
 from .completed_images import FinishedImages
 from .dataset_folder import Dataset, SequenceJournal
-from .frame import Frame
+from .frame import CleanFrame, CleanFrames, Frame, cameras_of, clean_frames_of
 from .plan import Plan, Render
 from .rendering import open_render, render_options, source_paths
 from .run_report import DECODING, LOADING, RENDERING, Report, StageTimer
 from .sequence import PlannedSequence
+
+if TYPE_CHECKING:
+    from .clean_store import CleanFiles
+    from .colour import Compositing, EarlierFrames
+    from .pairs import CleanPair, OpenPairs
+
+FrameOf: TypeAlias = Callable[[PlannedSequence, int], Frame]
+"""A sequence and a frame's number -> that frame, of which one image at least shows the clean frame at hand."""
 
 # Whether what drifts from frame to frame moves as fast as the frames that it is seen in follow one another.
 
@@ -71,6 +75,90 @@ WAITING_FRAMES = 3
 ENCODERS = 2
 Encoder: TypeAlias = Callable[[NDArray[Any], OutputFormat], bytes]
 """Makes the file of an image."""
+
+
+class Colour:
+    """The colour of the sequences of a render, for one clean frame after another."""
+
+    def __init__(
+        self,
+        sequences: Sequence[PlannedSequence],
+        clean: CleanFrames,
+        compositing: "Compositing | None" = None,
+        *,
+        lit: bool,
+    ) -> None:
+        """Take the sequences whose colour is perturbed. lit: clean frames have light before a view transform."""
+        self._sequences = sequences
+        self._from = clean
+        self._compositing = compositing
+        self._lit = lit
+
+    def prepare(self, source: int) -> None:
+        """Read what steps look back at for the frames that show a source frame. Call it before that frame is made."""
+        earlier = self._from.colour.earlier
+        if earlier is None:
+            return
+        for sequence in self._sequences:
+            for frame in sequence.showing("rgb", source) if sequence.setting.looks_back else ():
+                earlier.prepare(sequence, frame)
+
+    def frames_of(self, clean: CleanFrame) -> FrameOf:
+        """Return what gives the frames that show a clean one. Their images may be made in any thread."""
+        earlier = self._from.colour.earlier
+        if earlier is not None:
+            earlier.keep(clean.source, clean.light_seen)
+        pictures: dict[tuple[str, int], NDArray[Any] | None] = {}
+        clean_frames = replace(
+            self._from.of_one(clean), composited=lambda frame: pictures[frame.sequence.folder, frame.index]
+        )
+        coloured = [
+            sequence.frame(index, clean_frames)
+            for sequence in self._sequences
+            for index in sequence.showing("rgb", clean.source)
+        ]
+        composited = [frame for frame in coloured if frame.sequence.setting.composited]
+        if composited:
+            assert self._compositing is not None, "it was prepared for them"
+            pictures |= self._compositing.pictures(clean, composited)
+        for frame in coloured:
+            if self._lit:
+                frame.changed("rgb")  # at once, as Blender alone knows the view transform
+            elif frame.sequence.setting.looks_back:
+                _ = frame.colour  # reads the frames before it
+        known = {(frame.sequence.folder, frame.index): frame for frame in coloured}
+        return partial(_frame_of, known, clean_frames)
+
+
+def _frame_of(
+    known: Mapping[tuple[str, int], Frame], clean: CleanFrames, sequence: PlannedSequence, index: int
+) -> Frame:
+    return known.get((sequence.folder, index)) or sequence.frame(index, clean)
+
+
+@contextlib.contextmanager
+def colour_of(
+    sequences: Iterable[PlannedSequence],
+    clean: CleanFrames,
+    size_px: tuple[int, int],
+    *,
+    lit: bool = False,
+    of_light: bool = False,
+) -> Iterator[Colour]:
+    """Prepare to perturb the colour of sequences.
+
+    clean: the cameras of the render. size_px: width and height of the frames; parameters in pixels refer to this width.
+    lit: clean frames have light before a view transform. of_light: that is what is stored.
+    """
+    perturbed = [item for item in sequences if item.frames and item.setting.rgb]
+    chains = {item.folder: item.setting.rgb for item in perturbed if item.setting.composited}
+    if not chains:
+        yield Colour(perturbed, clean, lit=lit)
+        return
+    from .colour import compositing
+
+    with compositing(chains, clean, size_px, lit=lit, of_light=of_light) as carried_out:
+        yield Colour(perturbed, clean, carried_out, lit=lit)
 
 
 @dataclass(frozen=True)
@@ -126,7 +214,7 @@ class FrameWriter:
         """
         return self._queue(self._pool.submit(self._write, clean, frames), 1)
 
-    def submit_pair(self, pair: CleanPair) -> int:
+    def submit_pair(self, pair: "CleanPair") -> int:
         """Queue what leads from a clean frame to another, as `submit`."""
         return self._queue(self._pool.submit(self._write_pair, pair), 0)
 
@@ -165,13 +253,13 @@ class FrameWriter:
                     lost = Lost(sequence, record.frame, record.out_of_range)
         return lost
 
-    def _write_pair(self, pair: CleanPair) -> None:
+    def _write_pair(self, pair: "CleanPair") -> None:
         """Write all that leads from one clean frame to another."""
         files = FrameFiles(self._dataset, pair, self.finished, self._timer)
         for sequence, journal in zip(self._sequences, self._journals, strict=True):
             for channel in pair_channels(self._dataset.format.modalities):
                 with self._timer.on(f"making {channel.spoken}"):
-                    written = list(self._write_images(channel.name, sequence, pair, files, Frame))
+                    written = list(self._write_images(channel.name, sequence, pair, files, PlannedSequence.frame))
                 self._append(journal, written)
 
     def _append(self, journal: SequenceJournal, records: list[FrameRecord]) -> None:
@@ -183,7 +271,7 @@ class FrameWriter:
         self,
         modality: Modality,
         sequence: PlannedSequence,
-        clean: CleanFrame | CleanPair,
+        clean: "CleanFrame | CleanPair",
         files: "FrameFiles",
         frames: FrameOf,
     ) -> Iterator[FrameRecord]:
@@ -219,7 +307,7 @@ class FrameFiles:
     """
 
     def __init__(
-        self, dataset: Dataset, clean: CleanFrame | CleanPair, finished: FinishedImages, timer: StageTimer
+        self, dataset: Dataset, clean: "CleanFrame | CleanPair", finished: FinishedImages, timer: StageTimer
     ) -> None:
         self._dataset = dataset
         self._timer = timer
@@ -309,7 +397,7 @@ class FrameMaker:
         stop: threading.Event,
         threads: int = 0,
         scene: "KeptScene | None" = None,
-        clean: CleanFiles | None = None,
+        clean: "CleanFiles | None" = None,
     ) -> None:
         """Prepare.
 
@@ -330,7 +418,7 @@ class FrameMaker:
         self._closed_at_end = (self._render, self._colour, *([self._scene] if scene is None else []))
         self.report = Report()
 
-    def make(self, render: Render, frames: Many[int], target: Dataset, finished: FinishedImages) -> None:
+    def make(self, render: Render, frames: Sequence[int], target: Dataset, finished: FinishedImages) -> None:
         """Make the images that show some source frames of a render and are not finished, and write them to a dataset.
 
         Raises InterruptedRunError when stopped.
@@ -358,7 +446,7 @@ class FrameMaker:
         if self._stop.is_set():
             raise InterruptedRunError("stopped")
         image = self._open(render, judging=False).frame(self.paths_of(render).request(number))
-        return CleanFrame.of(render, number, image, of_light=self._plan.format.of_light)
+        return clean_frames_of(render, of_light=self._plan.format.of_light)(number, image)
 
     @property
     def _modalities(self) -> tuple[Modality, ...]:
@@ -404,7 +492,7 @@ class FrameMaker:
         self.report.notes.append(note)
         self._progress.note(note)
 
-    def _colour_of(self, render: Render, frames: Many[int], finished: FinishedImages, source: OpenSource) -> Colour:
+    def _colour_of(self, render: Render, frames: Sequence[int], finished: FinishedImages, source: OpenSource) -> Colour:
         """Return what perturbs the colour of those sequences that lack some of it."""
         coloured = render.sequences if "rgb" in self._modalities else ()
         lacking = [item for item in coloured if item.frames and finished.lacks(item, "rgb", frames)]
@@ -413,7 +501,7 @@ class FrameMaker:
             return colour
         scene, seen = render.scene.source, partial(self._seen, render, source)
         looks_back = any(item.setting.looks_back for item in lacking)
-        earlier = EarlierFrames(scene.stamps_s, seen) if looks_back else None
+        earlier = _earlier_frames(scene.stamps_s, seen) if looks_back else None
         size_px = (render.camera.width_px, render.camera.height_px)
         options = {"lit": scene.capabilities.lit, "of_light": self._plan.format.of_light}
         cameras = cameras_of(render, self.paths_of(render), earlier)
@@ -426,16 +514,17 @@ class FrameMaker:
     def _write(
         self,
         render: Render,
-        frames: Many[int],
+        frames: Sequence[int],
         source: OpenSource,
         colour: Colour,
         writer: FrameWriter,
     ) -> None:
         paths = self.paths_of(render)
         heard = None if render.scene.source.capabilities.rendered else writer.timer
+        clean_of = clean_frames_of(render, heard, of_light=self._plan.format.of_light)
         pairs = self._pairs(render, frames, writer.finished)
         wanted = set(frames)
-        for frame in sorted(wanted | pairs.sources):
+        for frame in sorted(wanted if pairs is None else wanted | pairs.sources):
             if self._stop.is_set():
                 break
             start_s = time.perf_counter()
@@ -444,20 +533,23 @@ class FrameMaker:
             with contextlib.nullcontext() if heard is None else heard.on(DECODING):
                 image = source.frame(paths.request(frame))
             self._count_rays(image)
-            clean = CleanFrame.of(render, frame, image, heard, of_light=self._plan.format.of_light)
+            clean = clean_of(frame, image)
             if self.report.first_frame_s is None:
                 self.report.first_frame_s = time.perf_counter() - start_s
             if frame in wanted:
                 self._count(writer.submit(clean, colour.frames_of(clean)), writer)
-            view = partial(view_of, lambda: source, paths, clean, render.camera)
-            for pair in pairs.take(frame, view, partial(motion_of, source, render, paths)):
+            for pair in () if pairs is None else pairs.of(clean, source, render, paths):
                 self._count(writer.submit_pair(pair), writer)
         self._count(writer.drain(), writer)
 
-    def _pairs(self, render: Render, frames: Many[int], finished: FinishedImages) -> OpenPairs:
-        """Return what leads from some source frames to others and is missing."""
+    def _pairs(self, render: Render, frames: Sequence[int], finished: FinishedImages) -> "OpenPairs | None":
+        """Return what leads from some source frames to others and is missing; None where no channel does."""
         channels = [channel.name for channel in pair_channels(self._modalities)]
-        sequences = [item for item in render.sequences if item.frames] if channels else []
+        if not channels:
+            return None
+        from .pairs import OpenPairs
+
+        sequences = [item for item in render.sequences if item.frames]
         lacking = (finished.pairs(sequences, channels, frame) for frame in frames)
         return OpenPairs(set().union(*lacking), render.camera)
 
@@ -495,6 +587,12 @@ class FrameMaker:
 
     def __exit__(self, *_: object) -> None:
         self.close()
+
+
+def _earlier_frames(stamps_s: NDArray[np.float64], seen: Callable[[int], NDArray[np.float32]]) -> "EarlierFrames":
+    from .colour import EarlierFrames
+
+    return EarlierFrames(stamps_s, seen)
 
 
 class Kept(Generic[T]):

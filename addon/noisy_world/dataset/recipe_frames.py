@@ -26,12 +26,13 @@ from ..perturbations.steps import Setting
 from ..render.source import PERTURBED, OpenSource, PreparedSource, SourceFrame
 from ..sources import find_scenes
 from ..sources.scene_kinds import Scene
-from .clean_frame import CleanFrame, CleanPair, EarlierFrames, cameras_of, view_of
 from .clean_store import CleanStore, read_store
+from .colour import EarlierFrames
+from .frame import CleanFrame, cameras_of, clean_frames_of, motion_of_frames
 from .frame import Frame as MadeFrame
-from .frame import motion_of_frames
 from .identity import versions_of
 from .loader import Frame, Opened, OpenedSequence
+from .pairs import CleanPair, view_of
 from .plan import Plan, Render, lay_out_plan, read_settings
 from .recipe import FrameNumbers, Recipe, read_recipe
 from .remaking import check_inputs, check_setting, made_here, made_otherwise, preset_of, same_path
@@ -139,7 +140,7 @@ class OpenedRecipe(Opened):
         key = (sequence.render.name, source)
         with self._lock:
             if key not in self._recent:
-                self._recent[key] = CleanFrame.of(sequence.render, source, self._clean_image(sequence, source))
+                self._recent[key] = clean_frames_of(sequence.render)(source, self._clean_image(sequence, source))
                 if len(self._recent) > KEPT_FRAMES:
                     self._recent.popitem(last=False)
             return self._recent[key]
@@ -318,7 +319,7 @@ class FrameOfRecipe(Frame):
 
     @cached_property
     def _made(self) -> MadeFrame:
-        return MadeFrame(self._in.sequence, self.index, self._in.clean)
+        return self._in.sequence.frame(self.index, self._in.clean)
 
     def _coloured(self) -> MadeFrame:
         self._check("rgb", "colour")

@@ -20,7 +20,7 @@ from ..core.atomic_files import StorageError, storage_errors, write_atomic
 from ..core.dependencies import PACKAGE, shipped
 from ..core.errors import InputError, MissingDependencyError
 from ..core.file_access import read_bytes, read_text
-from ..dataset.clean_frame import CleanFrame
+from ..dataset.frame import CleanFrame
 from ..dataset.plan import make_plan
 from ..dataset.rendering import render_options, source_paths
 from ..preset.keys import read_preset

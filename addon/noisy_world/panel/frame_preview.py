@@ -14,9 +14,8 @@ from numpy.typing import NDArray
 
 from ..core.depth_range import scale_that_holds
 from ..core.errors import NoisyWorldError
-from ..dataset.clean_frame import Camera, CleanFrame
-from ..dataset.colour import colour_of
-from ..dataset.frame import CleanFrames, Frame
+from ..dataset.frame import Camera, CleanFrame, CleanFrames
+from ..dataset.making import colour_of
 from ..dataset.overview import colour_depth
 from ..dataset.sequence import PlannedSequence, Shown, lay_out
 from ..images.pixels import as_bytes, grey_bytes
@@ -158,7 +157,7 @@ def draw_depth(scene: bpy.types.Scene, index: int | None = None) -> tuple[NDArra
     index = now if index is None else index
     shown = _shown(sequence, index)
     camera = Camera(intrinsics_of(panel_of(scene)), clean_stamps_s(scene))
-    frame = Frame(sequence, index, CleanFrames(camera, camera, partial(_clean, scene)))
+    frame = sequence.frame(index, CleanFrames(camera, camera, partial(_clean, scene)))
     depth_m, notes = frame.depth_m, frame.steps("depth")
     depth_m, lost = _held(scene, depth_m)
     seen_m = depth_m[depth_m > 0]

@@ -9,7 +9,7 @@ post-processing) and depth, then pairing. Within a stage, each perturbation's `o
 
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field, fields, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any, Generic, Literal, TypeAlias, TypeVar
 
@@ -148,7 +148,7 @@ class Step(Generic[Kind]):
             earlier_key=where.earlier_key if self.looks_back else None,
         )
 
-    @property
+    @cached_property
     def uses_motion(self) -> bool:
         """Whether this step, with one of its severities, looks at the camera's motion."""
         kind = self.perturbation
@@ -157,12 +157,12 @@ class Step(Generic[Kind]):
         severities = (self.severity,) if self.levels is None else self.levels
         return any(not kind.is_repeatable(self.parameters(each)) for each in severities if each != 0)
 
-    @property
+    @cached_property
     def looks_back(self) -> bool:
         """Whether this step looks at earlier frames."""
         return isinstance(self.perturbation, ColourPerturbation) and self.perturbation.looks_back_s is not None
 
-    @property
+    @cached_property
     def looks_back_s(self) -> float:
         """How many seconds of earlier frames it asks for, with any of its severities."""
         kind = self.perturbation
@@ -222,32 +222,32 @@ class Setting:
     keys: Mapping[str, Any] = field(default_factory=dict)
     sensor: tuple[Step[DepthPerturbation], ...] = ()
 
-    @property
+    @cached_property
     def stream(self) -> str:
         """The name under which its steps of colour and depth draw their random patterns: its own, if not another."""
         return next((step.stream for step in self.steps if step.stream is not None), self.name)
 
-    @property
+    @cached_property
     def motion(self) -> tuple[Step[MotionPerturbation], ...]:
         """The steps that act on the path."""
         return steps_of_kind(self.steps, MotionPerturbation)
 
-    @property
+    @cached_property
     def exposure(self) -> tuple[Step[ExposurePerturbation], ...]:
         """The steps that act on when a frame's images see the scene, but those of severity 0."""
         return tuple(step for step in steps_of_kind(self.steps, ExposurePerturbation) if step.severity != 0)
 
-    @property
+    @cached_property
     def measures_travel(self) -> bool:
         """Whether a step of exposure asks how far what is seen goes on the image, which takes depth."""
         return any(step.perturbation.measures_travel for step in self.exposure)
 
-    @property
+    @cached_property
     def rgb(self) -> tuple[Step[ColourPerturbation], ...]:
         """The steps that act on colour."""
         return steps_of_kind(self.steps, ColourPerturbation)
 
-    @property
+    @cached_property
     def depth(self) -> tuple[Step[DepthPerturbation], ...]:
         """The steps that act on depth."""
         return (*self.sensor, *steps_of_kind(self.steps, DepthPerturbation))
@@ -262,37 +262,37 @@ class Setting:
             case None:
                 return ()
 
-    @property
+    @cached_property
     def pairing(self) -> tuple[Step[PairingPerturbation], ...]:
         """The steps that act on which depth is paired with which colour."""
         return steps_of_kind(self.steps, PairingPerturbation)
 
-    @property
+    @cached_property
     def composited(self) -> bool:
         """Whether Blender's compositor executes a step."""
         return self.backend == "compositor" and bool(self.rgb)
 
-    @property
+    @cached_property
     def needs_depth(self) -> bool:
         """Whether a step of colour depends on depth."""
         return any(step.perturbation.needs_depth for step in self.rgb)
 
-    @property
+    @cached_property
     def uses_motion(self) -> bool:
         """Whether a step of colour looks at the camera's motion."""
         return any(step.uses_motion for step in self.rgb)
 
-    @property
+    @cached_property
     def looks_back(self) -> bool:
         """Whether a step of colour looks at earlier frames."""
         return any(step.looks_back for step in self.rgb)
 
-    @property
+    @cached_property
     def looks_back_s(self) -> float:
         """How many seconds of earlier frames its steps ask for."""
         return max((step.looks_back_s for step in self.rgb), default=0.0)
 
-    @property
+    @cached_property
     def shutter(self) -> Shutter | None:
         """When the lines of a frame are exposed, as its steps of exposure say together; None where there are none."""
         found: Shutter | None = None
@@ -301,7 +301,7 @@ class Setting:
             found = own if found is None else found.with_another(own)
         return found
 
-    @property
+    @cached_property
     def needs_rgb(self) -> bool:
         """Whether a step of depth depends on colour."""
         return any(step.perturbation.needs_rgb for step in self.depth)
