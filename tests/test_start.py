@@ -10,12 +10,12 @@ from worlds import GENERATE, ROOT, write_world
 
 OTHERS = (  # other sources than a PLY and a path, other places than a folder
     "bpy", "tarfile", "urllib.request", "noisy_world.rooms", "noisy_world.scenes.gltf",
-    "noisy_world.trajectories.handheld", "noisy_world.sources.lit_scene", "noisy_world.sources.footage",
-    "noisy_world.sources.lit_scene", "noisy_world.sources.blender_process", "noisy_world.dataset.address_run",
+    "noisy_world.trajectories.handheld", "noisy_world.sources.lit_scene",
+    "noisy_world.sources.blender_process", "noisy_world.dataset.address_run",
 )  # fmt: skip
 FILES = ("cv2", "yaml", "OpenEXR", "importlib.metadata", "noisy_world.layouts",
          "noisy_world.layouts.stored_recording", "noisy_world.scenes.ply", "noisy_world.preset.keys",
-         "noisy_world.pipeline", "noisy_world.sources", "noisy_world.perturbations.shipped.fog")  # fmt: skip
+         "noisy_world.dataset", "noisy_world.sources", "noisy_world.perturbations.shipped.fog")  # fmt: skip
 
 PERTURBED = """
 import platform
@@ -43,7 +43,7 @@ def python_without(modules, code):
 
 def test_the_library_of_perturbations_loads_no_files_and_no_sources():
     python_without([*OTHERS, *FILES], "import noisy_world.perturb")
-    python_without([*OTHERS, "yaml", "OpenEXR", "noisy_world.pipeline", "noisy_world.sources"], PERTURBED)
+    python_without([*OTHERS, "yaml", "OpenEXR", "noisy_world.dataset", "noisy_world.sources"], PERTURBED)
 
 
 def test_a_run_loads_the_sources_that_it_has(tmp_path):

@@ -36,8 +36,8 @@ def main(preset_path: str, out: str, *flags: str) -> None:
     from noisy_world.dataset.making import FrameWriter
     from noisy_world.dataset.rendering import render_options
     from noisy_world.dataset.run_report import StageTimer
+    from noisy_world.sources.rendered_mesh import forget_rooms_and_meshes as forget_meshes
     from noisy_world.sources.rendered_mesh import load_mesh
-    from noisy_world.sources.rendered_mesh import mesh_source_forget_meshes as forget_meshes
     from noisy_world.sources.renderers import open_session
 
     blender_s = time.perf_counter() - imported_s

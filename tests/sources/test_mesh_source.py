@@ -17,7 +17,7 @@ from noisy_world.preset.keys import read_preset
 from noisy_world.scenes.polygon_mesh import Mesh
 from noisy_world.core.frame_request import FrameRequest
 from noisy_world.dataset.plan import make_plan
-from noisy_world.sources.rendered_mesh import OpenMesh, mesh_source_forget_meshes, load_mesh
+from noisy_world.sources.rendered_mesh import OpenMesh, forget_rooms_and_meshes, load_mesh
 
 CAMERA = Intrinsics(160, 120, 90.0, 80.0, 79.5, 59.5)
 LOW, HIGH = np.array([-2.0, -1.5, 0.0]), np.array([2.5, 1.5, 2.5])
@@ -92,12 +92,12 @@ def test_a_missing_texture_is_told_before_anything_is_made(tmp_path):
 
 def test_a_texture_that_changes_is_read_again(tmp_path):
     path = write_textured_world(tmp_path).parent / "mesh.ply"
-    mesh_source_forget_meshes()
+    forget_rooms_and_meshes()
     assert (load_mesh(path).texture.pictures[0] == 0).all()
     cv2.imwrite(str(tmp_path / "wall.png"), np.full((2, 2, 3), 9, np.uint8))
     os.utime(tmp_path / "wall.png", ns=(1, 1))
     assert (load_mesh(path).texture.pictures[0] == 9).all()
-    mesh_source_forget_meshes()
+    forget_rooms_and_meshes()
 
 
 def scene_with(folder, render, **keys):

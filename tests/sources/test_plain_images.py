@@ -13,7 +13,7 @@ from noisy_world.cli.command import main
 from noisy_world.preset.keys import read_preset
 from noisy_world.core.schema import ConfigPath
 from noisy_world.dataset.plan import make_plan
-from noisy_world.sources.footage import read_images
+from noisy_world.sources.recording import read_images
 
 NAMES = ("shot_2.png", "shot_10.png", "Shot_33.png")  # in the order of their numbers
 

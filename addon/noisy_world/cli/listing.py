@@ -66,15 +66,15 @@ def list_channels() -> None:
 
 def list_cameras() -> None:
     """List the real cameras that a preset may name as `device`: what they stand for, and where the figures are from."""
-    from ..core.schema import schema_yaml_text as yaml_text
+    from ..core.schema import yaml_line
     from ..preset.camera_devices import CAMERA_DEVICES
 
     for name, device in CAMERA_DEVICES.items():
         print(f"{name}  {device.label}: {device.meaning}")
-        print(f"    camera: {yaml_text(device.camera)}")
+        print(f"    camera: {yaml_line(device.camera)}")
         print(f"        {device.sources['lens']}")
         for step, values in device.steps.items():
-            print(f"    {step}: {yaml_text(dict(values))}")
+            print(f"    {step}: {yaml_line(dict(values))}")
             print(f"        {device.sources[step]}")
 
 

@@ -410,13 +410,13 @@ def _explain(item: Field[Any], info: KeyInfo, hint: Any) -> str:
     elif info.unit:
         parts.append(info.unit)
     if item.default is not MISSING and item.default is not None and not is_dataclass(item.default):
-        parts.append(f"default {schema_yaml_text(item.default)}")
+        parts.append(f"default {yaml_line(item.default)}")
     elif item.default is MISSING and item.default_factory is MISSING:
         parts.append("required")
     return "; ".join(parts)
 
 
-def schema_yaml_text(value: Any) -> str:
+def yaml_line(value: Any) -> str:
     """Return a value as a preset would have it, in one line of YAML."""
     import yaml
 
@@ -449,7 +449,6 @@ DEEPEST = 32
 LONGEST_NUMBER = 1000  # digits; Python itself turns no more than 4300 into a number
 
 _TAG = "tag:yaml.org,2002:"
-_YAML_READING_TRUTH = {"yes": True, "no": False, "true": True, "false": False, "on": True, "off": False}
 _WHOLE = re.compile(r"([-+]?)(0b[01_]*[01][01_]*|0x[0-9a-fA-F_]*[0-9a-fA-F][0-9a-fA-F_]*|[0-9][0-9_]*)")
 _NUMBER = re.compile(r"[-+]?(?:[0-9][0-9_]*(?:\.[0-9_]*)?|\.[0-9][0-9_]*)(?:[eE][-+]?[0-9]+)?")
 _NUMBER_1_2 = re.compile(r"^[-+]?(?:\.[0-9]+(?:[eE][-+]?[0-9]+)?|[0-9]+(?:\.[0-9]*)?[eE][-+]?[0-9]+)$")
@@ -685,8 +684,8 @@ def _scalar(node: "yaml.ScalarNode") -> Any:
             return text
         case "null" if text in ("", "~", "null", "Null", "NULL"):
             return None
-        case "bool" if text.lower() in _YAML_READING_TRUTH:
-            return _YAML_READING_TRUTH[text.lower()]
+        case "bool" if text.lower() in _TRUTH:
+            return _TRUTH[text.lower()]
         case "int" | "float" as kind:
             return _number(node, kind)
         case "null" | "bool" as kind:

@@ -52,18 +52,17 @@ def _with_dark(
     return found
 
 
-# Display-encoded colours as linear light, and back (IEC 61966-2-1), by component.
-
+# --- exact, of any values, by component ---
 
 _CODES = 65535  # of the table of light: half a step is a five hundredth of one of 8 bits
 
 
-def srgb_decoded(colours: Any) -> Any:
+def exact_light(colours: Any) -> Any:
     """Return the linear light of display-encoded colours."""
     return np.where(colours <= 0.04045, colours / 12.92, ((colours + 0.055) / 1.055) ** 2.4)
 
 
-def srgb_encoded(light: Any) -> Any:
+def exact_colours(light: Any) -> Any:
     """Return linear light, at least 0, as display-encoded colours."""
     return np.where(light <= 0.0031308, light * 12.92, 1.055 * np.maximum(light, 0.0031308) ** (1 / 2.4) - 0.055)
 
@@ -83,4 +82,4 @@ def quick_light(colours: NDArray[Any]) -> NDArray[np.float32]:
 
 @cache
 def _light_of_codes() -> NDArray[np.float32]:
-    return np.asarray(srgb_decoded(np.arange(_CODES + 1) / _CODES), dtype=np.float32)
+    return np.asarray(exact_light(np.arange(_CODES + 1) / _CODES), dtype=np.float32)

@@ -294,7 +294,7 @@ STATES_HEADER = POSES_HEADER + "".join(
 def samples_csv(samples: ImuSamples) -> str:
     """Return what an IMU measured: t [ns] of its own clock, angular velocity [rad/s], specific force [m/s^2]."""
     values = np.concatenate([samples.rate_rad_s, samples.force_m_s2], axis=1)
-    return lines([SAMPLES_HEADER, *_imu_files_rows(samples.stamps_ns, values)])
+    return lines([SAMPLES_HEADER, *_sample_rows(samples.stamps_ns, values)])
 
 
 def states_csv(states: ImuStates) -> str:
@@ -303,7 +303,7 @@ def states_csv(states: ImuStates) -> str:
     quats = continuous_quats(quat_wxyz_from_rotation(at[:, :3, :3]))
     others = [states.motion.velocity_m_s, states.gyro_bias_rad_s, states.accel_bias_m_s2]
     values = np.concatenate([at[:, :3, 3], quats, *map(rounded_numbers, others)], axis=1)
-    return lines([STATES_HEADER, *_imu_files_rows(states.stamps_ns, values)])
+    return lines([STATES_HEADER, *_sample_rows(states.stamps_ns, values)])
 
 
 def read_samples(text: str, file: Path | str) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
@@ -389,7 +389,7 @@ def imu_texts(facts: SequenceFacts) -> dict[str, str]:
     return dict(zip(IMU_FILES, texts, strict=False))
 
 
-def _imu_files_rows(stamps_ns: NDArray[np.int64], values: NDArray[np.float64]) -> Iterable[str]:
+def _sample_rows(stamps_ns: NDArray[np.int64], values: NDArray[np.float64]) -> Iterable[str]:
     """Yield a line for each row of values (N, D), which read back to the same float64."""
     for stamp_ns, row in zip(stamps_ns.tolist(), (values + 0.0).tolist(), strict=True):
         yield ",".join([stamp_text(stamp_ns), *map(repr, row)])

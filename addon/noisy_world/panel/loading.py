@@ -16,7 +16,7 @@ from ..nodes.datablocks import camera_of, mesh_of
 from ..render.mesh_session import add_camera, add_mesh, key_poses, rgba_of, set_intrinsics, set_origin
 from ..scenes.polygon_mesh import Mesh
 from ..sources import find_scenes
-from ..sources.rendered_mesh import load_mesh, mesh_source_forget_meshes
+from ..sources.rendered_mesh import forget_rooms_and_meshes, load_mesh
 from . import open_scene, source_views
 from .document import intrinsics_of, listed_motion, preset_of, scene_name, scene_of
 from .drawn_paths import CLEAN_C2W, CLEAN_STAMPS_S, chosen_frames, deviated_poses
@@ -347,7 +347,7 @@ def register() -> None:
 
 def unregister() -> None:
     """Unregister the listener, and drop meshes from memory."""
-    mesh_source_forget_meshes()
+    forget_rooms_and_meshes()
     if follow in LISTENERS:
         LISTENERS.remove(follow)
 

@@ -19,7 +19,7 @@ from ..core.errors import Message, MissingDependencyError, PresetKey, StorageErr
 from ..core.file_access import ScratchFolder, utf8_name
 from ..core.frame_request import Shutter
 from ..core.lens import Bending
-from ..core.srgb import srgb_encoded
+from ..core.srgb import exact_colours
 from ..nodes.datablocks import camera_of, muted_output, override_scene, write_plain_floats
 from ..nodes.datablocks import cycles as cycles_of
 from .source import RenderedFrame
@@ -434,7 +434,7 @@ class FrameRenderer:
         if self._rgb:
             colours = np.stack([channels[f"Combined.{name}"] for name in "RGB"], axis=-1)
             if not self._encoded_colours:
-                colours = srgb_encoded(colours)
+                colours = exact_colours(colours)
         depth_m = None
         if self._depth:
             depth_m = without_void(channels["Depth.Z"], camera_of(self._scene.camera).clip_end)

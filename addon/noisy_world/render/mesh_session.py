@@ -12,7 +12,7 @@ from ..channels.channel import Surface
 from ..channels.surface_images import SurfaceImages
 from ..core.frame_request import FrameRequest, SensorPaths
 from ..core.geometry import Intrinsics, blender_from_opencv_c2w, continuous_quats, quat_wxyz_from_rotation
-from ..core.srgb import srgb_decoded
+from ..core.srgb import exact_light
 from ..core.trajectory import recentring_m
 from ..nodes.datablocks import (
     camera_of,
@@ -249,7 +249,7 @@ def add_mesh(
     data.update(calc_edges=True)
     _add_colours(data, mesh, decoded=decoding == "attribute")
     material = vertex_colour_material(decode_colours=decoding == "shader")
-    grey = NEUTRAL_GREY if decoding == "none" else float(srgb_decoded(np.float64(NEUTRAL_GREY)))
+    grey = NEUTRAL_GREY if decoding == "none" else float(exact_light(np.float64(NEUTRAL_GREY)))
     rgba: Any = (grey, grey, grey, 1.0)
     material.diffuse_color = rgba  # of the faces that Workbench shows beside textures
     data.materials.append(material)
@@ -295,7 +295,7 @@ def _add_texture(data: bpy.types.Mesh, texture: Texture, decoding: Decoding, *, 
 def _add_colours(data: bpy.types.Mesh, mesh: Mesh, *, decoded: bool) -> None:
     domain, rgba = rgba_of(mesh)
     if decoded:
-        rgba[:, :3] = srgb_decoded(rgba[:, :3])
+        rgba[:, :3] = exact_light(rgba[:, :3])
     # FLOAT_COLOR keeps the display-encoded values. BYTE_COLOR would be decoded before it is interpolated, and colours
     # between vertices would differ from what other viewers of such files show.
     attribute = data.color_attributes.new(COLOUR_ATTRIBUTE, "FLOAT_COLOR", domain)

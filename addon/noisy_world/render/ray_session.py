@@ -18,7 +18,7 @@ from ..core.frame_request import FrameRequest, SensorPaths
 from ..core.geometry import Intrinsics
 from ..core.lens import WIDEST_DEG, Distortion, LensRays, lens_rays
 from ..core.machine import available_threads, keep_freed_memory
-from ..core.srgb import quick_light, srgb_encoded
+from ..core.srgb import exact_colours, quick_light
 from ..core.trajectory import Trajectory, recentring_m
 from ..scenes.polygon_mesh import Mesh
 from .embree import Hits, LibraryError, TracedTriangles, check_embree
@@ -101,7 +101,7 @@ def mean_colours(centre: NDArray[np.float32], beside: NDArray[np.float32], grid:
     for ray in range(light.shape[1]):  # one after another, in a third of the time of numpy's sum along the axis
         mean += light[:, ray]
     mean /= np.float32(grid.samples)
-    return np.asarray(srgb_encoded(mean), dtype=np.float32)
+    return np.asarray(exact_colours(mean), dtype=np.float32)
 
 
 # Casting rays one at a time through embreex, and colouring what they meet in numpy: it needs nothing compiled.

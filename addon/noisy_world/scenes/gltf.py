@@ -226,7 +226,7 @@ class GltfHeader:
 def read_gltf_header(path: Path) -> GltfHeader:
     """Read what a GLB or glTF file says of itself. Raises InputError where it is damaged or not to be read at all."""
     document = _document(path)
-    version = str(_gltf_file_dict(document.get("asset")).get("version", ""))
+    version = str(_dict_or_none(document.get("asset")).get("version", ""))
     if version != "2.0":
         raise InputError(path, f"glTF of version {version[:20] or 'unknown'}", remedy="export it as glTF 2.0")
     used = set(map(str, _list(document.get("extensionsUsed"))))
@@ -290,7 +290,7 @@ def _linked(path: Path, document: dict[str, Any], kind: str) -> list[tuple[Path,
     """Return the files that buffers or images lie in, and how many bytes each buffer declares."""
     found = []
     for number, item in enumerate(_list(document.get(kind))):
-        uri = _gltf_file_dict(item).get("uri")
+        uri = _dict_or_none(item).get("uri")
         if uri is None or (isinstance(uri, str) and uri.startswith("data:")):
             continue
         name = unquote(uri).replace("\\", "/") if isinstance(uri, str) else ""
@@ -301,7 +301,7 @@ def _linked(path: Path, document: dict[str, Any], kind: str) -> list[tuple[Path,
         if place is None:
             raise leads_out(path, kind[:-1], name)
         check_no_pipe(path, kind[:-1], place)
-        length = _gltf_file_dict(item).get("byteLength", 0)
+        length = _dict_or_none(item).get("byteLength", 0)
         found.append((place, length if isinstance(length, int) else 0))
     return found
 
@@ -315,7 +315,7 @@ def _check_buffer(path: Path, file: Path, declared: int) -> None:
         raise InputError(path, problem, remedy="export it again")
 
 
-def _gltf_file_dict(value: Any) -> dict[str, Any]:
+def _dict_or_none(value: Any) -> dict[str, Any]:
     return value if isinstance(value, dict) else {}
 
 

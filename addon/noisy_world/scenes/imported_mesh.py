@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ..core.errors import InputError
 from ..core.file_access import read_array, read_text
-from ..core.srgb import srgb_decoded, srgb_encoded
+from ..core.srgb import exact_colours, exact_light
 from .ply import DAMAGED
 from .polygon_mesh import NEUTRAL_GREY, Mesh, SceneObject, Texture, Up
 
@@ -232,8 +232,8 @@ def tinted(picture: NDArray[np.uint8], factor: tuple[float, float, float], *, li
     if factor == (1.0, 1.0, 1.0) and not linear:
         return picture
     values = np.arange(256) / 255
-    light = values if linear else srgb_decoded(values)
-    tables = [np.rint(255 * srgb_encoded(np.clip(light * each, 0, 1))).astype(np.uint8) for each in factor]
+    light = values if linear else exact_light(values)
+    tables = [np.rint(255 * exact_colours(np.clip(light * each, 0, 1))).astype(np.uint8) for each in factor]
     return np.stack([table[picture[..., channel]] for channel, table in enumerate(tables)], axis=-1)
 
 
@@ -379,8 +379,8 @@ def _corner_light(part: ImportedPart, surfaces: tuple[ImportedSurface, ...]) -> 
         elif own is not None:
             light[there] = own[there]
         else:
-            light[there] = surface.factor if number >= 0 else float(srgb_decoded(np.float64(NEUTRAL_GREY)))
-    return srgb_encoded(np.clip(light, 0, 1)).astype(np.float32)
+            light[there] = surface.factor if number >= 0 else float(exact_light(np.float64(NEUTRAL_GREY)))
+    return exact_colours(np.clip(light, 0, 1)).astype(np.float32)
 
 
 def _attribute(part: ImportedPart, name: str | None) -> NDArray[np.float32] | None:

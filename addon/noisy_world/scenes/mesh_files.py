@@ -128,7 +128,7 @@ def _error(path: Path, data: bytes, text: bytes, start: int, *, least: int, what
 
 
 _ARGUMENTS = {"-mm": 2, "-o": 3, "-s": 3, "-t": 3}  # of options before a texture's name; all others have one
-_OBJ_FILE_NUMBER = re.compile(r"[-+]?(?:[0-9]++\.?[0-9]*+|\.[0-9]++)(?:[eE][-+]?[0-9]++)?$")
+_LEADING_NUMBER = re.compile(r"[-+]?(?:[0-9]++\.?[0-9]*+|\.[0-9]++)(?:[eE][-+]?[0-9]++)?$")
 _MATERIAL = re.compile(rb"^[ \t]*+newmtl[ \t]++([^\n]++)", re.MULTILINE)
 _LONGEST_NAME = 255  # bytes that Blender keeps of a material's name
 _LIBRARY = re.compile(rb"^[ \t]*+mtllib[ \t]++([^\n]++)", re.MULTILINE)
@@ -224,7 +224,7 @@ def _texture_name(text: str) -> str:
     while at < len(words) - 1 and words[at].startswith("-"):
         most, taken = _ARGUMENTS.get(words[at], 1), 0
         at += 1
-        while at < len(words) - 1 and taken < most and (taken == 0 or _OBJ_FILE_NUMBER.match(words[at])):
+        while at < len(words) - 1 and taken < most and (taken == 0 or _LEADING_NUMBER.match(words[at])):
             at, taken = at + 1, taken + 1
     return " ".join(words[at:]).strip('"')
 

@@ -28,7 +28,7 @@ from ..core.dependencies import blender_missing
 from ..core.errors import InputError, MissingDependencyError
 from ..core.file_access import ScratchFolder, check_regular, read_text, utf8_name
 from ..core.schema import ConfigPath
-from ..core.srgb import srgb_decoded
+from ..core.srgb import exact_light
 from ..preset.names import FrameRange
 from ..scenes.blend_scene import OwnScene
 from ..scenes.gltf import read_gltf_header
@@ -203,7 +203,7 @@ def _with_grey(path: Path, scene: ImportedScene) -> ImportedScene:
     grey = [surface for surface in scene.surfaces if surface.name not in defined]
     if not grey:
         return scene
-    light = float(srgb_decoded(np.float64(NEUTRAL_GREY)))
+    light = float(exact_light(np.float64(NEUTRAL_GREY)))
     surfaces = tuple(
         surface if surface.name in defined else ImportedSurface(surface.name, (light, light, light))
         for surface in scene.surfaces

@@ -2,6 +2,8 @@
 """Source `sequence`: a recording on disk, whose frames are read."""
 
 import hashlib
+import itertools
+import re
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -14,7 +16,7 @@ from numpy.typing import NDArray
 
 from ..channels import COLOUR_AND_DEPTH
 from ..core.atomic_files import sha256_of_file
-from ..core.errors import Message, Part, PresetKey
+from ..core.errors import InputError, Message, Part, PresetKey
 from ..core.frame_request import FrameRequest, SensorPaths
 from ..core.geometry import Intrinsics
 from ..core.lens import Optics
@@ -24,17 +26,20 @@ from ..core.trajectory import FrameStamps, Trajectory
 from ..images.image_files import WholeFile
 from ..images.measured_depth import VOID_CHOICES, VOID_MEANING, MeasuredDepth, Void
 from ..layouts import Modality, OutputFormat, PosePolicy, find_sequence, known_recordings, recognising
-from ..layouts.stored_recording import SCALES_PER_M, StoredFrame, StoredSequence, same_camera
+from ..layouts.association import unposed
+from ..layouts.layout import counted_note
+from ..layouts.stored_recording import RATE_HZ, SCALES_PER_M, StoredFrame, StoredSequence, same_camera
 from ..preset.scene_keys import SceneKeys
 from ..preset.sensor_keys import DistortionSpec, check_distortion, sound_lens
 from ..render.source import ColourAndDepth, RenderOptions, SimpleSource, Source, SourceCapabilities
 from .parallax import parallax_remark
 from .renderers import Rectification
-from .scene_files import FileSource, sha256_of_path
+from .scene_files import GUESSED, FileSource, given_or_guessed, sha256_of_path
 from .scene_kinds import Lack, SceneEntry
 
 ReadAs: TypeAlias = Literal["auto", "images"]
-RECORDED = "a recording has nothing between its frames"
+IMAGES = (".png", ".jpg", ".jpeg")  # plain ones, as they are read
+OTHER_IMAGES = (".exr", ".tif", ".tiff", ".dpx", ".tga", ".webp", ".bmp", ".hdr", ".jp2", ".gif", ".heic")
 RATE_TOLERANCE = 0.01  # chosen: 30 Hz may stand for the 29.97 of a camera; the recording's own stamps count anyway
 
 
@@ -102,7 +107,9 @@ class RecordingKeys(SceneKeys):
 
 @dataclass(frozen=True)
 class Recording(SimpleSource):
-    """A sequence on disk in one of the layouts."""
+    """A sequence on disk in one of the layouts. between: why nothing is between its frames."""
+
+    between: ClassVar[str] = "a recording has nothing between its frames"
 
     stored: StoredSequence
     place: ConfigPath
@@ -158,7 +165,7 @@ class Recording(SimpleSource):
             rendered=False,
             any_pose=False,
             depth=depth,
-            instants_only=RECORDED,
+            instants_only=self.between,
             unmeasured_m=unmeasured_m,
             imu=self.stored.imu,
         )
@@ -216,11 +223,9 @@ class Recording(SimpleSource):
     def hashes(self) -> dict[str, Any]:
         """Return the folder's name, the hashes of ground truth and of all images together, and what its texts say."""
         stored = self.stored
-        digests = "".join(sha256_of_file(file) or "" for file in stored.files)
         path = stored.trajectory_path
         return {
-            "sequence": stored.folder.name,
-            "sequence_sha256": hashlib.sha256(digests.encode()).hexdigest(),
+            **self._hashed_images(),
             "trajectory": None if path is None else path.name,
             "trajectory_sha256": None if path is None else sha256_of_path(path),
             **({"depth_scale_per_m": stored.depth_scale_per_m} if stored.depth_files else {}),
@@ -229,6 +234,15 @@ class Recording(SimpleSource):
             **({} if stored.imu is None else {"imu_sha256": sha256_of_file(stored.imu.path)}),
             **_timing(stored),
         }
+
+    def _hashed_images(self) -> dict[str, Any]:
+        digests = "".join(sha256_of_file(file) or "" for file in self.stored.files)
+        sha256 = hashlib.sha256(digests.encode()).hexdigest()
+        return {"sequence": self.stored.folder.name, "sequence_sha256": sha256}
+
+    def camera_note(self, camera: Intrinsics) -> str:
+        """Return a sentence where the camera is the dataset's documented one, "" where a file or the preset says it."""
+        return self.stored.assumed if self.stored.known_camera == camera else ""
 
     def remarks(self, camera: Intrinsics) -> Iterator[str]:
         """Yield what parallax between some of the frames says against the depth scale and the poses."""
@@ -244,8 +258,8 @@ class Recording(SimpleSource):
         """Prepare to read frames."""
         for text in (*self.stored.notes, *self.stored.image_notes):
             note(text)
-        if self.stored.assumed and self.stored.known_camera == camera:
-            note(self.stored.assumed)
+        if said := self.camera_note(camera):
+            note(said)
         keep_freed_memory()  # clearing new pages for each file's content takes as long as checking it
         rectification = self.rectification(camera)
         yield OpenRecording(self.stored, None if rectification.does_nothing else rectification)
@@ -289,6 +303,79 @@ def read_recording(
         note = Message(f"depth has {depth_scale_per_m:g} steps a metre by ", said, f", in place of {before:g}")
         stored = replace(stored, depth_scale_per_m=depth_scale_per_m, notes=(*stored.notes, note))
     return Recording(stored, place, undistort, register, distortion, void)
+
+
+# --- plain images, in the order of their names ---
+
+
+@dataclass(frozen=True)
+class Images(Recording):
+    """The images of a folder: colour alone."""
+
+    between: ClassVar[str] = "plain images have nothing between them"
+
+    def camera(self, asked: Intrinsics | None) -> Intrinsics:
+        """Return the intrinsics asked for or, where none are, a guess. Raises InputError for another size."""
+        self.stored.check_images()
+        return given_or_guessed(asked, self.stored.size_px, self.place.at("sequence"), "images")
+
+    def hashes(self) -> dict[str, Any]:
+        """Return the folder's name, the hash of all images in their order, and the rate."""
+        return self._hashed_images() | {"rate_hz": self.stored.counted_hz}
+
+    def camera_note(self, camera: Intrinsics) -> str:
+        """Return a sentence where the camera is a guess."""
+        return GUESSED if camera == self.camera(None) else ""
+
+
+def read_images(folder: Path, place: ConfigPath, rate_hz: float | None = None) -> Images:
+    """Find the images of a folder; numbers in their names count as numbers.
+
+    rate_hz: images a second; None for 20. Raises InputError where there are none, or two have one name.
+    """
+    files = _files(folder)
+    used_hz = rate_hz or RATE_HZ
+    stamps_s = np.arange(len(files)) / used_hz
+    stored = StoredSequence(
+        folder=folder,
+        rgb_files=files,
+        depth_files=(),
+        trajectory_path=None,
+        trajectory=unposed(len(files)).at(slice(None), stamps_s),
+        stamps=FrameStamps.of(stamps_s),
+        depth_scale_per_m=1.0,
+        notes=counted_note(rate_hz, used_hz),
+        counted_hz=used_hz,
+    )
+    return Images(stored, place)
+
+
+def holds_images(folder: Path) -> bool:
+    """Tell whether PNG or JPEG images lie in a folder itself."""
+    return folder.is_dir() and any(path.suffix.lower() in IMAGES for path in folder.iterdir())
+
+
+def _files(folder: Path) -> tuple[Path, ...]:
+    try:
+        there = [path for path in folder.iterdir() if not path.name.startswith(".")]
+    except OSError as error:
+        raise InputError(folder, f"cannot be read: {error.strerror or error}") from None
+    found = sorted((path for path in there if path.suffix.lower() in IMAGES), key=_in_order)
+    if not found:
+        others = sorted({path.suffix.lower() for path in there} & set(OTHER_IMAGES))
+        problem = f"has images of {', '.join(others)}, but no PNG or JPEG" if others else "has no PNG or JPEG images"
+        raise InputError(folder, problem, remedy="convert them" if others else "")
+    for one, other in itertools.pairwise(found):
+        if _in_order(one) == _in_order(other):
+            problem = f"{one.name} and {other.name} stand for one place in the order of names"
+            raise InputError(folder, problem, remedy="keep one of them")
+    return tuple(found)
+
+
+def _in_order(path: Path) -> list[tuple[int, int, str]]:
+    """Return what a file's name is ordered by, without its suffix: numbers by value, letters whatever their case."""
+    parts = re.findall(r"[0-9]+|[^0-9]+", path.stem.casefold())
+    return [(0, int(part), "") if part.isdecimal() else (1, 0, part) for part in parts]
 
 
 def _values(camera: Intrinsics) -> str:
@@ -406,8 +493,6 @@ class RecordingKind(FileSource[RecordingKeys]):
     def open_file(self, entry: SceneEntry[RecordingKeys], name: str, path: Path, parts: tuple[str, ...]) -> Source:
         """Return the source of a folder."""
         del name, parts
-        from .footage import holds_images, read_images
-
         keys = entry.keys
         if keys.layout == "images":
             return read_images(path, entry.place, keys.rate_hz)

@@ -447,7 +447,7 @@ class OpenMesh:
         self._first, self._beginning = False, None
         if self._unchecked:
             self._unchecked.clear()
-            mesh_source_forget_meshes()
+            forget_rooms_and_meshes()
         return frame if self._rectified is None else undistorted(frame, self._rectified, own_depth=self._own_depth)
 
     def _check(self, request: FrameRequest, depth_m: NDArray[np.float32]) -> None:
@@ -480,7 +480,7 @@ def _room(seed: int) -> Mesh:
     return build_room(seed)  # cached too: building takes seconds, and a path may need it before the renderer does
 
 
-def mesh_source_forget_meshes() -> None:
+def forget_rooms_and_meshes() -> None:
     """Keep no mesh in memory."""
     _room.cache_clear()
     forget_meshes()

@@ -5,8 +5,6 @@ The path joins points that are far apart through free cells of the room's map; i
 and goes slower. Gravity is -z.
 """
 
-from typing import TypeAlias
-
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import ArrayLike, NDArray
@@ -227,8 +225,6 @@ def _open_m(room: Room, here_m: Float64, bearings_deg: Float64) -> Float64:
     return np.mean([np.roll(first_m, shift) for shift in range(-6, 7)], axis=0)
 
 
-HandheldFloat64: TypeAlias = NDArray[np.float64]
-
 _DOWN_DEG = -8.0  # how far the camera looks up
 _TREMOR_DEG = 0.3  # amplitude of each rotation
 # Of the hand that strays, x, y and z: to and fro within ten seconds, and no axis in step with another.
@@ -312,9 +308,7 @@ def walk_problem(frames: int, rate_hz: float, speed_m_s: float) -> str:
     return ""
 
 
-def _strayed_m(
-    room: Room, rng: np.random.Generator, xy_m: HandheldFloat64, time_s: HandheldFloat64, wander_m: float
-) -> HandheldFloat64:
+def _strayed_m(room: Room, rng: np.random.Generator, xy_m: Float64, time_s: Float64, wander_m: float) -> Float64:
     """(N, 2) -> (N, 2) metres beside the walk, never farther than free cells reach."""
     cell_m = room.grid.cell_m
     farthest_m = np.sqrt(2.0) * wander_m
@@ -331,14 +325,14 @@ def _strayed_m(
     return waves * (eased_m / np.sqrt(2.0))[:, None]
 
 
-def _wander(rng: np.random.Generator, time_s: HandheldFloat64, axis: int) -> HandheldFloat64:
+def _wander(rng: np.random.Generator, time_s: Float64, axis: int) -> Float64:
     """(N,) in [-1, 1]: two sine waves of a drawn frequency and phases, the slower one the larger."""
     hz = rng.uniform(*_WANDER_HZ[axis]) * np.array([1.0, _OVERTONE])
     phase = rng.uniform(0.0, 2.0 * np.pi, len(hz))
     return np.sin(2.0 * np.pi * np.outer(time_s, hz) + phase) @ _WANDER_SHARES
 
 
-def _waves(rng: np.random.Generator, time_s: HandheldFloat64, low_hz: float, high_hz: float) -> HandheldFloat64:
+def _waves(rng: np.random.Generator, time_s: Float64, low_hz: float, high_hz: float) -> Float64:
     """(N,) in [-1, 1]: a sum of a few sine waves; faster ones have smaller amplitudes, so that none of them jerks."""
     hz = rng.uniform(low_hz, high_hz, 4)
     phase = rng.uniform(0.0, 2.0 * np.pi, 4)

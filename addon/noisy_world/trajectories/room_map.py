@@ -22,7 +22,7 @@ from .bodies import CarryingBody
 # Points sampled closely on a mesh's faces, within a budget, so that no mesh takes minutes.
 
 
-MeshPointsFloat64: TypeAlias = NDArray[np.float64]
+Float64: TypeAlias = NDArray[np.float64]
 
 _NEEDLE = 256  # sizes long: 12.8 m of 5 cm
 _CHUNK = 100_000  # triangles cut at a time, so that memory stays flat
@@ -36,11 +36,11 @@ class SampledTriangles:
     areas_m2, lengths_m: (T,) area and longest edge within the sides, never less than they are.
     """
 
-    triangles_m: MeshPointsFloat64
-    sides: MeshPointsFloat64
-    extents_m: MeshPointsFloat64
-    areas_m2: MeshPointsFloat64
-    lengths_m: MeshPointsFloat64
+    triangles_m: Float64
+    sides: Float64
+    extents_m: Float64
+    areas_m2: Float64
+    lengths_m: Float64
 
     def pieces(self, size_m: float) -> float:
         """Return about how many pieces of this size they make, rather too many."""
@@ -50,7 +50,7 @@ class SampledTriangles:
         parts = np.where(self._needles(size_m)[large], 2.0 * lengths, 6.0 * areas + 1.5 * lengths**1.4) + 1.0
         return float(parts.sum())
 
-    def points_m(self, size_m: float) -> MeshPointsFloat64:
+    def points_m(self, size_m: float) -> Float64:
         """(P, 3) points of larger faces, no farther apart than the size."""
         large, needles = self.extents_m > size_m, self._needles(size_m)
         along = [_along(triangle_m, size_m / 2.0) for triangle_m in self.triangles_m[large & needles]]
@@ -67,7 +67,7 @@ class SampledTriangles:
         return thin & (self.lengths_m > _NEEDLE * size_m)
 
 
-def faces_of(mesh: Mesh, sides: MeshPointsFloat64, least_m: float) -> SampledTriangles:
+def faces_of(mesh: Mesh, sides: Float64, least_m: float) -> SampledTriangles:
     """Return the triangles of a mesh's faces that extend farther than least_m along an axis."""
     sizes = mesh.face_sizes
     extents_m = np.zeros(len(sizes))
@@ -85,7 +85,7 @@ def faces_of(mesh: Mesh, sides: MeshPointsFloat64, least_m: float) -> SampledTri
     return SampledTriangles(triangles_m, sides, np.repeat(extents_m[large], fans), areas_m2, lengths_m)
 
 
-def _within(triangles_m: MeshPointsFloat64, sides: MeshPointsFloat64) -> tuple[MeshPointsFloat64, MeshPointsFloat64]:
+def _within(triangles_m: Float64, sides: Float64) -> tuple[Float64, Float64]:
     """Return upper bounds of the area (T,) and of the longest edge (T,) of triangles within the sides."""
     a, b, c = np.moveaxis(triangles_m, 1, 0)
     normals_m2 = np.cross(b - a, c - a)
@@ -107,7 +107,7 @@ def _within(triangles_m: MeshPointsFloat64, sides: MeshPointsFloat64) -> tuple[M
     return areas_m2 * share, lengths_m * np.minimum(slab, 1.0) * met
 
 
-def _along(triangle_m: MeshPointsFloat64, size_m: float) -> MeshPointsFloat64:
+def _along(triangle_m: Float64, size_m: float) -> Float64:
     """(3, 3) -> (P, 3) points of its longest edge."""
     ends_m = np.roll(triangle_m, -1, axis=0)
     longest = int(np.argmax(np.sum((ends_m - triangle_m) ** 2, axis=1)))
@@ -115,7 +115,7 @@ def _along(triangle_m: MeshPointsFloat64, size_m: float) -> MeshPointsFloat64:
     return a + np.linspace(0.0, 1.0, int(np.ceil(np.linalg.norm(b - a) / size_m)) + 1)[:, None] * (b - a)
 
 
-def _pieces(triangles_m: MeshPointsFloat64, sides: MeshPointsFloat64, size_m: float) -> list[MeshPointsFloat64]:
+def _pieces(triangles_m: Float64, sides: Float64, size_m: float) -> list[Float64]:
     """(T, 3, 3) -> centroids of pieces no longer than the size; cutting the longest edge keeps slivers few."""
     centroids = []
     bounded = bool(np.isfinite(sides).any())
@@ -141,7 +141,6 @@ def _pieces(triangles_m: MeshPointsFloat64, sides: MeshPointsFloat64, size_m: fl
     return centroids
 
 
-Float64: TypeAlias = NDArray[np.float64]
 Mask: TypeAlias = NDArray[np.bool_]
 
 # Chosen, unless a comment says otherwise: what looks like a person walking through a furnished room.

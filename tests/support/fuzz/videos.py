@@ -13,7 +13,7 @@ from fuzz.mutation import mutate_bytes, pick
 from noisy_world.core.errors import InputError
 from noisy_world.core.schema import ConfigPath
 from noisy_world.core.frame_request import FrameRequest
-from noisy_world.sources.footage import read_video_source
+from noisy_world.sources.video import read_video_source
 
 COUNT, SIZE = 4, (32, 24)
 CODECS = {"walk.avi": "MJPG", "walk.mkv": "MJPG", "walk.mp4": "mp4v"}
