@@ -44,7 +44,7 @@ def _number(value: float | None) -> str:
 # `score`: how far an estimated trajectory is from the true one, and how much of it there is.
 
 
-# Known before packages are: what `evaluation.metrics` has, which a test holds against it.
+# Known before packages are: what `evaluate.metrics` has, which a test holds against it.
 PROTOCOLS = ("strict", "paper", "paper_go_slam", "paper_mean")
 ALIGNMENTS = ("none", "first_pose", "se3", "sim3")
 PLOTS = ("png", "svg", "pdf")

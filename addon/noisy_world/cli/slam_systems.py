@@ -210,9 +210,9 @@ def _tracked(sequence: Path, out: Path, progress: Progress, stop: "threading.Eve
     from ..evaluate.frame_tracking import write_results
     from ..evaluate.odometry import run
     from ..evaluate.odometry_views import read_index
-    from ..evaluate.system_input import given_sequence
+    from ..evaluate.system_input import sequence_input
 
-    given = given_sequence(sequence)
+    given = sequence_input(sequence)
     with storage_errors(out, ELSEWHERE):
         out.mkdir(parents=True, exist_ok=True)
     given.write_index(out / INDEX, None)

@@ -351,7 +351,7 @@ def _find_thresholds(options: argparse.Namespace, entry: Entry) -> int:
     from ..core.dependencies import need
     from ..core.schema import ConfigPath
     from ..evaluate.study_results import ResultsFolder
-    from ..evaluate.study_sequences import MadeOrigin
+    from ..evaluate.study_sequences import PresetOrigin
     from ..evaluate.system_runs import check_system
     from ..evaluate.systems import find_systems, isolating
     from ..evaluate.threshold_table import write_thresholds
@@ -372,7 +372,7 @@ def _find_thresholds(options: argparse.Namespace, entry: Entry) -> int:
     out = Path("out") / f"{options.preset.resolve().stem}-thresholds" if options.out is None else options.out
     results = ResultsFolder(out.resolve() / axis.name)
     progress, stop = listener(options.progress)
-    origin = MadeOrigin(preset, (), results, stop=stop)
+    origin = PresetOrigin(preset, (), results, stop=stop)
     need_packages(origin.whole, argparse.Namespace(out=None, ray=None), entry)
     need_blender(origin.whole, entry)
     lock = FolderLock(results.work / "lock")

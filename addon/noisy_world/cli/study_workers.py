@@ -19,7 +19,7 @@ from ..evaluate.cases import Case
 from ..evaluate.report import NEEDED as REPORT_NEEDS
 from ..evaluate.study import Study, StudyOrder
 from ..evaluate.study_results import STUDY, ResultsFolder, why_not, write_study_identity
-from ..evaluate.study_sequences import MadeOrigin
+from ..evaluate.study_sequences import PresetOrigin
 from ..evaluate.study_tables import NEEDED as SUMMARY_NEEDS
 from ..evaluate.study_tables import StudyRecord, read_record, write_tables
 from ..evaluate.system_runs import check_system
@@ -51,7 +51,7 @@ def evaluate(order: StudyOrder, options: argparse.Namespace, entry: Entry) -> in
     if not any(map(study.runs_of, study.origin.frames)):
         print(f"{options.rest_of} has all of these runs; nothing is left to do")
         return 0
-    if isinstance(study.origin, MadeOrigin):
+    if isinstance(study.origin, PresetOrigin):
         need_blender(study.origin.whole, entry)
     lock = FolderLock(study.results.work / "lock")
     try:
@@ -78,7 +78,7 @@ def _need_packages(study: Study, options: argparse.Namespace, entry: Entry) -> N
     need((*SUMMARY_NEEDS, *(() if options.no_report else REPORT_NEEDS)), "evaluate")
     if study.order.maps:
         need(["scipy", "embreex"], "evaluate", for_what="--maps")
-    if isinstance(study.origin, MadeOrigin):
+    if isinstance(study.origin, PresetOrigin):
         need_packages(study.origin.whole, options, entry)
 
 
@@ -91,7 +91,7 @@ def _fitting(study: Study, options: argparse.Namespace, progress: Progress, stop
 
     Each process is at a scene of its own, so that many are there at once.
     """
-    if not isinstance(study.origin, MadeOrigin):
+    if not isinstance(study.origin, PresetOrigin):
         return study
     scenes = min(_jobs(study, options), len({case.scene for case in study.missing}))
     needed, free = scenes * study.origin.clean_bytes, shutil.disk_usage(study.results.work).free

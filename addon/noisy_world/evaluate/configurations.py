@@ -416,19 +416,19 @@ def checked_checkout(chosen: Configuration) -> Path:
 
 def versions(chosen: Configuration, checkout: Path) -> dict[str, str]:
     """Return the commit of a system's code, and the versions of its Python and torch. Raises MissingDependencyError."""
-    output = _said([str(environment_python(chosen.environment)), "-c", _TELL], checkout)
+    output = _output_of([str(environment_python(chosen.environment)), "-c", _TELL], checkout)
     try:
         found = {name: str(value) for name, value in json.loads(output.splitlines()[-1]).items()}
     except (ValueError, IndexError, AttributeError) as error:
         raise MissingDependencyError(f"its Python does not tell the version of torch: {output[-200:]}") from error
     try:
-        found["commit"] = _said(["git", "rev-parse", "HEAD"], checkout).strip()
+        found["commit"] = _output_of(["git", "rev-parse", "HEAD"], checkout).strip()
     except MissingDependencyError:
         found["commit"] = "unknown"  # no repository, or no git
     return found
 
 
-def _said(command: list[str], folder: Path) -> str:
+def _output_of(command: list[str], folder: Path) -> str:
     """Return what a command says. Raises MissingDependencyError with its last line where it fails."""
     try:
         done = subprocess.run(  # noqa: S603 - the system's own Python, and git

@@ -18,7 +18,7 @@ from .figures import Bar, RankPanel, ranking
 from .metrics import FAILED, METRICS, OVER_CLEAN
 from .report_input import Results, records
 from .report_sections import FEWEST, LABELS, Analyses, with_interval
-from .report_tables import NOTHING, Column, Table, column_of, shown
+from .report_tables import NOTHING, Column, Table, cell_text, column_of
 from .run_tables import LEFT_OUT, RESULT, SUCCESS, SUCCESS_OVER_CLEAN, complete_runs
 from .study_results import EXPECTED
 from .systems import ExpectedClean
@@ -74,7 +74,7 @@ class Ranked:
 
 
 @dataclass(frozen=True)
-class SystemFound:
+class SystemFindings:
     """What was found of a system. settings: the worst first. clean_runs: how many, of which clean_failed failed.
 
     compared: whether some clean run is one that others can be compared with. clean_m: the median ATE of the complete
@@ -90,20 +90,20 @@ class SystemFound:
     largest: tuple[str, float] | None
 
 
-def found_of(results: Results, table: "DataFrame") -> list[SystemFound]:
+def findings_of(results: Results, table: "DataFrame") -> list[SystemFindings]:
     """Return what was found of each system, that with the worst first. table: over_clean of the analyses."""
     found = [_of_system(results, str(system), table) for system in sorted(set(results.runs["system"]))]
     return sorted(found, key=lambda item: (not item.settings, *(item.settings[0].rank if item.settings else ())))
 
 
-def sentences(found: Sequence[SystemFound]) -> list[str]:
+def sentences(found: Sequence[SystemFindings]) -> list[str]:
     """Return a sentence for each system, of the first few."""
     said = [_sentence(item) for item in found[:MOST_SYSTEMS_SAID]]
     more = len(found) - len(said)
     return [*said, *([f"{more} more system{'s' if more > 1 else ''}: see the figure and the tables."] if more else [])]
 
 
-def ranking_picture(found: Sequence[SystemFound]) -> "Picture | None":
+def ranking_picture(found: Sequence[SystemFindings]) -> "Picture | None":
     """Draw the ranking of each system; None where nothing is compared with clean."""
     panels = [
         RankPanel(
@@ -120,15 +120,19 @@ def ranking_picture(found: Sequence[SystemFound]) -> "Picture | None":
 
 def length(value_m: float) -> str:
     """Return a length of an error as one reads it: in millimetres below a metre."""
-    return f"{shown(value_m, DIGITS)}{NO_BREAK}m" if value_m >= 1.0 else f"{shown(1e3 * value_m, DIGITS)}{NO_BREAK}mm"
+    return (
+        f"{cell_text(value_m, DIGITS)}{NO_BREAK}m"
+        if value_m >= 1.0
+        else f"{cell_text(1e3 * value_m, DIGITS)}{NO_BREAK}mm"
+    )
 
 
 def times(ratio: float) -> str:
     """Return a ratio as text."""
-    return f"\u00d7{NO_BREAK}{shown(ratio, DIGITS if ratio < 1000 else 4)}"
+    return f"\u00d7{NO_BREAK}{cell_text(ratio, DIGITS if ratio < 1000 else 4)}"
 
 
-def _of_system(results: Results, system: str, table: "DataFrame") -> SystemFound:
+def _of_system(results: Results, system: str, table: "DataFrame") -> SystemFindings:
     runs = results.runs[results.runs["system"] == system]
     clean, noisy = runs[runs["perturbation"] == CLEAN], runs[runs["perturbation"] != CLEAN]
     clean_complete = complete_runs(clean)
@@ -138,7 +142,7 @@ def _of_system(results: Results, system: str, table: "DataFrame") -> SystemFound
             ratios.setdefault(setting, []).extend([ratio] if isfinite(ratio) else [])
     settings = [_ranked(row, ratios) for row in records(table[table["system"] == system])]
     clean_m = clean_complete[ERROR].median() if ERROR in clean else float("nan")
-    return SystemFound(
+    return SystemFindings(
         system,
         tuple(sorted(settings, key=lambda ranked: (*ranked.rank, ranked.setting))),
         len(clean),
@@ -180,10 +184,10 @@ def _bar(ranked: Ranked) -> Bar:
 def _range(ranked: Ranked) -> str:
     """Return from where to where the ratios of single runs go, where they are not alike."""
     least, most = min(ranked.ratios), max(ranked.ratios)
-    return f" ({shown(least, 2)} to {shown(most, 2)})" if most > UNLIKE * least else ""
+    return f" ({cell_text(least, 2)} to {cell_text(most, 2)})" if most > UNLIKE * least else ""
 
 
-def _sentence(item: SystemFound) -> str:
+def _sentence(item: SystemFindings) -> str:
     name = item.system
     if not item.settings and item.clean_m is not None:
         return f"{name} was run on clean frames alone: a median ATE of {length(item.clean_m)}."
@@ -214,7 +218,7 @@ def _broke(ranked: Ranked) -> str:
     return f"{' and '.join(said)} of {ranked.runs} run{'s' if ranked.runs > 1 else ''}"
 
 
-def _without_clean(item: SystemFound) -> str:
+def _without_clean(item: SystemFindings) -> str:
     if item.clean_failed and 2 * item.clean_failed >= item.clean_runs:
         beginning = f"{item.system} failed on clean frames already, in {item.clean_failed} of {item.clean_runs} runs"
     elif item.clean_runs:
@@ -313,7 +317,7 @@ def spread_column(name: str) -> Column:
         mean, least, largest, count = (row[f"{name}.{part}"] for part in ("mean", "min", "max", "n"))
         if not count:
             return NOTHING
-        return f"{shown(mean, 3)} ({shown(least, 3)} to {shown(largest, 3)}; {count})"
+        return f"{cell_text(mean, 3)} ({cell_text(least, 3)} to {cell_text(largest, 3)}; {count})"
 
     return Column(f"{name}.mean", metric.label, metric.unit, metric.better, metric.meaning, text)
 
@@ -450,7 +454,7 @@ RATED = "success_auc"
 ALL = "all"
 
 
-def headline_table(results: Results, analyses: Analyses, found: Sequence[SystemFound]) -> Table:
+def headline_table(results: Results, analyses: Analyses, found: Sequence[SystemFindings]) -> Table:
     """Return the table. found: of each system."""
     import pandas as pd
 
@@ -485,7 +489,7 @@ def headline_table(results: Results, analyses: Analyses, found: Sequence[SystemF
 _RATES = (("mrr", "higher"), ("mce", "lower"))
 
 
-def _worst(item: SystemFound) -> str:
+def _worst(item: SystemFindings) -> str:
     """Return the worst setting, and by how much."""
     if not item.settings:
         return ""
@@ -539,6 +543,6 @@ def _headline_median() -> Column:
     metric = column_of(ERROR)
 
     def text(row: Mapping[str, Any]) -> str:
-        return f"{shown(row[f'{ERROR}.median'], 3)} (n {row[f'{ERROR}.n']})" if row[f"{ERROR}.n"] else NOTHING
+        return f"{cell_text(row[f'{ERROR}.median'], 3)} (n {row[f'{ERROR}.n']})" if row[f"{ERROR}.n"] else NOTHING
 
     return Column(f"{ERROR}.median", f"median {metric.label}", metric.unit, "lower", metric.meaning, text)

@@ -289,7 +289,7 @@ class Accounting(ctypes.Structure):
 _ACCOUNTING, _EXTENDED_LIMITS, _KILL_ON_JOB_CLOSE = 1, 9, 0x2000  # winnt.h
 
 
-class Job:
+class WindowsJob:
     """This process and all that it starts, as a job of Windows, which ends as a whole when this process does.
 
     Where there are no jobs it knows nothing of them.
@@ -517,7 +517,7 @@ def main_by_threads(order: dict[str, Any]) -> dict[str, Any]:
     started = time.monotonic()
     logs = {name: Log(order[name], order["log_bytes"]) for name in ("log", "errors") if order[name]}
     limits = ResourceLimits(order["limits"], order["counted"])
-    job = Job()
+    job = WindowsJob()
     try:
         process = subprocess.Popen(  # noqa: S603 - what the user's definition says
             order["command"],
@@ -561,7 +561,7 @@ def main_by_threads(order: dict[str, Any]) -> dict[str, Any]:
 
 
 def attend_by_threads(
-    process: subprocess.Popen, asked: threading.Event, until: float, limits: ResourceLimits, job: Job
+    process: subprocess.Popen, asked: threading.Event, until: float, limits: ResourceLimits, job: WindowsJob
 ) -> tuple[str, str]:
     """Wait until a process ends by itself or has to; return which, and which limit it went over."""
     while True:

@@ -123,7 +123,7 @@ class Places:
         """Read a keyframe's images again."""
         return self.aligner.view(*self._pictures.read(self.entries[number]))
 
-    def found(self, view: RgbdView, fits: Callable[[Agreement], bool]) -> tuple[int, Float64, Agreement] | None:
+    def relocated(self, view: RgbdView, fits: Callable[[Agreement], bool]) -> tuple[int, Float64, Agreement] | None:
         """Return a keyframe that a lost view fits, the view's place in it (4, 4), and how well they agree."""
         landmarks = self._recogniser.landmarks(view)
         for number in self._alike(view):

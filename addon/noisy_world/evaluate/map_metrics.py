@@ -505,7 +505,7 @@ class Perceptual:
         try:
             self._net = cv2.dnn.readNetFromONNX(str(path))
         except cv2.error as error:
-            raise InputError(path, f"OpenCV cannot load it: {_said(error)}", remedy=REMEDY) from error
+            raise InputError(path, f"OpenCV cannot load it: {_reason(error)}", remedy=REMEDY) from error
 
     def __call__(self, first: NDArray[np.uint8], second: NDArray[np.uint8]) -> float:
         """Return the distance of two images (H, W, 3), RGB. Raises InputError where the network gives no number."""
@@ -516,7 +516,7 @@ class Perceptual:
                 self._net.setInput(np.ascontiguousarray(_planes(image)), name)
             given = np.asarray(self._net.forward())
         except cv2.error as error:
-            raise InputError(self._path, f"OpenCV cannot run it: {_said(error)}", remedy=REMEDY) from error
+            raise InputError(self._path, f"OpenCV cannot run it: {_reason(error)}", remedy=REMEDY) from error
         if given.size != 1 or not math.isfinite(float(given.reshape(-1)[0])):
             raise InputError(self._path, f"gives {given.shape}, not one number", remedy=REMEDY)
         return float(given.reshape(-1)[0])
@@ -527,7 +527,7 @@ def _planes(image: NDArray[np.uint8]) -> NDArray[np.float32]:
     return (image.astype(np.float32) / np.float32(127.5) - 1).transpose(2, 0, 1)[None]
 
 
-def _said(error: Exception) -> str:
+def _reason(error: Exception) -> str:
     """Return what OpenCV says, without where in its source."""
     return (getattr(error, "err", "") or str(error)).strip().splitlines()[-1][:200]
 

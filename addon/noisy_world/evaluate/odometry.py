@@ -98,7 +98,7 @@ def _followed(
         view = places.aligner.view(*pictures.read(entry))
         tracked = tracker.track(view, entry.stamp_s)
         if tracked.state is State.LOST:
-            found = places.found(view, lambda seen: believed(seen, tracker.bounds))
+            found = places.relocated(view, lambda seen: believed(seen, tracker.bounds))
             if found is not None:
                 tracked = tracker.resume(view, entry.stamp_s, *found)
         if tracked.begins:

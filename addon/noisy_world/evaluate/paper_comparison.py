@@ -14,7 +14,7 @@ from .cases import CLEAN
 from .findings import counts
 from .metrics import IS_INCOMPLETE
 from .report_input import Results
-from .report_tables import NOTHING, Column, Table, column_of, latex, latex_tabular, shown
+from .report_tables import NOTHING, Column, Table, cell_text, column_of, latex, latex_tabular
 from .run_tables import complete_runs, geometric_deviation, geometric_mean
 
 if TYPE_CHECKING:
@@ -213,7 +213,7 @@ def notes(table: Table, paper: Published) -> list[str]:
 
 def label_of(where: PaperCondition) -> str:
     """Return what was done, with its parameters."""
-    said = ", ".join(f"{name} {shown(value)}" for name, value in where.parameters)
+    said = ", ".join(f"{name} {cell_text(value)}" for name, value in where.parameters)
     return f"{where.perturbation} ({said})" if said else where.perturbation
 
 
@@ -269,8 +269,8 @@ def _printed(metric: str, unit: str) -> Column:
 
 def with_spread(mean: float | None, deviation: float | None) -> str:
     """Return "0.123 ± 0.045", without a deviation that is not known."""
-    said = shown(mean, 3)
-    return said if shown(deviation) == NOTHING else f"{said} ± {shown(deviation, 2)}"
+    said = cell_text(mean, 3)
+    return said if cell_text(deviation) == NOTHING else f"{said} ± {cell_text(deviation, 2)}"
 
 
 # Tables in the shape of the paper's: systems as rows, what was done as columns, ready for LaTeX.
@@ -386,7 +386,7 @@ def _heading(where: PaperCondition) -> str:
     values = []
     for name, value in where.parameters:
         before, after = UNITS_SHOWN[name]
-        values.append(f"{before}{shown(value)}{after}")
+        values.append(f"{before}{cell_text(value)}{after}")
     return " ".join([*([said] if said else []), *values]) or latex(where.perturbation)
 
 
@@ -410,7 +410,7 @@ def _paper_tables_ours(group: "DataFrame", measure: str) -> str:
         said = NOTHING
     elif measure == STRICT:
         factor = geometric_deviation(values)
-        said = shown(geometric_mean(values), 3) + (f" \u00d7 {shown(factor, 2)}" if len(values) > 1 else "")
+        said = cell_text(geometric_mean(values), 3) + (f" \u00d7 {cell_text(factor, 2)}" if len(values) > 1 else "")
     else:
         said = with_spread(values.mean(), values.std())
     ended = [

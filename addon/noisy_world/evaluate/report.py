@@ -17,9 +17,9 @@ from .figures import Scale, heat_map
 from .findings import (
     CleanGate,
     Ranked,
-    SystemFound,
+    SystemFindings,
     clean_gate,
-    found_of,
+    findings_of,
     headline_table,
     in_order,
     main_metrics,
@@ -35,13 +35,13 @@ from .report_tables import (
     FOLDER,
     NOTHING,
     Table,
+    cell_text,
     column_of,
     csv_bytes,
     environment,
     latex_table,
     markdown_table,
     parquet_bytes,
-    shown,
 )
 from .run_figures import path_picture, time_picture, worst_frames
 from .threshold_table import threshold_section
@@ -100,7 +100,7 @@ def gather(results: Results, analyses: Analyses) -> Contents:
     missing = list(results.missing)
     paper = published()
     beside = paper_comparison(results, paper)
-    found = found_of(results, analyses["over_clean"])
+    found = findings_of(results, analyses["over_clean"])
     gate = clean_gate(results)
     named = [replace(item, system=gate.name(item.system)) for item in found]
     pictures, said = curves_of(gate.of_frames(analyses))
@@ -149,7 +149,7 @@ _FRAMES = (
 )
 
 
-def _heat_map(results: Results, found: Sequence[SystemFound], gate: CleanGate) -> "Picture | None":
+def _heat_map(results: Results, found: Sequence[SystemFindings], gate: CleanGate) -> "Picture | None":
     """Draw the error over clean of each setting and system or, where nothing has one, the mean success AUC."""
     runs = in_order(results.runs)
     settings, systems = list(dict.fromkeys(map(str, runs["setting"]))), sorted(set(map(str, runs["system"])))
@@ -171,7 +171,7 @@ def _heat_map(results: Results, found: Sequence[SystemFound], gate: CleanGate) -
         row, column = settings.index(str(setting)), systems.index(str(system))
         values[row, column] = group[SCORE].mean()
         said = ", ".join(f"{group[name].sum()} {name}" for name in ("failed", "incomplete") if group[name].any())
-        texts[row][column] = shown(group[SCORE].mean(), 2) + (f", {said} of {len(group)}" if said else "")
+        texts[row][column] = cell_text(group[SCORE].mean(), 2) + (f", {said} of {len(group)}" if said else "")
     return heat_map(settings, names, values, texts, Scale.SCORE)
 
 

@@ -15,7 +15,7 @@ from .figures import Correlation, CurvePoint, Picture, correlation_matrices, cur
 from .metrics import IS_INCOMPLETE, LEAST_TRACKED, PROTOCOLS
 from .pose_errors import CONDITIONING, WELL_CONDITIONED, WRONG_DEG
 from .report_input import KEY, Results, read_object, records
-from .report_tables import NOTHING, SHARED, Column, Table, column_of, shown
+from .report_tables import NOTHING, SHARED, Column, Table, cell_text, column_of
 from .run_figures import FramePicture
 from .run_tables import SUCCESS, SUCCESS_OVER_CLEAN
 from .study_tables import VERSIONS
@@ -167,7 +167,7 @@ def curves_of(analyses: Analyses) -> tuple[list[Picture], list[str]]:
     if areas := _points(analyses["curves"], "success_auc"):
         values = [point.value for point in areas]
         if max(values) - min(values) < FLAT:
-            least, most = (shown(value, 3) for value in (min(values), max(values)))
+            least, most = (cell_text(value, 3) for value in (min(values), max(values)))
             said.append(f"Success AUC is between {least} and {most} at every severity, so no curve is drawn of it.")
         else:
             pictures.append(curves(areas, "auc_curves", "Success AUC over severity", "success AUC"))
@@ -216,10 +216,10 @@ def table_of(name: str, frame: "DataFrame") -> Table:
 
 def with_interval(value: Any, low: Any, high: Any, n: float) -> str:
     """Return "0.5 [0.4, 0.6]"; without the brackets where there is no interval, or it stands on fewer than FEWEST."""
-    said = shown(value, 3)
-    if NOTHING in (said, shown(low)) or not n >= FEWEST:
+    said = cell_text(value, 3)
+    if NOTHING in (said, cell_text(low)) or not n >= FEWEST:
         return said
-    return f"{said} [{shown(low, 3)}, {shown(high, 3)}]"
+    return f"{said} [{cell_text(low, 3)}, {cell_text(high, 3)}]"
 
 
 def _tables(analyses: Analyses, names: Sequence[str]) -> list[Table]:
@@ -267,7 +267,7 @@ def _column(name: str, ends: tuple[str, str] | None) -> Column:
 
 def _here() -> Column:
     def text(row: Mapping[str, Any]) -> str:
-        low, high = (shown(row[name], 3) for name in HERE)
+        low, high = (cell_text(row[name], 3) for name in HERE)
         return NOTHING if low == NOTHING or not row["n"] >= FEWEST else f"[{low}, {high}]"
 
     return Column(HERE[0], "in these scenes", meaning="the 95 % interval for other seeds in these scenes", text=text)

@@ -72,7 +72,7 @@ DIGITS = 4  # significant, of a number that is shown; the files have all
 ARROWS = {"lower": "↓", "higher": "↑", "": ""}
 
 
-def shown(value: Any, digits: int = DIGITS) -> str:
+def cell_text(value: Any, digits: int = DIGITS) -> str:
     """Return a value as a cell shows it: a number to some significant digits, nothing as a dash."""
     if value is None:
         return NOTHING
@@ -109,7 +109,7 @@ class Column:
 
     def cell(self, row: Mapping[str, Any]) -> str:
         """Return what a row's cell shows."""
-        return shown(row.get(self.name)) if self.text is None else self.text(row)
+        return cell_text(row.get(self.name)) if self.text is None else self.text(row)
 
     @property
     def heading(self) -> str:

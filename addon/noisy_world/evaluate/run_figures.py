@@ -17,7 +17,7 @@ from ..core.file_access import read_bytes, read_text
 from .figures import COLOURS, GREY, NARROW_IN, Picture, drawing, fixed_layout, line_styles, shortened, svg_bytes
 from .pose_errors import FrameErrors
 from .report_input import ERROR, REMEDY, Pick, Results, picked_runs, picked_sequences, read_rows
-from .report_tables import shown
+from .report_tables import cell_text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -268,7 +268,7 @@ def _path(results: Results, pick: Pick, missing: list[str]) -> PathPanel | None:
         known = np.isfinite(errors.error_m) & np.isfinite(errors.position_m).all(axis=1)
         estimated, error_m = errors.position_m[known], errors.error_m[known]
     ending = run["failure"] or run["outcome"]
-    said = ending if run["failed"] else f"ATE {shown(run.get(ERROR), 3)} m"
+    said = ending if run["failed"] else f"ATE {cell_text(run.get(ERROR), 3)} m"
     if run["incomplete"]:
         said += f", {run['tracked_share']:.0%} tracked"
     lines = (f"{run['system']}: {pick.why}", f"{run['scene']}/{run['setting']}", said)
@@ -366,7 +366,7 @@ def _worst(results: Results, run: Mapping[str, Any], missing: list[str]) -> tupl
     if len(lost):
         return first + int(lost[0]), f"is lost at frame {first + int(lost[0])}"
     index = int(np.nanargmax(errors.error_m))
-    return index, f"is off by {shown(errors.error_m[index], 3)} m at frame {index}"
+    return index, f"is off by {cell_text(errors.error_m[index], 3)} m at frame {index}"
 
 
 def _thumbs(folder: Path) -> list[tuple[int, Path]]:

@@ -75,7 +75,7 @@ class PosesToCompare:
 
 
 @dataclass(frozen=True)
-class _Given:
+class _KnownFrames:
     """The frames, where they come from, in words, and what is to be said of them.
 
     of_truth: whether they are the true poses, which have no time stamps of their own.
@@ -113,7 +113,7 @@ def read_poses_to_compare(
         keyframes = folder / KEYFRAMES if keyframes is None and (folder / KEYFRAMES).is_file() else keyframes
     true, given = _read_truth(truth, rate_hz)
     if frames is not None:
-        given = _Given(_frames_of(frames), f"those of {frames.name}")
+        given = _KnownFrames(_frames_of(frames), f"those of {frames.name}")
     known = given.frames
     reference_s = known.stamps_s if known is not None else true.stamps_s
     direction_given: Direction | Auto = "auto" if direction == "c2w" else direction
@@ -136,7 +136,7 @@ def read_poses_to_compare(
 _NONE = Estimate(np.zeros(0), np.zeros((0, 4, 4)))
 
 
-def _read_truth(path: Path, rate_hz: float | None) -> tuple[ReadPoses, _Given]:
+def _read_truth(path: Path, rate_hz: float | None) -> tuple[ReadPoses, _KnownFrames]:
     """Return the true poses, and the frames of the sequence that the path is the folder of, or lies in."""
     if path.is_dir() and recognising(path):
         sequence = find_sequence(path, rate_hz)
@@ -145,15 +145,17 @@ def _read_truth(path: Path, rate_hz: float | None) -> tuple[ReadPoses, _Given]:
         if frames is None:
             count = len(poses)
             counted = ReadPoses("", poses.c2w, numbers=np.arange(count), count=count, notes=poses.notes)
-            return counted, _Given(None, _said(path), of_truth=True)
-        return ReadPoses("", poses.c2w, stamps_s=poses.stamps_s, notes=poses.notes), _Given(frames, _said(path))
+            return counted, _KnownFrames(None, _source_text(path), of_truth=True)
+        return ReadPoses("", poses.c2w, stamps_s=poses.stamps_s, notes=poses.notes), _KnownFrames(
+            frames, _source_text(path)
+        )
     found = read_poses(path)
     if not len(found):
         raise InputError(path, "holds no pose", remedy="the true path needs one for each frame")
-    return found, _beside(path)
+    return found, _frames_near(path)
 
 
-def _beside(path: Path) -> _Given:
+def _frames_near(path: Path) -> _KnownFrames:
     """Return the frames of the sequence in whose folder a file of true poses lies; none where there is no sequence."""
     for folder in path.resolve().parents[:_DEPTH]:
         try:
@@ -162,14 +164,16 @@ def _beside(path: Path) -> _Given:
             sequence = None
         own = sequence is not None and sequence.trajectory_path is not None and sequence.trajectory_path.samefile(path)
         if sequence is not None and own and sequence.stamps_path is not None:
-            return _Given(_frames(sequence), _said(folder))
+            return _KnownFrames(_frames(sequence), _source_text(folder))
     listed = path.parent / COLOUR_LIST
     if not listed.is_file():
-        return _Given()
-    return _Given(read_frame_list(listed), f"those of {listed.name} beside {path.name}")  # of a camera without depth
+        return _KnownFrames()
+    return _KnownFrames(
+        read_frame_list(listed), f"those of {listed.name} beside {path.name}"
+    )  # of a camera without depth
 
 
-def _said(folder: Path) -> str:
+def _source_text(folder: Path) -> str:
     return f"those of the folder {folder.resolve().name}"
 
 

@@ -317,7 +317,7 @@ def against_clean_table(runs: "DataFrame", measures: Sequence[str]) -> "DataFram
             for key, group in settings:
                 means = _by_unit(tested, runs, group.index, keys).mean().to_numpy().T
                 medians = _by_unit(ranked, runs, group.index, keys).median()
-                pairs = zip(medians.to_numpy().T, _beside(medians.index, clean_medians, of_scenes).T, strict=True)
+                pairs = zip(medians.to_numpy().T, _clean_values(medians.index, clean_medians, of_scenes).T, strict=True)
                 named = {"system": system, **dict(zip(SETTING, key, strict=True)), "unit": unit}
                 for measure, mean, of_measure, (ours, theirs) in zip(measures, means, clean_means, pairs, strict=True):
                     row = welch(mean[~np.isnan(mean)], of_measure[~np.isnan(of_measure)])
@@ -345,7 +345,7 @@ def _by_unit(values: "DataFrame", runs: "DataFrame", chosen: Any, keys: list[str
     return values.loc[chosen].groupby([runs.loc[chosen, name] for name in keys])
 
 
-def _beside(units: "Index", clean: "DataFrame", of_scenes: "DataFrame") -> Float64:
+def _clean_values(units: "Index", clean: "DataFrame", of_scenes: "DataFrame") -> Float64:
     """Return the clean value beside each unit's: its own seed's, or else that of all its scene's runs."""
     own, scenes = clean.reindex(units).to_numpy(), of_scenes.reindex(units.get_level_values("scene")).to_numpy()
     return np.where(np.isnan(own), scenes, own)

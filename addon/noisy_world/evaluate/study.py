@@ -37,7 +37,7 @@ from .study_results import (
     Scored,
     score_run,
 )
-from .study_sequences import CaseSequence, FoundOrigin, MadeOrigin, Origin
+from .study_sequences import CaseSequence, FolderOrigin, Origin, PresetOrigin
 from .system_runs import run_system
 from .systems import ExpectedClean, System, find_systems, isolating
 from .true_maps import TrueMap, true_map_of_mesh, true_map_of_recording
@@ -253,9 +253,9 @@ class Study:
         """Where the sequences come from."""
         order = self.order
         if order.document is None:
-            return FoundOrigin(Path(order.subject), order.scenes, order.settings)
+            return FolderOrigin(Path(order.subject), order.scenes, order.settings)
         preset = check_document(order.document, Path(order.subject))
-        return MadeOrigin(
+        return PresetOrigin(
             preset, order.seeds, self.results, keep=order.keep, keep_clean=order.keep_clean, stop=self._stop
         )
 
@@ -311,7 +311,7 @@ class Study:
             record = run_system(
                 system, sequence.folder, folder, stop=self._stop, names=run.placeholders, maps=self.order.maps
             )
-        _tell(run, record, progress)
+        _note_ending(run, record, progress)
         scored = score_run(
             folder, record, sequence.truth, protocol=self.order.protocol, monocular=system.reads.monocular
         )
@@ -322,7 +322,7 @@ class Study:
         of_map = {} if maps is None else maps.score(folder, scored, progress)
         self.results.write_json(folder / SCORES, {**scored.content, MAP: of_map})
         if self.origin.condition(run.case.setting).perturbation == CLEAN:
-            _tell_clean(run, system.expects_clean, scored.content[STRICT], progress)
+            _note_clean_run(run, system.expects_clean, scored.content[STRICT], progress)
         progress.advance(len(sequence.truth))
 
     @cached_property
@@ -345,14 +345,16 @@ def _described(system: System) -> dict[str, Any]:
     return {"digest": system.digest, "repeatable": system.repeatable, **expected}
 
 
-def _tell(run: SystemRun, record: RunRecord, progress: Progress) -> None:
+def _note_ending(run: SystemRun, record: RunRecord, progress: Progress) -> None:
     """Say how a system ended that did not end well; once for each way."""
     if record.outcome is not Outcome.FINISHED:
         where = f"{run.system} on {run.case.name}"
         progress.note(f"{where}: {record.outcome.replace('_', ' ')}: {record.detail}", f"{run.system} {record.outcome}")
 
 
-def _tell_clean(run: SystemRun, expected: ExpectedClean | None, scores: Mapping[str, Any], progress: Progress) -> None:
+def _note_clean_run(
+    run: SystemRun, expected: ExpectedClean | None, scores: Mapping[str, Any], progress: Progress
+) -> None:
     """Say that a clean run is not as expected, before hours go into ratios to it; once for a system and scene."""
     if expected and (unmet := expected.unmet(scores.get("ate_rmse_m"), scores.get("scale"))):
         said = f"{run.system} on {run.case.name}: {', '.join(unmet)} on clean frames; expected: {expected.text}"

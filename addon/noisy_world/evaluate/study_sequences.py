@@ -94,7 +94,7 @@ class Origin(Protocol):
 # The sequences of a folder: a dataset of Noisy World, or recordings with ground truth. Nothing is made or removed.
 
 
-class FoundOrigin:
+class FolderOrigin:
     """The sequences of a folder. What a setting is follows from the dataset's manifest, or else from its name."""
 
     def __init__(self, folder: Path, scenes: Sequence[str] = (), settings: Sequence[str] = ()) -> None:
@@ -364,7 +364,7 @@ def _probe() -> tuple[NDArray[np.float32], NDArray[np.float32]]:
 KEY_DIGITS = 16  # of the hash of what decides a render's frames
 
 
-class MadeOrigin:
+class PresetOrigin:
     """The sequences of a preset.
 
     A scene's path is that of the preset's own seed, whatever the seed of a case, unless it is read from a file: seeds

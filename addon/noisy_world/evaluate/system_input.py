@@ -81,7 +81,7 @@ _KINDS: tuple[tuple[bytes, Shown], ...] = ((b"\x89PNG", "png"), (b"\xff\xd8", "j
 
 
 @dataclass(frozen=True, eq=False)
-class GivenSequence:
+class SequenceInput:
     """A sequence as a system is given it. modalities: those that the system reads. links: whether images are links."""
 
     stored: StoredSequence
@@ -211,13 +211,13 @@ class GivenSequence:
         write_atomic(target, encode_colour(as_bytes(rgb), image, fit_tables=False), target.parent)
 
 
-def given_sequence(
+def sequence_input(
     folder: Path,
     modalities: tuple[Modality, ...] = ("colour", "depth"),
     camera: Intrinsics | None = None,
     *,
     links: bool = False,
-) -> GivenSequence:
+) -> SequenceInput:
     """Find a sequence on disk, of any layout, for a system that reads these modalities.
 
     camera: its intrinsics, where no file says them. links: whether images are given as links. Raises InputError where
@@ -229,7 +229,7 @@ def given_sequence(
     known = camera if replaced else stored.known_camera or camera
     if known is None:
         raise InputError(folder, "says no intrinsics", remedy="put a cam_params.json with camera and scale beside it")
-    return GivenSequence(stored, known, modalities, links)
+    return SequenceInput(stored, known, modalities, links)
 
 
 def _check_plain(stored: StoredSequence, *, lens: bool) -> None:

@@ -175,13 +175,13 @@ def install(folder: Path, python: str | None, tell: Callable[[str], None]) -> bo
         if (folder / VOCABULARY).is_file():
             return False
     else:
-        _make_environment(folder, _checked(python) if python else found_python(), digest, tell)
+        _make_environment(folder, _checked(python) if python else usable_python(), digest, tell)
     tell("training the vocabulary of ORB-SLAM3 on pictures of an embedded room")
     write_atomic(folder / VOCABULARY, train().encode(), folder)
     return True
 
 
-def found_python() -> str:
+def usable_python() -> str:
     """Return a Python of PYTHONS: from the path, of the system, or one that uv has. Raises MissingDependencyError."""
     for candidate in _candidates():
         if _version(candidate) in PYTHONS:
@@ -199,7 +199,7 @@ def _candidates() -> Iterator[str]:
         yield from filter(None, (on_path, f"/usr/bin/python{version}"))  # the first may be another's shim, which fails
     if (uv := shutil.which("uv")) is not None:
         for version in PYTHONS:
-            yield from _said([uv, "python", "find", version]).splitlines()[-1:]
+            yield from _output_of([uv, "python", "find", version]).splitlines()[-1:]
 
 
 def _checked(python: str) -> str:
@@ -211,10 +211,10 @@ def _checked(python: str) -> str:
 
 def _version(python: str) -> str:
     """Return the version of a Python, such as 3.12; "" where it cannot be run."""
-    return _said([python, "-c", "import sys; print('%d.%d' % sys.version_info[:2])"])
+    return _output_of([python, "-c", "import sys; print('%d.%d' % sys.version_info[:2])"])
 
 
-def _said(command: list[str]) -> str:
+def _output_of(command: list[str]) -> str:
     """Return what a command prints; "" where it fails."""
     try:
         done = subprocess.run(command, capture_output=True, text=True, errors="replace", timeout=60, check=False)  # noqa: S603

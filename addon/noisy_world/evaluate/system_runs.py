@@ -29,7 +29,7 @@ from ..core.json_text import parse_json
 from .estimate_formats import LARGEST_READ_BYTES, OverLimitError
 from .estimates import FORMATS, Asked, Estimate, Frames, estimate_of, match_frames, read_poses
 from .run_files import ESTIMATE, KEYFRAMES, Outcome, RunRecord, estimate_text
-from .system_input import GivenSequence, given_sequence
+from .system_input import SequenceInput, sequence_input
 from .system_isolation import (
     CommandOutcome,
     isolated,
@@ -47,7 +47,7 @@ from .systems import STUDY_NAMES, System, Writes, environment_folder, environmen
 LONGEST_SENTENCE = 400  # characters
 
 
-def found_output(folder: Path, pattern: str) -> Path | None:
+def output_file(folder: Path, pattern: str) -> Path | None:
     """Return what a name or a pattern stands for in a system's folder; the first by name of several, None of none.
 
     It may be anything but a folder: `check_output` tells.
@@ -305,7 +305,7 @@ def normalised(
     stamps_s: of the frames that it was given. pattern: of the file; that of the estimate if it is "". colour: the
     frames' images, for a format that names them. largest_bytes: more of an estimate is not read.
     """
-    path = found_output(folder, pattern or writes.file)
+    path = output_file(folder, pattern or writes.file)
     if path is None:
         return Normalised(Outcome.NO_ESTIMATE, f"it wrote no {pattern or writes.file}", NOTHING)
     frames = Frames.of(stamps_s, colour)
@@ -362,7 +362,7 @@ def run_system(
     InterruptedRunError where `stop` was set; then there is no run.json.
     """
     system_versions(system)  # so that one which cannot be run is told before anything is written
-    given = given_sequence(sequence, system.reads.modalities, camera, links=system.isolate != "none")
+    given = sequence_input(sequence, system.reads.modalities, camera, links=system.isolate != "none")
     out = out.resolve()
     work = _emptied(out)
     command = _command(system, given, work, names or {}, maps=maps)
@@ -403,7 +403,7 @@ def _emptied(out: Path) -> Path:
     return work
 
 
-def _command(system: System, given: GivenSequence, work: Path, names: Mapping[str, str], *, maps: bool) -> list[str]:
+def _command(system: System, given: SequenceInput, work: Path, names: Mapping[str, str], *, maps: bool) -> list[str]:
     """Return the command, after what it reads is written. Raises InputError where it names what only a study knows."""
     words = system.command + (system.map_arguments if maps else ())
     named = " ".join(words)
@@ -424,7 +424,7 @@ def _command(system: System, given: GivenSequence, work: Path, names: Mapping[st
 
 
 def _record(
-    system: System, given: GivenSequence, ended: CommandOutcome, out: Path, written: Path, *, maps: bool
+    system: System, given: SequenceInput, ended: CommandOutcome, out: Path, written: Path, *, maps: bool
 ) -> RunRecord:
     """Write what the system estimated; return how the run ended."""
     outcome, detail = _how_it_ended(ended, system.time_limit.of(len(given)))
@@ -461,7 +461,7 @@ def _how_it_ended(run: CommandOutcome, limit_s: float) -> tuple[Outcome, str]:
     return Outcome.CRASHED, f"{ended}; {LOG} holds what it said"
 
 
-def _estimated(system: System, given: GivenSequence, written: Path, pattern: str = "") -> Normalised:
+def _estimated(system: System, given: SequenceInput, written: Path, pattern: str = "") -> Normalised:
     """Read an estimate, or that of keyframes by a pattern."""
     names = given.stored.rgb_files
     return normalised(
@@ -476,11 +476,11 @@ def _signal_name(number: int) -> str:
         return f"signal {number}"
 
 
-def _take_files(system: System, given: GivenSequence, written: Path, out: Path, *, maps: bool) -> list[str]:
+def _take_files(system: System, given: SequenceInput, written: Path, out: Path, *, maps: bool) -> list[str]:
     """Take over what else of the contract a system wrote; return sentences on what is wrong in it."""
     problems = []
     limits = system.limits
-    if system.writes.keyframes and found_output(written, system.writes.keyframes) is not None:
+    if system.writes.keyframes and output_file(written, system.writes.keyframes) is not None:
         keyframes = _estimated(system, given, written, system.writes.keyframes)
         if keyframes.outcome is Outcome.FINISHED:
             _write_estimate(out / KEYFRAMES, keyframes)

@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Any
 from ..core.atomic_files import storage_errors
 from .figures import GREY, Picture, drawing, line_styles, shortened, svg_bytes, unused
 from .report_sections import Section
-from .report_tables import NOTHING, SHARED, Column, Table, shown
+from .report_tables import NOTHING, SHARED, Column, Table, cell_text
 from .study_results import ResultsFolder
 from .study_tables import csv_text
-from .thresholds import ENDING, Axis, Found, SearchFile, Verdict
+from .thresholds import ENDING, Axis, SearchFile, SearchResult, Verdict
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -31,7 +31,7 @@ class ThresholdBar:
     """What was found of a system."""
 
     system: str
-    found: Found
+    found: SearchResult
 
 
 def thresholds(bars: Sequence[ThresholdBar]) -> Picture:
@@ -72,7 +72,7 @@ def _panel(panel: "Axes", bars: list[ThresholdBar], styles: dict[str, tuple[str,
         panel.invert_xaxis()
 
 
-def _row(panel: "Axes", row: int, found: Found, colour: str, marker: str) -> None:
+def _row(panel: "Axes", row: int, found: SearchResult, colour: str, marker: str) -> None:
     axis = found.axis
     panel.plot([axis.mild, axis.worst], [row, row], color=GREY, linewidth=0.5, alpha=0.6, zorder=1)
     if found.verdict in (Verdict.HOLDS, Verdict.FAILS):
@@ -88,7 +88,7 @@ def _row(panel: "Axes", row: int, found: Found, colour: str, marker: str) -> Non
         panel.plot([found.threshold], [row], marker=marker, color=colour, markersize=5, linestyle="", zorder=3)
 
 
-def _outward(found: Found, end: float) -> str:
+def _outward(found: SearchResult, end: float) -> str:
     """Return the marker that points out of the range at one of its ends; to the right is worse."""
     return ">" if end == found.axis.worst else "<"
 
@@ -110,7 +110,7 @@ class SystemThreshold:
     """What a search that has ended found, of a system. success: the metric."""
 
     system: str
-    found: Found
+    found: SearchResult
     success: str
 
 
@@ -122,7 +122,7 @@ def read_thresholds(folder: Path) -> list[SystemThreshold]:
         if content is not None and content["found"] is not None:
             identity, values = content["identity"], content["found"]
             at = {**values, "axis": Axis(**values["axis"]), "verdict": Verdict(values["verdict"])}
-            found.append(SystemThreshold(identity["system"]["name"], Found(**at), identity["success"]))
+            found.append(SystemThreshold(identity["system"]["name"], SearchResult(**at), identity["success"]))
     return sorted(found, key=lambda item: (item.found.axis.name, item.system))
 
 
@@ -171,12 +171,12 @@ DIGITS = 3
 def threshold_text(row: Mapping[str, Any]) -> str:
     """Return what was found, of a row of the table: "14.9 [11.6, 18.8] frames", or beyond which value it lies."""
     unit = f" {row['unit']}" if row["unit"] else ""
-    mildest, worst = (shown(row[name], DIGITS) for name in ("searched_from", "searched_to"))
+    mildest, worst = (cell_text(row[name], DIGITS) for name in ("searched_from", "searched_to"))
     if row["verdict"] == Verdict.HOLDS:
         return f"beyond {worst}{unit}"
     if row["verdict"] == Verdict.FAILS:
         return f"before {mildest}{unit}"
-    threshold, low, high = (shown(row[name], DIGITS) for name in ("threshold", "mild_end", "worst_end"))
+    threshold, low, high = (cell_text(row[name], DIGITS) for name in ("threshold", "mild_end", "worst_end"))
     low = f"before {mildest}" if low == NOTHING else low
     high = f"beyond {worst}" if high == NOTHING else high
     return f"{threshold} [{low}, {high}]{unit}"

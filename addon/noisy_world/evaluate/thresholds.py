@@ -24,7 +24,7 @@ from ..preset.keys import Preset, check_document
 from .cases import Case, SystemRun
 from .metrics import METRICS
 from .study_results import FOR_PEOPLE, STRICT, ResultsFolder, score_run
-from .study_sequences import MadeOrigin
+from .study_sequences import PresetOrigin
 from .system_runs import run_system
 from .systems import System
 
@@ -290,7 +290,7 @@ class Verdict(StrEnum):
 
 
 @dataclass(frozen=True)
-class Found:
+class SearchResult:
     """What a search found. threshold, mild, worst: with the interval's ends; None where not in what was searched."""
 
     axis: Axis
@@ -332,7 +332,7 @@ def search(
     *,
     width: float,
     most: int,
-) -> Found:
+) -> SearchResult:
     """Search, and return what was found.
 
     scenes: names. seed: of the first trial; each takes the next. made: trials of before, which are not made again.
@@ -364,7 +364,7 @@ def search(
     middle, low, high = (
         axis.value_at(end) if 0.0 <= end <= 1.0 else None for end in (quantile(posterior, 0.5), low, high)
     )
-    return Found(axis, verdict, runs, middle, low, high)
+    return SearchResult(axis, verdict, runs, middle, low, high)
 
 
 # The trials of a search: a short sequence with one value of a perturbation, a run of the system on it, its score.
@@ -441,7 +441,7 @@ class SearchFile:
             raise StorageError("is not as it was written", file=self.path, remedy="remove it")
         return [Trial(**row) for row in rows]
 
-    def write(self, identity: Mapping[str, Any], trials: list[Trial], found: Found | None = None) -> None:
+    def write(self, identity: Mapping[str, Any], trials: list[Trial], found: SearchResult | None = None) -> None:
         """Write it anew. Raises StorageError."""
         content = {"kind": KIND, "format": FORMAT, "identity": identity, "trials": [asdict(item) for item in trials]}
         self.results.write_json(self.path, {**content, "found": None if found is None else asdict(found)})
@@ -451,7 +451,7 @@ class SearchFile:
 class Trials:
     """Makes the trials of a search. success: the metric that is 1 for a success. stop: ends a trial when set."""
 
-    origin: MadeOrigin
+    origin: PresetOrigin
     results: ResultsFolder
     system: System
     axis: Axis

@@ -216,7 +216,7 @@ class Seen:
             return np.full(depth_m.size, depth_m.max(), dtype=np.float32)
         return np.where(depth_m > 0, depth_m, np.float32(np.inf)).reshape(-1)
 
-    def tell(self, points_m: Points, margin_m: float) -> NDArray[np.bool_]:
+    def covers(self, points_m: Points, margin_m: float) -> NDArray[np.bool_]:
         """Return which of the points (N, 3) count (N,): those at most so far behind what is seen."""
         found = np.full(len(points_m), self.culling is Culling.NONE)
         for first in range(0, len(points_m) if self._limits_m else 0, _AT_ONCE):
@@ -348,13 +348,13 @@ def seen_surface(mesh: Mesh, seen: Seen, margin_m: float, count: int, *names: st
     first = draw(corners_m, count, *names, 0)
     if not len(first):
         return None
-    seen_points = seen.tell(first.points_m, margin_m)
+    seen_points = seen.covers(first.points_m, margin_m)
     parts, share = [first.only(seen_points)], float(seen_points.mean())
     for number in range(1, _ROUNDS):
         if share == 0 or sum(map(len, parts)) >= count:
             break
         more = draw(corners_m, count, *names, number)
-        parts.append(more.only(seen.tell(more.points_m, margin_m)))
+        parts.append(more.only(seen.covers(more.points_m, margin_m)))
     samples = Samples(
         np.concatenate([part.points_m for part in parts])[:count],
         np.concatenate([part.triangles for part in parts])[:count],
@@ -364,7 +364,7 @@ def seen_surface(mesh: Mesh, seen: Seen, margin_m: float, count: int, *names: st
     areas = areas_m2(corners_m)
     small = np.flatnonzero((areas < 4 * areas.sum() * share / len(samples)) & (areas > 0))  # such may have no sample
     centres_m = corners_m[small].mean(axis=1)
-    seen_points = seen.tell(centres_m, margin_m)
+    seen_points = seen.covers(centres_m, margin_m)
     points_m = np.concatenate([samples.points_m, centres_m[seen_points]])
     return SeenSurface(
         MapSurface(corners_m, points_m, np.concatenate([samples.triangles, small[seen_points]])), samples, share

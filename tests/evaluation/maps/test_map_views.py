@@ -82,7 +82,7 @@ def test_a_floater_before_the_wall_counts_and_one_behind_it_does_not():
 def test_points_behind_the_camera_are_not_seen():
     with _truth(wall(2.0, width_m=8)) as truth:
         points_m = np.array([(1.0, 0, 0), (-1.0, 0, 0), (0.0, 0, 0), (2.05, 0, 0), (2.2, 0, 0), (1e30, 0, 0)])
-        assert truth.seen.tell(points_m, 0.1).tolist() == [True, False, False, True, False, False]
+        assert truth.seen.covers(points_m, 0.1).tolist() == [True, False, False, True, False, False]
 
 
 def test_far_cameras_are_looked_at_first_and_none_is_left_out():
@@ -91,8 +91,8 @@ def test_far_cameras_are_looked_at_first_and_none_is_left_out():
     seen = Seen(RecordedViews(views, CAMERA), Culling.FRUSTUM_OCCLUSION)
     assert seen.view_count == 26
     directions = np.array([c2w[:3, 3] / 1.5 for c2w in poses])
-    assert seen.tell(0.5 * directions, 0.02).all()
-    assert not seen.tell(0.3 * directions, 0.02).any()
+    assert seen.covers(0.5 * directions, 0.02).all()
+    assert not seen.covers(0.3 * directions, 0.02).any()
 
 
 def test_a_recording_is_its_own_truth():

@@ -16,7 +16,7 @@ from noisy_world.evaluate.analyses import analyse
 from noisy_world.evaluate.report_sections import curves_of, table_of, with_interval
 from noisy_world.evaluate.report_sections import opening
 from noisy_world.evaluate.figures import numbered_decades
-from noisy_world.evaluate.findings import found_of, ranking_picture, sentences
+from noisy_world.evaluate.findings import findings_of, ranking_picture, sentences
 from noisy_world.evaluate.findings import headline_table
 from noisy_world.evaluate.report_input import read_results
 from noisy_world.evaluate.report_tables import markdown_table
@@ -61,7 +61,7 @@ def said_of(folder, systems, *, all_tables=False, **scenes):
     analyses = {"over_clean": over_clean_table(tidy_runs(results.runs), ["system", *SETTING])}
     if all_tables:
         analyses = analyse(results.runs, results.sequences)
-    found = found_of(results, analyses["over_clean"])
+    found = findings_of(results, analyses["over_clean"])
     return [text.replace("\u00a0", " ") for text in sentences(found)], results, analyses, found
 
 

@@ -19,7 +19,7 @@ from noisy_world.evaluate.findings import endings, settings_table
 from noisy_world.evaluate.report_input import picked_runs, picked_sequences
 from noisy_world.evaluate.paper_comparison import published
 from noisy_world.evaluate.report_input import read_results, records
-from noisy_world.evaluate.report_tables import shown
+from noisy_world.evaluate.report_tables import cell_text
 from noisy_world.evaluate.paper_comparison import paper_condition
 
 
@@ -209,7 +209,7 @@ def test_picked_runs_are_clean_median_worst_and_failed(results):
     ],
 )
 def test_shown(value, text):
-    assert shown(value) == text
+    assert cell_text(value) == text
 
 
 def test_line_ends_and_control_characters_stay_in_a_cell():

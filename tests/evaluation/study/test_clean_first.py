@@ -8,7 +8,7 @@ import pytest
 from study_tools import SETTINGS, evaluate, small_world, told, write_systems
 
 from noisy_world.preset.keys import read_preset
-from noisy_world.evaluate.study_sequences import MadeOrigin
+from noisy_world.evaluate.study_sequences import PresetOrigin
 from noisy_world.evaluate.study_results import ResultsFolder
 
 pytest.importorskip("embreex", reason="embreex comes with an extra")
@@ -20,7 +20,7 @@ EXPECTED = "expects_clean: {ate_m: 1.0, scale_off: 0.01}\n"
 
 def test_the_clean_setting_is_the_first_of_each_scene(tmp_path):
     preset = small_world(tmp_path / "world", settings=CLEAN_LAST)
-    origin = MadeOrigin(read_preset(preset), (3, 8), ResultsFolder(tmp_path / "results"))
+    origin = PresetOrigin(read_preset(preset), (3, 8), ResultsFolder(tmp_path / "results"))
     assert [case.setting for case in origin.frames] == ["clean", "noise", "bright", "fast", "noise"]
 
 

@@ -34,7 +34,7 @@ NEEDED = {"faster_motion": {"factor": 2}, "desync": {"offset": 1}}
 KILLED = """
 import os, signal, sys
 sys.path.insert(0, sys.argv[1])
-from noisy_world.evaluation.study import results
+from noisy_world.evaluate import study_results as results
 from noisy_world.cli import command
 write, left = results.write_atomic, [int(sys.argv[2])]
 def ending(path, data, scratch):

@@ -24,7 +24,7 @@ from noisy_world.preset.keys import read_preset
 from noisy_world.core.progress import PlainProgress
 from noisy_world.core.schema import ConfigPath
 from noisy_world.evaluate.cases import Case, Condition
-from noisy_world.evaluate.study_sequences import MadeOrigin
+from noisy_world.evaluate.study_sequences import PresetOrigin
 from noisy_world.evaluate.study import StudyOrder
 from noisy_world.evaluate.study import Study
 from noisy_world.evaluate.study_results import ResultsFolder
@@ -63,7 +63,7 @@ def files_in(folder):
 
 
 def origin_of(preset, results, *seeds, **options):
-    return MadeOrigin(read_preset(preset), seeds, ResultsFolder(results), **options)
+    return PresetOrigin(read_preset(preset), seeds, ResultsFolder(results), **options)
 
 
 @pytest.fixture(scope="module")

@@ -83,16 +83,16 @@ def test_a_python_is_found_or_one_line_says_how_to_get_one(tmp_path, python, mon
     monkeypatch.setattr(system_installation, "PYTHONS", ("3.98", "3.99"))  # neither is on any machine
     monkeypatch.setenv("PATH", f"{tmp_path}/shims:{os.environ['PATH']}")
     names = ["uv python install 3.12", "--python", "Containerfile"]
-    refused(system_installation.found_python, names=names, error=MissingDependencyError)
+    refused(system_installation.usable_python, names=names, error=MissingDependencyError)
     refused(make, tmp_path / "new", python, names=["--python: ", "3.12", "3.98 or 3.99"])
     refused(make, tmp_path / "new", str(tmp_path / "nowhere"), names=["--python: ", "nowhere"])
     assert not (tmp_path / "new").exists()
     of_uv = program(tmp_path / "uv/python", PYTHON.format(version="3.99"))
     program(tmp_path / "shims/python3.98", "#!/bin/sh\necho 'python3.98: command not found' >&2\nexit 127")
     program(tmp_path / "shims/uv", f'#!/bin/sh\ntest "$*" = "python find 3.99" && echo {of_uv}')
-    assert system_installation.found_python() == of_uv
+    assert system_installation.usable_python() == of_uv
     on_path = program(tmp_path / "shims/python3.99", PYTHON.format(version="3.99"))
-    assert system_installation.found_python() == on_path
+    assert system_installation.usable_python() == on_path
 
 
 def test_environments_lie_where_they_are_found_again(tmp_path, monkeypatch):

@@ -29,7 +29,7 @@ from noisy_world.core.errors import InputError, InterruptedRunError
 from noisy_world.core.geometry import Intrinsics
 from noisy_world.preset.keys import check_document
 from noisy_world.core.progress import SilentProgress
-from noisy_world.evaluate.system_input import given_sequence
+from noisy_world.evaluate.system_input import sequence_input
 from noisy_world.perturbations import registry
 from noisy_world.dataset.run import Run
 from noisy_world.dataset.status import read_status
@@ -410,7 +410,7 @@ def _given(_folder, out):
     for setting in sorted(path for path in out.iterdir() if path.is_dir() and not path.name.startswith(".")):
         for scene in sorted(path for path in setting.iterdir() if path.is_dir()):
             asked = Intrinsics(*SIZE, 16.0, 16.0, 15.5, 11.5)
-            found[scene.name] = given_sequence(scene, camera=asked).document(out.parent / "given")
+            found[scene.name] = sequence_input(scene, camera=asked).document(out.parent / "given")
     return found
 
 
