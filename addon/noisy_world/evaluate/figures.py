@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from matplotlib.colors import Colormap, Normalize
     from matplotlib.figure import Figure
     from matplotlib.typing import RcKeyType
+    from pandas import DataFrame, Series
 
 
 # Okabe and Ito's colours, which people with any common kind of colour blindness tell apart; without yellow, which is
@@ -125,45 +126,35 @@ STATIC, DYNAMIC = "static", "dynamic"
 Looks: TypeAlias = dict[str, tuple[str, str]]
 
 
-@dataclass(frozen=True)
-class CurvePoint:
-    """A value at one severity, 0 being clean. n: runs.
-
-    value: between 0 and 1, or an error over clean, which is infinite where half of the runs or more failed or are
-    incomplete. large, here: the ends of its 95 % intervals for scenes at large, and for other seeds in these scenes;
-    NaN for none."""
-
-    perturbation: str
-    system: str
-    mode: str
-    severity: float
-    value: float
-    large: tuple[float, float] = (math.nan, math.nan)
-    here: tuple[float, float] = (math.nan, math.nan)
-    n: int = 0
+ENDS, HERE_ENDS = ["low", "high"], ["here_low", "here_high"]
+LINE = ["perturbation", "system", "mode"]
+"""Columns of points that name their line."""
 
 
-def curves(points: Sequence[CurvePoint], name: str, title: str, label: str, *, over_clean: bool = False) -> Picture:
+def curves(points: "DataFrame", name: str, title: str, label: str, *, over_clean: bool = False) -> Picture:
     """Draw a panel for each perturbation: static severities with a solid line, dynamic ones dashed.
 
-    over_clean: values are errors over clean, on a logarithmic scale, rather than between 0 and 1.
+    points: columns LINE, severity (0 is clean) and value, between 0 and 1 or, with over_clean, an error over clean on a
+    logarithmic scale, infinite where half of the runs or more failed or are incomplete. low, high, here_low, here_high:
+    where they are there, the ends of 95 % intervals for scenes at large, and for other seeds in these scenes.
     """
-    drawn = _CurveFigure(points, label, _limits(points) if over_clean else None)
+    points = points.reindex(columns=[*LINE, "severity", "value", *ENDS, *HERE_ENDS]).sort_values("severity")
+    drawn = _CurveFigure(points, label, _limits(points["value"]) if over_clean else None)
     about = (
         f"{title} (0 is clean), a panel for each perturbation, a line for each system; static severities are solid, "
         "dynamic ones dashed."
     )
     if over_clean:
         about += " A cross at the top: half of the runs or more failed or are incomplete."
-    if any(math.isfinite(end) for point in points for end in point.here):
+    if points[HERE_ENDS].notna().any(axis=None):
         about += " The band is the 95 % interval for other seeds in these scenes."
-    if any(math.isfinite(end) for point in points for end in point.large):
+    if points[ENDS].notna().any(axis=None):
         about += " Dotted lines are the 95 % interval for scenes at large."
     return Picture(name, title, about, drawn.svg(ACROSS), drawn.svg(ACROSS_NARROW) if drawn.wide else b"")
 
 
-def _limits(points: Sequence[CurvePoint]) -> tuple[float, float]:
-    known = [point.value for point in points if math.isfinite(point.value) and point.value > 0.0]
+def _limits(values: "Series") -> tuple[float, float]:
+    known = values[np.isfinite(values) & (values > 0.0)]
     return min([1.0, *known]) / 1.5, max([10.0, *known]) * 2.5
 
 
@@ -171,19 +162,19 @@ def _limits(points: Sequence[CurvePoint]) -> tuple[float, float]:
 class _CurveFigure:
     """A figure of curves. limits: of the logarithmic scale; None: it goes from 0 to 1."""
 
-    points: Sequence[CurvePoint]
+    points: "DataFrame"
     label: str
     limits: tuple[float, float] | None
 
     @property
     def wide(self) -> bool:
         """Whether it has more panels than a phone has place for."""
-        return len({point.perturbation for point in self.points}) > ACROSS_NARROW
+        return self.points["perturbation"].nunique() > ACROSS_NARROW
 
     def svg(self, most_across: int) -> bytes:
         """Draw the panels, so many side by side."""
-        perturbations = sorted({point.perturbation for point in self.points})
-        systems = line_styles(sorted({point.system for point in self.points}))
+        perturbations = sorted(set(self.points["perturbation"]))
+        systems = line_styles(sorted(set(self.points["system"])))
         across = min(most_across, len(perturbations))
         rows = math.ceil(len(perturbations) / across)
         with drawing(max(NARROW_IN, SIZE_IN[0] * across), SIZE_IN[1] * rows + 0.5) as figure:
@@ -197,18 +188,16 @@ class _CurveFigure:
             unused(panels, len(perturbations))
             for axes in grid[:, 0]:
                 axes.set_ylabel(self.label)
-            _legend(figure, systems, {point.mode for point in self.points})
+            _legend(figure, systems, set(self.points["mode"]))
             return svg_bytes(figure)
 
     def _panel(self, axes: "Axes", name: str, systems: Looks) -> None:
+        lines = dict(list(self.points[self.points["perturbation"] == name].groupby(["system", "mode"])))
         for number, (system, (colour, marker)) in enumerate(systems.items()):
             shift = 0.05 * (number - (len(systems) - 1) / 2)  # equal curves stay apart
             for mode, style in ((STATIC, "-"), (DYNAMIC, "--")):
-                key = (name, system, mode)
-                line = [point for point in self.points if (point.perturbation, point.system, point.mode) == key]
-                if line:
-                    line.sort(key=lambda point: point.severity)
-                    _line(axes, [point.severity + shift for point in line], line, (colour, marker, style))
+                if (line := lines.get((system, mode))) is not None:
+                    _line(axes, line.assign(severity=line["severity"] + shift), (colour, marker, style))
         axes.set_title(shortened(name, 34))
         axes.set(xticks=range(6), xlim=(-0.3, 5.3))
         if self.limits is None:
@@ -221,18 +210,18 @@ class _CurveFigure:
         axes.grid(visible=True, axis="y", linewidth=0.3)
 
 
-def _line(axes: "Axes", x: Sequence[float], line: Sequence[CurvePoint], drawn_as: tuple[str, str, str]) -> None:
+def _line(axes: "Axes", line: "DataFrame", drawn_as: tuple[str, str, str]) -> None:
     """Draw a line with its intervals. drawn_as: colour, marker and style."""
     colour, marker, style = drawn_as
-    y = [point.value if math.isfinite(point.value) else math.nan for point in line]
-    axes.plot(x, y, color=colour, marker=marker, linestyle=style, markersize=3)
-    failed = [at for at, point in zip(x, line, strict=True) if math.isinf(point.value)]
+    x, y = (line[name].to_numpy(dtype=np.float64) for name in ("severity", "value"))
+    axes.plot(x, np.where(np.isfinite(y), y, np.nan), color=colour, marker=marker, linestyle=style, markersize=3)
+    failed = x[np.isinf(y)]
     axes.plot(failed, [0.95] * len(failed), "x", color=colour, transform=axes.get_xaxis_transform())
-    low, high = zip(*(point.here for point in line), strict=True)
-    if any(map(math.isfinite, low)):
-        axes.fill_between(x, low, high, color=colour, alpha=0.2, linewidth=0)
-    for ends in zip(*(point.large for point in line), strict=True):
-        if any(map(math.isfinite, ends)):
+    here, large = (line[ends].to_numpy(dtype=np.float64).T for ends in (HERE_ENDS, ENDS))
+    if np.isfinite(here[0]).any():
+        axes.fill_between(x, here[0], here[1], color=colour, alpha=0.2, linewidth=0)
+    for ends in large:
+        if np.isfinite(ends).any():
             axes.plot(x, ends, ":", color=colour, linewidth=0.7, alpha=0.8)
 
 
@@ -445,23 +434,10 @@ MARGIN_IN = 1.6
 MOST = 40  # names in a panel whose values are written into the cells
 
 
-@dataclass(frozen=True)
-class Correlation:
-    """The correlation of two names, which is symmetric; NaN where there is none. n: pairs of values."""
-
-    mode: str
-    one: str
-    other: str
-    value: float
-    n: int
-
-
-def correlation_matrices(found: Sequence[Correlation], name: str, title: str) -> Picture:
-    """Draw a matrix for each mode."""
-    modes = sorted({item.mode for item in found})
-    names = {
-        mode: sorted({part for item in found if item.mode == mode for part in (item.one, item.other)}) for mode in modes
-    }
+def correlation_matrices(table: "DataFrame", name: str, title: str) -> Picture:
+    """Draw a matrix for each mode. table: columns mode, a, b, whose correlation is symmetric, and spearman."""
+    modes = sorted(set(table["mode"]))
+    names = {mode: sorted(set(table.loc[table["mode"] == mode, ["a", "b"]].to_numpy().ravel())) for mode in modes}
     most = max(len(of_mode) for of_mode in names.values())
     side_in = max(1.4, CELL_IN * most) + MARGIN_IN
     with drawing(side_in * len(modes) + 0.6, side_in) as figure:
@@ -470,9 +446,10 @@ def correlation_matrices(found: Sequence[Correlation], name: str, title: str) ->
         for axes, mode in zip(grid[0], modes, strict=True):
             of_mode = names[mode]
             values = np.full((len(of_mode), len(of_mode)), np.nan)
-            for item in (item for item in found if item.mode == mode):
-                row, column = of_mode.index(item.one), of_mode.index(item.other)
-                values[row, column] = values[column, row] = item.value
+            rows = table.loc[table["mode"] == mode, ["a", "b", "spearman"]]
+            for one, other, value in rows.itertuples(index=False, name=None):
+                row, column = of_mode.index(one), of_mode.index(other)
+                values[row, column] = values[column, row] = value
             image = axes.imshow(values, cmap="RdBu_r", vmin=-1.0, vmax=1.0, interpolation="nearest")
             for row, column in np.argwhere(np.isfinite(values)) if len(of_mode) <= MOST else ():
                 ink = "white" if abs(values[row, column]) > 0.6 else "black"

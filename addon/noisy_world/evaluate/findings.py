@@ -414,9 +414,8 @@ class CleanGate:
 
 def clean_gate(results: Results) -> CleanGate:
     """Hold the clean runs of each system against what study.json says that its definition expects."""
-    systems = results.study.get("systems")
     scenes: list[CleanScene] = []
-    for system, definition in sorted(systems.items()) if isinstance(systems, Mapping) else ():
+    for system, definition in sorted(results.study.get("systems", {}).items()):
         expected = _expected(definition)
         if expected is not None:
             runs = results.runs[(results.runs["system"] == system) & (results.runs["perturbation"] == CLEAN)]

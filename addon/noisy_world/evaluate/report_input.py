@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What a results folder holds, read for the report, and the runs that it draws."""
 
-import csv
 import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
@@ -11,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..core.errors import InputError
-from ..core.file_access import read_bytes, read_text
+from ..core.file_access import read_text
 from ..core.json_text import read_json
 from ..core.schema import shown
 from .cases import CLEAN, text_of
@@ -109,15 +108,7 @@ def read_table(path: Path, needed: Sequence[str]) -> "DataFrame":
 
     Raises InputError for a table without a needed column, and for text where a number should be.
     """
-    import pandas as pd
-
-    try:
-        text = read_text(path)
-        table = pd.read_csv(StringIO(text), dtype=str, keep_default_na=False)
-    except (OSError, UnicodeError, pd.errors.ParserError, pd.errors.EmptyDataError) as error:
-        raise InputError(path, f"cannot be read: {str(error) or 'it is empty'}", remedy=REMEDY) from error
-    if (at := text.find("\0")) >= 0:  # where pandas 2 ends a name without a word
-        raise InputError(path, "holds a NUL", where=f"line {text.count(chr(10), 0, at) + 1}", remedy=REMEDY)
+    table = read_texts(path)
     table = table.rename(columns=text_of)
     for name in needed:
         if name not in table.columns:
@@ -140,12 +131,18 @@ def _check_folders(names: list[str], path: Path, column: str) -> None:
             raise InputError(path, f"{shown(name)} is no name", where=f"line {line}, column {column!r}", remedy=REMEDY)
 
 
-def read_rows(path: Path) -> list[dict[str, str]]:
-    """Return the rows of a small table, all texts. Raises InputError where it cannot be read."""
+def read_texts(path: Path) -> "DataFrame":
+    """Return a table of comma-separated values as texts. Raises InputError where it cannot be read."""
+    import pandas as pd
+
     try:
-        return list(csv.DictReader(StringIO(read_bytes(path).decode(), newline="")))
-    except (OSError, UnicodeError, csv.Error) as error:
-        raise InputError(path, f"cannot be read: {error}", remedy=REMEDY) from error
+        text = read_text(path)
+        table = pd.read_csv(StringIO(text), dtype=str, keep_default_na=False)
+    except (OSError, UnicodeError, pd.errors.ParserError, pd.errors.EmptyDataError) as error:
+        raise InputError(path, f"cannot be read: {str(error) or 'it is empty'}", remedy=REMEDY) from error
+    if (at := text.find("\0")) >= 0:  # where pandas 2 ends a name without a word
+        raise InputError(path, "holds a NUL", where=f"line {text.count(chr(10), 0, at) + 1}", remedy=REMEDY)
+    return table
 
 
 def records(table: "DataFrame") -> Iterator[dict[str, Any]]:

@@ -5,20 +5,20 @@ import hashlib
 import json
 import shlex
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from ..core.errors import one_line
 from .analyses import CAPTIONS
 from .cases import CLEAN
-from .figures import Correlation, CurvePoint, Picture, correlation_matrices, curves
+from .figures import ENDS, HERE_ENDS, LINE, Picture, correlation_matrices, curves
 from .metrics import IS_INCOMPLETE, LEAST_TRACKED, PROTOCOLS
 from .pose_errors import CONDITIONING, WELL_CONDITIONED, WRONG_DEG
 from .report_input import KEY, Results, read_object, records
 from .report_tables import NOTHING, SHARED, Column, Table, cell_text, column_of
 from .run_figures import FramePicture
 from .run_tables import SUCCESS, SUCCESS_OVER_CLEAN
-from .study_tables import VERSIONS
+from .study_results import VERSIONS
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -113,7 +113,6 @@ COUNTED = {"pearson": "n", "pearson_log10": "n"}
 FEWEST = 5
 """Values on which an interval has to stand to be shown: with fewer it is so wide that it says nothing."""
 FLAT = 0.05
-HERE = ("here_low", "here_high")
 MOST_SHOWN = 600  # rows of a table in the page, which would be megabytes
 SHOWN = (SUCCESS, "ate_rmse_m", "success_auc")
 """The measures whose rows are shown where all would be too many."""
@@ -153,42 +152,41 @@ def curves_of(analyses: Analyses) -> tuple[list[Picture], list[str]]:
     They are the error over clean, the shares of runs without success, and the area under the curve of success.
     """
     pictures, said = [], []
-    if over := _over_clean_points(analyses["over_clean"]):
+    over = _over_clean_points(analyses["over_clean"])
+    if len(over):
         title = "Error over clean, over severity"
         pictures.append(curves(over, "over_clean_curves", title, "error over clean", over_clean=True))
     for name, picture in ((SUCCESS_OVER_CLEAN, "failure_over_clean_curves"), (SUCCESS, "failure_curves")):
-        label = column_of(name).label
-        points = [_complement(point) for point in _points(analyses["curves"], name)]
-        if points and all(point.value == points[0].value for point in points):
-            had = "Every run" if points[0].value == 0.0 else "No run" if points[0].value == 1.0 else ""
-            said.append(f"{had or 'The same share of runs'} had {label} at every severity, so no curve is drawn of it.")
-        elif points:
+        label, points = column_of(name).label, _complement(_points(analyses["curves"], name))
+        if len(points) and (points["value"] == points["value"].iloc[0]).all():
+            had = {0.0: "Every run", 1.0: "No run"}.get(points["value"].iloc[0], "The same share of runs")
+            said.append(f"{had} had {label} at every severity, so no curve is drawn of it.")
+        elif len(points):
             pictures.append(curves(points, picture, f"Share of runs without {label}, over severity", "without success"))
-    if areas := _points(analyses["curves"], "success_auc"):
-        values = [point.value for point in areas]
-        if max(values) - min(values) < FLAT:
-            least, most = (cell_text(value, 3) for value in (min(values), max(values)))
-            said.append(f"Success AUC is between {least} and {most} at every severity, so no curve is drawn of it.")
+    areas = _points(analyses["curves"], "success_auc")
+    if len(areas):
+        least, most = areas["value"].min(), areas["value"].max()
+        if most - least < FLAT:
+            ends = f"{cell_text(least, 3)} and {cell_text(most, 3)}"
+            said.append(f"Success AUC is between {ends} at every severity, so no curve is drawn of it.")
         else:
             pictures.append(curves(areas, "auc_curves", "Success AUC over severity", "success AUC"))
     return pictures, said
 
 
-def _over_clean_points(table: "DataFrame") -> list[CurvePoint]:
+def _over_clean_points(table: "DataFrame") -> "DataFrame":
     """Return the error over clean at each severity: the geometric mean of the settings that have it; 1 at 0."""
     import numpy as np
+    from pandas import concat
 
-    points = []
-    graded = table[table["severity"].notna()]
-    for (perturbation, system, mode), of_line in graded.groupby(["perturbation", "system", "mode"], sort=True):
-        for severity, rows in of_line.groupby("severity", sort=True):
-            broke = 2 * int(rows[["n_failed", "n_incomplete"]].to_numpy().sum()) >= int(rows["n_runs"].sum())
-            value = np.inf if broke else float(np.exp(np.log(rows["over_clean"]).mean()))
-            if not np.isnan(value):
-                n = int(rows["n"].sum())
-                points.append(CurvePoint(str(perturbation), str(system), str(mode), float(str(severity)), value, n=n))
-    clean = [replace(point, severity=0.0, value=1.0) for point in points if np.isfinite(point.value)]
-    return [*dict.fromkeys(replace(point, n=0) for point in clean), *points]
+    logs, ended = np.log(table["over_clean"].astype(float)), table["n_failed"] + table["n_incomplete"]
+    graded = table.assign(log=logs, ended=ended)[table["severity"].notna()]
+    grouped = graded.groupby([*LINE, "severity"])
+    sums = grouped[["ended", "n_runs"]].sum()
+    value = grouped["log"].mean().map(np.exp).mask(2 * sums["ended"] >= sums["n_runs"], np.inf)
+    points = value.dropna().rename("value").reset_index()
+    clean = points.loc[np.isfinite(points["value"]), LINE].drop_duplicates().assign(severity=0.0, value=1.0)
+    return concat([clean, points], ignore_index=True)
 
 
 def sections(analyses: Analyses) -> list[Section]:
@@ -235,16 +233,16 @@ def _columns(frame: "DataFrame") -> list[Column]:
             taken |= {low, high}
     columns = []
     for name in map(str, frame.columns):
-        if name in taken or name == HERE[1] or not _says(frame, name):
+        if name in taken or name == HERE_ENDS[1] or not _says(frame, name):
             continue
-        columns.append(_here() if name == HERE[0] else _column(name, ends.get(name)))
+        columns.append(_here() if name == HERE_ENDS[0] else _column(name, ends.get(name)))
     return columns
 
 
 def _says(frame: "DataFrame", name: str) -> bool:
     """Tell whether a column has a value that is shown."""
     values = frame[name]
-    if name == HERE[0]:
+    if name == HERE_ENDS[0]:
         values = values[frame["n"] >= FEWEST]
     return bool((values.notna() & (values != "")).any())
 
@@ -267,51 +265,35 @@ def _column(name: str, ends: tuple[str, str] | None) -> Column:
 
 def _here() -> Column:
     def text(row: Mapping[str, Any]) -> str:
-        low, high = (cell_text(row[name], 3) for name in HERE)
+        low, high = (cell_text(row[name], 3) for name in HERE_ENDS)
         return NOTHING if low == NOTHING or not row["n"] >= FEWEST else f"[{low}, {high}]"
 
-    return Column(HERE[0], "in these scenes", meaning="the 95 % interval for other seeds in these scenes", text=text)
+    return Column(
+        HERE_ENDS[0], "in these scenes", meaning="the 95 % interval for other seeds in these scenes", text=text
+    )
 
 
-def _points(table: "DataFrame", measure: str) -> list[CurvePoint]:
-    return [
-        CurvePoint(
-            str(row["perturbation"]),
-            str(row["system"]),
-            str(row["mode"]),
-            severity=float(row["severity"]),
-            value=float(row["mean"]),
-            large=_ends(row, "low", "high", "n_scenes"),
-            here=_ends(row, *HERE, "n"),
-            n=int(row["n_runs"]),
-        )
-        for row in records(table[table["measure"] == measure])
-    ]
+def _points(table: "DataFrame", measure: str) -> "DataFrame":
+    """Return the points of a measure's curves; intervals that stand on fewer than FEWEST are left out."""
+    points = table[table["measure"] == measure].rename(columns={"mean": "value"})
+    for ends, counted in ((ENDS, "n_scenes"), (HERE_ENDS, "n")):
+        points.loc[points[counted] < FEWEST, ends] = float("nan")
+    return points
 
 
-def _ends(row: Mapping[str, Any], low: str, high: str, counted: str) -> tuple[float, float]:
-    """Return the ends of an interval, NaN where it stands on fewer than FEWEST."""
-    nothing = float("nan")
-    return (float(row[low]), float(row[high])) if row[counted] >= FEWEST else (nothing, nothing)
-
-
-def _complement(point: CurvePoint) -> CurvePoint:
+def _complement(points: "DataFrame") -> "DataFrame":
     """Return the share of the others."""
-    large, here = ((1.0 - high, 1.0 - low) for low, high in (point.large, point.here))
-    return replace(point, value=1.0 - point.value, large=large, here=here)
+    turned = {"value": "value", "low": "high", "high": "low", "here_low": "here_high", "here_high": "here_low"}
+    return points.assign(**{name: 1.0 - points[other] for name, other in turned.items()})
 
 
 def _correlation_pictures(analyses: Analyses) -> list[Picture]:
     pictures = []
     for name, title in (("perturbation_correlations", "Perturbations"), ("system_correlations", "Systems")):
-        rows = list(records(analyses[name])) if name in analyses else []
-        found = [
-            Correlation(str(row["mode"]), str(row["a"]), str(row["b"]), float(row["spearman"]), int(row["n"]))
-            for row in rows
-        ]
-        names = {part for item in found for part in (item.one, item.other)}
-        if len(names) > 2 and any(item.value == item.value for item in found):  # a pair's number is in the table
-            pictures.append(correlation_matrices(found, name, f"{title} with one another"))
+        table = analyses[name]
+        names = set(table[["a", "b"]].to_numpy().ravel())
+        if len(names) > 2 and table["spearman"].notna().any():  # a pair's number is in the table
+            pictures.append(correlation_matrices(table, name, f"{title} with one another"))
     return pictures
 
 
@@ -397,10 +379,10 @@ def facts(results: Results) -> list[tuple[str, str]]:
     if frames is not None and frames.notna().any():
         least, most = int(frames.min()), int(frames.max())
         found.append(("frames of a sequence", str(least) if least == most else f"{least} to {most}"))
-    protocol = results.study.get("protocol")
-    if isinstance(protocol, str) and protocol in PROTOCOLS:
-        found.append(("protocol", f"{protocol}: {PROTOCOLS[protocol].meaning}"))
-        found.append(("stamps", f"poses belong together within {PROTOCOLS[protocol].max_difference_s:g} s"))
+    if results.study:
+        protocol = PROTOCOLS[results.study["protocol"]]
+        found.append(("protocol", f"{protocol.name}: {protocol.meaning}"))
+        found.append(("stamps", f"poses belong together within {protocol.max_difference_s:g} s"))
     if any(str(name).startswith("paper.") for name in runs.columns):
         faults = "; ".join(said for _, said in PROTOCOLS["paper"].faults)
         found.append(("columns paper.", f"as the published code does it: {faults}"))
@@ -427,13 +409,9 @@ def command(results: Results) -> str:
         return ""
     systems = ",".join(sorted(set(results.runs["system"])))
     words = [f"noisy-world evaluate PRESET --systems {shlex.quote(systems)}"]
-    seeds = study.get("seeds")
-    if isinstance(seeds, list) and seeds:
-        words.append(f"--seeds {shlex.quote(','.join(map(str, seeds)))}")
-    if isinstance(study.get("repeats"), int):
-        words.append(f"--repeats {study['repeats']}")
-    if isinstance(study.get("protocol"), str):
-        words.append(f"--protocol {shlex.quote(study['protocol'])}")
+    if study["seeds"]:
+        words.append(f"--seeds {','.join(map(str, study['seeds']))}")
+    words += [f"--repeats {study['repeats']}", f"--protocol {study['protocol']}"]
     return one_line(" ".join([*words, "--out FOLDER"]))
 
 
@@ -443,9 +421,8 @@ def _system(results: Results, system: str) -> str:
     said.append(f"{int(runs['incomplete'].sum())} incomplete")
     repeats = int(runs["repeat"].nunique())
     said.append(f"{repeats} repeats, as its results differ from run to run" if repeats > 1 else "one repeat")
-    of_record = results.study.get(VERSIONS)
-    told = of_record.get(system) if isinstance(of_record, Mapping) else None
-    versions = {str(name): {str(version)} for name, version in (told if isinstance(told, Mapping) else {}).items()}
+    of_record = results.study.get(VERSIONS, {}).get(system, {})
+    versions = {name: {version} for name, version in of_record.items()}
     for run in records(runs.drop_duplicates("setting").head(LONGEST_LIST)):
         path = results.run_folder(run) / "run.json"
         systems = read_object(path).get("versions") if path.is_file() else None
@@ -453,8 +430,7 @@ def _system(results: Results, system: str) -> str:
             versions.setdefault(str(name), set()).add(str(version))
     if versions:
         said.append(", ".join(f"{name} {' and '.join(sorted(versions[name]))}" for name in sorted(versions)))
-    systems = results.study.get("systems")
-    definition = systems.get(system) if isinstance(systems, Mapping) else None
+    definition = results.study["systems"].get(system) if results.study else None
     if definition is not None:
         said.append(f"definition {_digest(definition)}")
     return "; ".join(said)

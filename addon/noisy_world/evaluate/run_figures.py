@@ -5,7 +5,7 @@ import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from io import BytesIO
+from io import BytesIO, StringIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -16,7 +16,7 @@ from ..core.errors import InputError
 from ..core.file_access import read_bytes, read_text
 from .figures import COLOURS, GREY, NARROW_IN, Picture, drawing, fixed_layout, line_styles, shortened, svg_bytes
 from .pose_errors import FrameErrors
-from .report_input import ERROR, REMEDY, Pick, Results, picked_runs, picked_sequences, read_rows
+from .report_input import ERROR, REMEDY, Pick, Results, picked_runs, picked_sequences, read_texts
 from .report_tables import cell_text
 
 if TYPE_CHECKING:
@@ -147,11 +147,11 @@ def paths(panels: Sequence[PathPanel]) -> Picture:
         "Paths seen from above: the true one in grey, its beginning as a dot, and the estimated positions after "
         "alignment, coloured by their error."
     )
-    wide, narrow = (_paths_drawn(panels, most_across) for most_across in (ACROSS, ACROSS_NARROW))
+    wide, narrow = (_draw_paths(panels, most_across) for most_across in (ACROSS, ACROSS_NARROW))
     return Picture("paths", "Paths and their errors", about, wide, narrow)
 
 
-def _paths_drawn(panels: Sequence[PathPanel], most_across: int) -> bytes:
+def _draw_paths(panels: Sequence[PathPanel], most_across: int) -> bytes:
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import LogNorm
 
@@ -203,8 +203,10 @@ def decades(errors: NDArray[np.float64]) -> tuple[float, float]:
 STRIPS = ("orb_tracked", "psnr_db", "laplacian_variance", "image_noise", "depth_missing", "depth_noise_m", "speed_mps")
 MOST_STRIPS = 5
 MOST_FRAMES = 12
+POSITION_M = ("x_m", "y_m", "z_m")
 
 Floats: TypeAlias = NDArray[np.float64]
+Columns: TypeAlias = dict[str, Floats]
 
 
 @dataclass(frozen=True)
@@ -214,15 +216,6 @@ class FramePicture:
     name: str
     about: str
     jpeg: bytes
-
-
-@dataclass(frozen=True)
-class _Errors:
-    """errors.csv of a run: (N,) each, and (N, 3) aligned positions; NaN where a frame has none."""
-
-    stamps_s: Floats
-    error_m: Floats
-    position_m: Floats
 
 
 def path_picture(results: Results, missing: list[str]) -> Picture | None:
@@ -262,11 +255,12 @@ def _path(results: Results, pick: Pick, missing: list[str]) -> PathPanel | None:
     truth = _true_positions(results.sequence_folder(run) / "truth.txt", missing)
     if truth is None:
         return None
-    errors = _run_pictures_errors(results.run_folder(run) / "errors.csv", missing)
+    errors = _frame_errors(results.run_folder(run) / "errors.csv", missing)
     estimated, error_m = np.zeros((0, 3)), np.zeros(0)
     if errors is not None:
-        known = np.isfinite(errors.error_m) & np.isfinite(errors.position_m).all(axis=1)
-        estimated, error_m = errors.position_m[known], errors.error_m[known]
+        positions_m = np.stack([errors[name] for name in POSITION_M], axis=1)
+        known = np.isfinite(errors["error_m"]) & np.isfinite(positions_m).all(axis=1)
+        estimated, error_m = positions_m[known], errors["error_m"][known]
     ending = run["failure"] or run["outcome"]
     said = ending if run["failed"] else f"ATE {cell_text(run.get(ERROR), 3)} m"
     if run["incomplete"]:
@@ -276,25 +270,22 @@ def _path(results: Results, pick: Pick, missing: list[str]) -> PathPanel | None:
 
 
 def _times(results: Results, runs: Sequence[Mapping[str, Any]], missing: list[str]) -> TimePanel | None:
-    errors = {str(run["system"]): _run_pictures_errors(results.run_folder(run) / "errors.csv", missing) for run in runs}
+    errors = {str(run["system"]): _frame_errors(results.run_folder(run) / "errors.csv", missing) for run in runs}
     known = {name: value for name, value in errors.items() if value is not None}
     if not known:
         return None
-    stamps_s = next(iter(known.values())).stamps_s
-    curves = {name: value.error_m for name, value in known.items() if len(value.stamps_s) == len(stamps_s)}
-    strips = _run_pictures_strips(results.sequence_folder(runs[0]) / "frames.csv", stamps_s, missing)
+    stamps_s = next(iter(known.values()))["stamp_s"]
+    curves = {name: value["error_m"] for name, value in known.items() if len(value["stamp_s"]) == len(stamps_s)}
+    strips = _strip_values(results.sequence_folder(runs[0]) / "frames.csv", stamps_s, missing)
     return TimePanel(_name(runs[0]), stamps_s - stamps_s[0], curves, strips)
 
 
-def _run_pictures_errors(path: Path, missing: list[str]) -> _Errors | None:
-    columns = _columns(path, missing, ("stamp_s", "error_m", "x_m", "y_m", "z_m"))
-    if columns is None:
-        return None
-    position_m = np.stack([columns[name] for name in ("x_m", "y_m", "z_m")], axis=1)
-    return _Errors(columns["stamp_s"], columns["error_m"], position_m)
+def _frame_errors(path: Path, missing: list[str]) -> Columns | None:
+    """Return errors.csv of a run, as `frame_errors_text` writes it."""
+    return _columns(path, missing, ("stamp_s", "error_m", *POSITION_M))
 
 
-def _run_pictures_strips(path: Path, stamps_s: Floats, missing: list[str]) -> dict[str, Floats]:
+def _strip_values(path: Path, stamps_s: Floats, missing: list[str]) -> dict[str, Floats]:
     """Return what was done to each frame: severities, then the indicators of STRIPS; a value holds until the next."""
     columns = _columns(path, missing, ("stamp_s",))
     if columns is None or len(columns["stamp_s"]) != len(stamps_s):
@@ -317,19 +308,19 @@ def _held(values: Floats) -> Floats:
     return values[places]
 
 
-def _columns(path: Path, missing: list[str], needed: Sequence[str]) -> dict[str, Floats] | None:
+def _columns(path: Path, missing: list[str], needed: Sequence[str]) -> Columns | None:
     """Return a table's columns of numbers, NaN for empty cells; None where it is not there, and says so."""
     if not path.is_file():
         missing.append(f"{path.parent.name}/{path.name} of {'/'.join(path.parts[-6:-2])} is not there.")
         return None
-    rows = read_rows(path)
-    if not rows:
+    table = read_texts(path)
+    if table.empty:
         return None
     columns = {}
-    for name in rows[0]:
+    for name in table.columns:
         try:
-            columns[name] = np.array([float(row[name]) if row[name] else np.nan for row in rows])
-        except (TypeError, ValueError):
+            columns[name] = table[name].replace("", "nan").to_numpy(dtype=np.float64)
+        except ValueError:
             if name in needed:
                 raise InputError(path, f"column {name!r} holds what is no number") from None
     for name in needed:
@@ -346,27 +337,25 @@ def _true_positions(path: Path, missing: list[str]) -> Floats | None:
         missing.append(f"{'/'.join(path.parts[-5:])} is not there: the path is not drawn.")
         return None
     try:
-        lines = [line.split() for line in read_text(path).splitlines() if line and line[0] != "#"]
+        return np.loadtxt(StringIO(read_text(path)), usecols=(1, 2, 3), ndmin=2)
     except (OSError, UnicodeError) as error:
         raise InputError(path, f"cannot be read: {error}", remedy=REMEDY) from error
-    try:
-        return np.array([[float(value) for value in line[1:4]] for line in lines]).reshape(-1, 3)
     except ValueError:
         raise InputError(path, "holds a line that is no pose in TUM's format") from None
 
 
 def _worst(results: Results, run: Mapping[str, Any], missing: list[str]) -> tuple[int, str] | None:
     """Return the frame where a run was lost first, else where it erred most, and a phrase on that."""
-    errors = _run_pictures_errors(results.run_folder(run) / "errors.csv", missing)
-    if errors is None or not np.isfinite(errors.error_m).any():
+    errors = _frame_errors(results.run_folder(run) / "errors.csv", missing)
+    if errors is None or not np.isfinite(errors["error_m"]).any():
         return None
-    known = np.isfinite(errors.error_m)
+    known = np.isfinite(errors["error_m"])
     first = int(np.argmax(known))
     lost = np.flatnonzero(~known[first:])
     if len(lost):
         return first + int(lost[0]), f"is lost at frame {first + int(lost[0])}"
-    index = int(np.nanargmax(errors.error_m))
-    return index, f"is off by {cell_text(errors.error_m[index], 3)} m at frame {index}"
+    index = int(np.nanargmax(errors["error_m"]))
+    return index, f"is off by {cell_text(errors['error_m'][index], 3)} m at frame {index}"
 
 
 def _thumbs(folder: Path) -> list[tuple[int, Path]]:
@@ -425,8 +414,8 @@ def draw_scored_path(figure: "Figure", scored: ScoredPath) -> None:
     """Draw the path, seen along the axis in which it extends least, and below it the error of each frame."""
     over, below = figure.subplots(2, 1, height_ratios=(5, 2))
     figure.suptitle(scored.title, fontsize=9.0)
-    _scored_path_path(figure, over, scored)
-    _scored_path_errors(below, scored.errors)
+    _draw_path(figure, over, scored)
+    _draw_errors(below, scored.errors)
 
 
 def plane_of(positions_m: NDArray[np.float64]) -> tuple[int, int]:
@@ -436,7 +425,7 @@ def plane_of(positions_m: NDArray[np.float64]) -> tuple[int, int]:
     return first, second
 
 
-def _scored_path_path(figure: "Figure", axes: "Axes", scored: ScoredPath) -> None:
+def _draw_path(figure: "Figure", axes: "Axes", scored: ScoredPath) -> None:
     from matplotlib.colors import LogNorm
 
     true_m, errors = scored.true_m, scored.errors
@@ -472,7 +461,7 @@ def _scored_path_path(figure: "Figure", axes: "Axes", scored: ScoredPath) -> Non
     axes.legend(loc="best", fontsize=7.0)
 
 
-def _scored_path_errors(axes: "Axes", errors: FrameErrors) -> None:
+def _draw_errors(axes: "Axes", errors: FrameErrors) -> None:
     times_s = errors.stamp_s - errors.stamp_s[0]
     axes.plot(times_s, errors.error_m, color=COLOURS[0], marker=".", markersize=2.5, linewidth=1.0)
     lost = times_s[~errors.tracked]

@@ -184,7 +184,7 @@ class GroupedRuns(NamedTuple):
     @property
     def settings(self) -> NDArray[np.int64]:
         """(G, 1): how many settings each group has."""
-        return self.runs.groupby(self.numbers)["setting"].nunique().to_numpy(dtype=np.int64)[:, None]
+        return np.asarray(self.runs.groupby(self.numbers)["setting"].nunique(), dtype=np.int64)[:, None]
 
     def table(self, columns: Mapping[str, Any], order: Sequence[str]) -> "DataFrame":
         """Return a row for each group and measure. columns: arrays that go with (G, M)."""
@@ -234,11 +234,12 @@ class GroupedRuns(NamedTuple):
         means = self.values.groupby(keys).mean()
         means.index.names = ["group", "scene", "setting", "seed"]
         settings = means.groupby(level=["group", "scene", "setting"]).mean()
-        seeds = means.index.droplevel(["setting"]).unique()
+        levels: Any = means.index
+        seeds = levels.droplevel("setting").unique()
         every = settings.index.to_frame(index=False).merge(seeds.to_frame(index=False), on=["group", "scene"])
-        every = every.set_index(["group", "scene", "setting", "seed"]).index
-        of_setting = settings.reindex(every.droplevel(["seed"])).set_axis(every)
-        over = means.reindex(every).fillna(of_setting).groupby(level=["group", "scene", "seed"]).mean()
+        levels = every.set_index(["group", "scene", "setting", "seed"]).index
+        of_setting = settings.reindex(levels.droplevel("seed")).set_axis(levels)
+        over = means.reindex(levels).fillna(of_setting).groupby(level=["group", "scene", "seed"]).mean()
         met = means.notna().groupby(level=["group", "scene", "seed"]).any()  # some setting was run with the seed
         return over.where(met.reindex(over.index))
 

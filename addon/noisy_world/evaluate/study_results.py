@@ -5,7 +5,7 @@ import contextlib
 import json
 import os
 import shutil
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -217,7 +217,7 @@ def read_study(results: ResultsFolder, kind: str = KIND) -> dict[str, Any]:
     if not isinstance(content, dict) or content.get("kind") != kind or content.get("format") != FORMAT:
         raise StorageError("is not of this version of Noisy World", file=path, remedy=ANOTHER)
     study: Any = content.get("study")
-    if problem := _problem(study):
+    if problem := _problem(study, kind):
         raise StorageError(
             f"study: {problem}, so it is not as it was written", file=path, remedy=f"copy it again, or {ANOTHER}"
         )
@@ -261,27 +261,50 @@ def _is_number(value: Any) -> bool:
     return value is None or finite_number(value) is not None
 
 
-def _problem(study: Any) -> str:
+VERSIONS = "versions"
+"""In a record's study: by system what its runs say of the versions that they used."""
+PROCESSORS = "processors"
+"""In a record's study: the kinds of processors whose frames it has."""
+
+
+def _is_texts(value: Any) -> bool:
+    return isinstance(value, dict) and all(isinstance(each, str) for each in value.values())
+
+
+def _is_whole_numbers(value: Any) -> bool:
+    return isinstance(value, list) and all(type(each) is int for each in value)
+
+
+_KEYS: dict[str, tuple[Callable[[Any], bool], str]] = {
+    "protocol": (lambda value: value in PROTOCOL_NAMES, f"is none of {', '.join(PROTOCOL_NAMES)}"),
+    "systems": (lambda value: isinstance(value, dict), "is no mapping"),
+    "seeds": (
+        lambda value: isinstance(value, list) and all(type(seed) is int for seed in value),
+        "is no list of seeds",
+    ),
+    "repeats": (lambda value: type(value) is int, "is no whole number"),
+    "metrics": (_is_texts, "is no mapping of texts"),  # of installed packages, with these
+    VERSIONS: (lambda value: isinstance(value, dict) and all(map(_is_texts, value.values())), "is no mapping of texts"),
+    PROCESSORS: (lambda value: isinstance(value, list), "is no list"),
+}
+"""What study.json holds beside its subject, and what is wrong with another value."""
+_OF_RECORD = (VERSIONS, PROCESSORS)
+
+
+def _problem(study: Any, kind: str) -> str:
     """Return what of a study is not as it is written: its key and what is wrong, or ""."""
     if not isinstance(study, dict):
         return "is no mapping"
-    protocol, subject = study.get("protocol"), study.get("subject")
-    if protocol not in PROTOCOL_NAMES:
-        return f"protocol: is none of {', '.join(PROTOCOL_NAMES)}"
+    subject = study.get("subject")
     settings = subject.get("settings") if isinstance(subject, dict) else None
     if not isinstance(settings, dict):
         return "subject.settings: is no mapping"
-    if not isinstance(study.get("systems"), dict):
-        return "systems: is no mapping"
-    metrics = study.get("metrics", {})  # of installed packages, with these
-    if not isinstance(metrics, dict) or not all(isinstance(said, str) for said in metrics.values()):
-        return "metrics: is no mapping of texts"
-    if not isinstance(study.get("seeds"), list) or not all(type(seed) is int for seed in study["seeds"]):
-        return "seeds: is no list of whole numbers"
-    if type(study.get("repeats")) is not int:
-        return "repeats: is no whole number"
-    found = map(setting_problem, settings, settings.values())
-    return next((f"subject.{wrong}" for wrong in found if wrong), "")
+    may_lack = ("metrics", *(_OF_RECORD if kind == KIND else ()))
+    for name, (is_right, problem) in _KEYS.items():
+        if not is_right(study.get(name)) and not (name not in study and name in may_lack):
+            return f"{name}: {problem}"
+    wrong = map(setting_problem, settings, settings.values())
+    return next((f"subject.{problem}" for problem in wrong if problem), "")
 
 
 # `study.json`: what a folder of results evaluates. A study grows by scenes, settings, systems, seeds and repeats.

@@ -20,9 +20,11 @@ from .study_results import (
     FORMAT,
     MAP,
     PAPER,
+    PROCESSORS,
     RECORD,
     STRICT,
     STUDY,
+    VERSIONS,
     ResultsFolder,
     is_record,
     merged,
@@ -132,10 +134,6 @@ def _cell(value: Any) -> Any:
 # together from their folders of results and records.
 
 
-VERSIONS = "versions"
-"""In a record's study: by system what its runs say of the versions that they used."""
-PROCESSORS = "processors"
-"""In a record's study: the kinds of processors whose frames it has."""
 TIMES = ("seconds", "processor_s", "peak_memory_bytes")
 """Columns of runs.csv in which two runs with the same outcome differ."""
 DAMAGED = "copy its folder again"
@@ -165,7 +163,6 @@ def read_record(results: ResultsFolder) -> StudyRecord:
         raise InputError(results.folder, "holds no study", remedy=remedy)
     if is_record(results):
         study = read_study(results, RECORD)
-        _check_record(results, study)
     else:
         write_tables(results)
         study = read_study(results)
@@ -279,18 +276,6 @@ def _one(*processors: Any) -> list[Any]:
         if each is not None and each not in found:
             found.append(each)
     return found
-
-
-def _check_record(results: ResultsFolder, study: Mapping[str, Any]) -> None:
-    versions, processors = study.get(VERSIONS), study.get(PROCESSORS)
-    if not isinstance(processors, list):
-        raise StorageError(f"study.{PROCESSORS}: is no list", file=results.folder / STUDY, remedy=DAMAGED)
-    if not isinstance(versions, dict) or not all(_is_texts(said) for said in versions.values()):
-        raise StorageError(f"study.{VERSIONS}: is no mapping of systems", file=results.folder / STUDY, remedy=DAMAGED)
-
-
-def _is_texts(value: Any) -> bool:
-    return isinstance(value, dict) and all(isinstance(each, str) for each in value.values())
 
 
 # A short table of a study for a terminal: what each system made of each perturbation.
