@@ -18,7 +18,6 @@ from written import run
 from noisy_world.layouts import LAYOUTS
 from noisy_world.core.errors import StorageError
 from noisy_world.core.progress import PlainProgress
-from noisy_world.perturbations import registry
 from noisy_world.dataset.status import read_status
 from noisy_world.dataset.recipe import recipe_of
 from noisy_world.dataset.finished import read_content
@@ -133,7 +132,7 @@ def test_nothing_is_written_or_believed_through_a_link(tmp_path):
                 for act in (
                     read_content,
                     lambda out: recipe_of(out, PlainProgress(sys.stderr)),
-                    lambda out: read_status(out, registry(), PlainProgress(sys.stderr)),
+                    lambda out: read_status(out, PlainProgress(sys.stderr)),
                 ):
                     refused(act, out, names=[f"{name}: ", "link"], error=StorageError)
             assert marks(tmp_path) | {"theirs": theirs.stat().st_mtime_ns} == before

@@ -269,7 +269,7 @@ def test_a_shard_s_plan_looks_at_no_file_of_other_scenes(world, tmp_path):
     preset.write_text(yaml.safe_dump(document))
     refused(lambda: plan_of(preset), names="not_there.ply")
     for shard in (Shard("box", 2, 4), Shard("box@shaky", 2, 4)):
-        plan = make_plan(read_preset(preset), shards=[shard])
+        plan = make_plan(read_preset(preset), scenes=[shard.scene])
         assert [scene.name for scene in plan.scenes] == ["box"]
         make_shard(plan, tmp_path / shard.render, shard)
         make_shard(plan_of(world), tmp_path / "of_one" / shard.render, shard)
@@ -278,7 +278,7 @@ def test_a_shard_s_plan_looks_at_no_file_of_other_scenes(world, tmp_path):
         text = dict.fromkeys(("preset", "preset_sha256"))  # of the preset, beside what it means
         assert beside.identity | text == alone.identity | text
     # A name of no scene is told beside all that there are.
-    refused(lambda: make_plan(read_preset(preset), shards=[Shard("bx", 2, 4)]), names="not_there.ply")
+    refused(lambda: make_plan(read_preset(preset), scenes=["bx"]), names="not_there.ply")
 
 
 def test_a_shard_that_fails_before_its_first_frame_leaves_nothing(world, tmp_path, monkeypatch):

@@ -14,7 +14,6 @@ from written import run
 
 from noisy_world.core.errors import NoisyWorldError
 from noisy_world.core.progress import PlainProgress
-from noisy_world.perturbations import registry
 from noisy_world.dataset.status import read_status
 from noisy_world.dataset.recipe import recipe_of
 from noisy_world.dataset.recipe import read_recipe
@@ -96,7 +95,7 @@ def test_every_field_of_a_dataset(name, dataset):
     text = path.read_text()
     first, *rest = text.splitlines() if name.endswith("l") else [text]
     acts = (
-        lambda: read_status(out, registry(), quiet, check=True),
+        lambda: read_status(out, quiet, check=True),
         lambda: recipe_of(out, quiet),
         lambda: [read_content(out).frames(sequence) for sequence in read_content(out).sequences],
     )

@@ -14,16 +14,24 @@ from ..core.file_access import RENAME, is_utf8, with_home
 from .entry import say
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from ..core.errors import InputError
     from ..dataset.plan import Plan
     from ..dataset.recipe import Recipe
+    from ..dataset.run import Destination
     from ..dataset.shards import Shard
 
 
 class Parser(argparse.ArgumentParser):
     """An ArgumentParser whose complaints are one line each."""
+
+    def option(self, words: str, meaning: str, **how: Any) -> None:
+        """Add an option or, without dashes, an argument. words: its name, and what its value is called: --jobs N."""
+        name, _, value = words.partition(" ")
+        self.add_argument(name, help=meaning, **({"metavar": value} if value else {}), **how)
+
+    def flag(self, name: str, meaning: str) -> None:
+        """Add an option that is given or not."""
+        self.add_argument(name, help=meaning, action="store_true")
 
     def error(self, message: str) -> NoReturn:
         """Print one line and end with exit status 2."""
@@ -133,21 +141,19 @@ def no_such_preset(path: Path) -> "InputError":
 EXAMPLES = {"scenes": "'room*,office0'", "settings": "'clean,fog*'"}
 
 
-def add_part_options(parser: argparse.ArgumentParser, parts: "Sequence[str]" = tuple(EXAMPLES)) -> None:
+def add_part_options(parser: Parser, parts: "Sequence[str]" = tuple(EXAMPLES)) -> None:
     """Add --data, --scenes and --settings. parts: which of the latter two a subcommand knows."""
-    parser.add_argument(
-        "--data",
-        metavar="DIR",
-        help="folder that the scenes' paths are relative to, and where Replica is looked for (default: the preset's)",
+    parser.option(
+        "--data DIR",
+        "folder that the scenes' paths are relative to, and where Replica is looked for (default: the preset's)",
     )
     others = "; a dataset can grow by others" if "settings" in parts else ""
     for what in parts:
-        parser.add_argument(
-            f"--{what}",
-            metavar="NAMES",
+        parser.option(
+            f"--{what} NAMES",
+            f"only these {what}, {EXAMPLES[what]} for instance; may be repeated{others}",
             action="append",
             default=[],
-            help=f"only these {what}, {EXAMPLES[what]} for instance; may be repeated{others}",
         )
 
 
@@ -158,14 +164,14 @@ def planned(options: argparse.Namespace, shards: "Sequence[Shard]" = ()) -> "Pla
 
     Raises InputError where there is no such preset, and for what is wrong in it or its files.
     """
-    from ..dataset.plan import make_plan
-    from ..preset.keys import read_preset
-
     data = data_folder(options)
     if not options.preset.exists():
         raise no_such_preset(options.preset)
+    from ..dataset.plan import make_plan
+    from ..preset.keys import read_preset
+
     preset = read_preset(options.preset, options.overrides, data=data, scenes=options.scenes, settings=options.settings)
-    return make_plan(preset, options.frames, shards)
+    return make_plan(preset, options.frames, {shard.scene for shard in shards})
 
 
 def recipe_part(recipe: "Recipe", options: argparse.Namespace) -> "Plan":
@@ -204,96 +210,79 @@ def part_words(options: argparse.Namespace, *, anywhere: bool = False) -> list[s
 # The options that subcommands share, and the words that repeat them.
 
 
-def add_preset_options(parser: argparse.ArgumentParser) -> None:
+def add_preset_options(parser: Parser) -> None:
     """Add what says which dataset is meant: the preset, changes of it, the frames, and the folder."""
-    parser.add_argument(
-        "preset",
-        metavar="PRESET",
-        nargs="?",
-        type=path,
-        help="the preset, a YAML file, or one of those that --list presets names",
+    parser.option(
+        "preset PRESET", "the preset, a YAML file, or one of those that --list presets names", nargs="?", type=path
     )
-    parser.add_argument(
-        "--out",
-        metavar="DIR",
-        type=place,
-        help="the dataset's folder (default: out/<name of the preset>), or an address such as s3://bucket/name, where "
+    parser.option(
+        "--out DIR",
+        "the dataset's folder (default: out/<name of the preset>), or an address such as s3://bucket/name, where "
         "it is packed; or a video such as walk.mp4, of the colour alone, to look at",
+        type=place,
     )
-    parser.add_argument(
-        "--scratch",
-        metavar="DIR",
+    parser.option(
+        "--scratch DIR",
+        "where shards are made that go to an address (default: the system's folder of temporary files)",
         type=path,
-        help="where shards are made that go to an address (default: the system's folder of temporary files)",
     )
     add_set_option(parser)
     add_part_options(parser)
-    parser.add_argument(
-        "--frames",
-        metavar="A:B",
+    parser.option(
+        "--frames A:B",
+        "only frames A to B-1 of each trajectory; they keep their numbers, and other frames that are there stay",
         type=frame_slice,
-        help="only frames A to B-1 of each trajectory; they keep their numbers, and other frames that are there stay",
     )
 
 
-def add_set_option(parser: argparse.ArgumentParser) -> None:
+def add_set_option(parser: Parser) -> None:
     """Add --set, which changes keys of the preset."""
-    parser.add_argument(
-        "--set",
-        metavar="KEY.PATH=VALUE",
+    parser.option(
+        "--set KEY.PATH=VALUE",
+        "change a key of the preset, e.g. render.samples=4 or scenes.0.name=kitchen; may be repeated",
         action="append",
         default=[],
         nargs="+",
         dest="overrides",
-        help="change a key of the preset, e.g. render.samples=4 or scenes.0.name=kitchen; may be repeated",
     )
 
 
-def add_executor_options(
-    parser: argparse.ArgumentParser, task: str, jobs: int | None, jobs_told: str, cpus: int
-) -> None:
+def add_executor_options(parser: Parser, task: str, jobs: int | None, jobs_told: str, cpus: int) -> None:
     """Add what names processes of this machine, or a Ray cluster. task: what each does one of. jobs, cpus: defaults."""
-    parser.add_argument("--jobs", metavar="N", type=positive, default=jobs, help=jobs_told)
-    parser.add_argument(
-        "--ray",
-        metavar="ADDRESS",
+    parser.option("--jobs N", jobs_told, type=positive, default=jobs)
+    parser.option(
+        "--ray ADDRESS",
+        f"have each {task} done by a Ray cluster: the one that this machine belongs to (default), HOST:PORT, "
+        "ray://HOST:PORT, or 'local' for one of this machine alone; it needs the extra cluster",
         nargs="?",
         const="auto",
-        help=f"have each {task} done by a Ray cluster: the one that this machine belongs to (default), HOST:PORT, "
-        "ray://HOST:PORT, or 'local' for one of this machine alone; it needs the extra cluster",
     )
-    parser.add_argument(
-        "--cpus",
-        metavar="N",
-        type=positive,
-        default=cpus,
-        help=f"with --ray: processors for each {task} (default: {cpus})",
-    )
-    parser.add_argument("--worker", action="store_true", help=argparse.SUPPRESS)
+    parser.option("--cpus N", f"with --ray: processors for each {task} (default: {cpus})", type=positive, default=cpus)
+    parser.flag("--worker", argparse.SUPPRESS)
 
 
-def add_isolate_option(parser: argparse.ArgumentParser) -> None:
+def add_isolate_option(parser: Parser) -> None:
     """Add --isolate, which keeps systems apart."""
-    parser.add_argument(
+    parser.option(
         "--isolate",
+        "keep systems apart, so that each reaches its own folder alone; bubblewrap has to be installed",
         choices=["none", "bubblewrap"],
         default="none",
-        help="keep systems apart, so that each reaches its own folder alone; bubblewrap has to be installed",
     )
 
 
-def add_progress_option(parser: argparse.ArgumentParser) -> None:
+def add_progress_option(parser: Parser) -> None:
     """Add what says who hears how a run goes on."""
-    parser.add_argument(
+    parser.option(
         "--progress",
+        "how a run reports its progress: text on standard error for people (default), or for programs lines of "
+        "JSON on standard output, each after '@noisy-world '",
         choices=["text", "json"],
         default="text",
-        help="how a run reports its progress: text on standard error for people (default), or for programs lines of "
-        "JSON on standard output, each after '@noisy-world '",
     )
 
 
-def settle_overrides(parser: argparse.ArgumentParser, options: argparse.Namespace, subject: str) -> None:
+def settle_overrides(parser: Parser, options: argparse.Namespace, subject: str) -> None:
     """Put the overrides into one list; --set takes every word after it, so the last may be the subject, a path."""
     options.overrides = [text for group in options.overrides for text in group]
     if getattr(options, subject) is None and options.overrides and "=" not in options.overrides[-1]:
@@ -304,7 +293,7 @@ def settle_overrides(parser: argparse.ArgumentParser, options: argparse.Namespac
 
 
 def settled(
-    parser: argparse.ArgumentParser,
+    parser: Parser,
     options: argparse.Namespace,
     *,
     known: bool = False,
@@ -388,3 +377,33 @@ def _pasteable(path: Path, *, anywhere: bool) -> str:
 def pasteable_path(path: Path) -> str:
     """Return a path as text that is read as this path again: one that begins with ~ is not a home folder here."""
     return f"./{path}" if str(path).startswith("~") else str(path)
+
+
+# --- where a command's dataset goes ---
+
+
+def destination_of(
+    plan: "Plan", options: argparse.Namespace, *, folder: Path | None = None, put_by_workers: bool = False
+) -> "Destination":
+    """Return where a plan's dataset goes. folder: where, if not where the options say.
+
+    put_by_workers: whether workers on other machines put shards to an address themselves. Raises InputError where
+    frames have no pose, which a packed dataset's table has for each, StorageError where an address is to be overwritten
+    or has no meaning.
+    """
+    from ..dataset.run import Destination
+
+    address = out_address(options)
+    if folder is not None or address is None:
+        return Destination(plan, folder or out_folder(options))
+    from ..dataset.address_run import AddressDestination
+    from ..dataset.store import open_store
+
+    if vars(options).get("overwrite"):
+        remedy = "choose another address with --out, or remove a shard's .json there"
+        raise StorageError(f"--overwrite replaces datasets and shards in folders; {remedy}")
+    for scene in plan.scenes:
+        if not (scene.source.capabilities.any_pose or scene.path.known.all()):
+            message = "frames without a pose cannot be at an address, whose table of frames has one for each"
+            raise scene.place.error(message, "write the dataset into a folder")
+    return AddressDestination(plan, open_store(address), options.scratch, put_by_workers=put_by_workers)

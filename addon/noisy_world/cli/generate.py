@@ -34,7 +34,6 @@ if TYPE_CHECKING:
 
     from ..core.progress import Progress
     from ..dataset.plan import Plan
-    from ..dataset.run import Destination
     from ..dataset.run_report import Report
     from ..dataset.sequence import PlannedSequence
 
@@ -71,25 +70,23 @@ def figures(report: "Report") -> str:
 
 def _generate_options(parser: Parser) -> None:
     add_preset_options(parser)
-    parser.add_argument("--overwrite", action="store_true", help="replace the dataset that is in DIR")
-    parser.add_argument("--dry-run", action="store_true", help="print what would be done, and do nothing")
-    parser.add_argument(
-        "--list",
-        metavar="WHAT",
+    parser.flag("--overwrite", "replace the dataset that is in DIR")
+    parser.flag("--dry-run", "print what would be done, and do nothing")
+    parser.option(
+        "--list WHAT",
+        "list keys (all that a preset may have), layouts (of the files), channels (the images of a frame), "
+        "perturbations (with their parameters and severities), presets (those shipped), or this preset's scenes, "
+        "settings or sequences (default); then end",
         nargs="?",
         const="sequences",
         choices=[*KNOWN, *HELD],
-        help="list keys (all that a preset may have), layouts (of the files), channels (the images of a frame), "
-        "perturbations (with their parameters and severities), presets (those shipped), or this preset's scenes, "
-        "settings or sequences (default); then end",
     )
     message = "processes that render (default: 1); no more than there are processors and frames"
     add_executor_options(parser, "shard", 1, message, cpus=2)
-    parser.add_argument(
-        "--shards",
-        metavar="N",
+    parser.option(
+        "--shards N",
+        "with --ray: about how many shards, at least one a render (default: of two minutes each, by the estimate)",
         type=positive,
-        help="with --ray: about how many shards, at least one a render (default: of two minutes each, by the estimate)",
     )
     add_progress_option(parser)
 
@@ -211,37 +208,6 @@ def _again(options: argparse.Namespace, _: list[str]) -> list[str] | None:
         words += ["--ray", options.ray, "--cpus", str(options.cpus)]
         words += ["--shards", str(options.shards)] if options.shards is not None else []
     return words
-
-
-# --- where it goes ---
-
-
-def destination_of(
-    plan: "Plan", options: argparse.Namespace, *, folder: Path | None = None, put_by_workers: bool = False
-) -> "Destination":
-    """Return where a plan's dataset goes. folder: where, if not where the options say.
-
-    put_by_workers: whether workers on other machines put shards to an address themselves. Raises InputError where
-    frames have no pose, which a packed dataset's table has for each, StorageError where an address is to be overwritten
-    or has no meaning.
-    """
-    from ..dataset.run import Destination
-
-    address = out_address(options)
-    if folder is not None or address is None:
-        return Destination(plan, folder or out_folder(options))
-    from ..core.errors import StorageError
-    from ..dataset.address_run import AddressDestination
-    from ..dataset.store import open_store
-
-    if vars(options).get("overwrite"):
-        remedy = "choose another address with --out, or remove a shard's .json there"
-        raise StorageError(f"--overwrite replaces datasets and shards in folders; {remedy}")
-    for scene in plan.scenes:
-        if not (scene.source.capabilities.any_pose or scene.path.known.all()):
-            message = "frames without a pose cannot be at an address, whose table of frames has one for each"
-            raise scene.place.error(message, "write the dataset into a folder")
-    return AddressDestination(plan, open_store(address), options.scratch, put_by_workers=put_by_workers)
 
 
 # --- a video to look at, without keeping the dataset ---

@@ -236,13 +236,12 @@ def enumerated(settings: list[str]) -> str:
 
 
 def _list_options(parser: Parser) -> None:
-    parser.add_argument(
-        "what",
-        metavar="WHAT",
+    parser.option(
+        "what WHAT",
+        f"{', '.join(KNOWN)}: what there is; {', '.join(HELD)}: what a preset holds",
         choices=[*KNOWN, *HELD],
-        help=f"{', '.join(KNOWN)}: what there is; {', '.join(HELD)}: what a preset holds",
     )
-    parser.add_argument("preset", metavar="PRESET", nargs="?", help=f"the preset, for {', '.join(HELD)}")
+    parser.option("preset PRESET", f"the preset, for {', '.join(HELD)}", nargs="?")
     add_part_options(parser)
 
 
@@ -439,26 +438,23 @@ def _of_pace(pace: "Pace") -> str:
 
 
 def _status_options(parser: Parser) -> None:
-    parser.add_argument("out", metavar="OUT", type=place, help="the dataset's folder or address")
-    parser.add_argument("--check", action="store_true", help="read every file and compare its SHA-256")
-    parser.add_argument("--frames", metavar="A:B", type=frame_slice, help="ask for frames A to B-1 of each path alone")
-    parser.add_argument(
-        "--all",
-        action="store_true",
-        help=f"a row for each setting, also where there are more than {LONGEST_TABLE}; else severities share a row",
+    parser.option("out OUT", "the dataset's folder or address", type=place)
+    parser.flag("--check", "read every file and compare its SHA-256")
+    parser.option("--frames A:B", "ask for frames A to B-1 of each path alone", type=frame_slice)
+    parser.flag(
+        "--all", f"a row for each setting, also where there are more than {LONGEST_TABLE}; else severities share a row"
     )
-    parser.add_argument("--json", action="store_true", help="print one JSON object instead")
+    parser.flag("--json", "print one JSON object instead")
 
 
 def _tell_status(options: argparse.Namespace, _: Entry) -> int:
     """Print it; return 0, or 1 where files are lost or damaged."""
     from ..core.progress import SilentProgress
     from ..dataset.status import read_status
-    from ..perturbations import registry
     from .entry import text_listener
 
     listener = text_listener(sys.stderr) if options.check else SilentProgress()  # without it, looking takes seconds
-    status = read_status(options.out, registry(), listener, chosen=options.frames, check=options.check)
+    status = read_status(options.out, listener, chosen=options.frames, check=options.check)
     print(json.dumps(content(status), indent=1) if options.json else format_status(status, every_setting=options.all))
     return 1 if status.lost or status.damaged else 0
 

@@ -23,15 +23,14 @@ if TYPE_CHECKING:
 
 
 def _simulate_options(parser: Parser) -> None:
-    parser.add_argument("preset", metavar="PRESET", type=path, help="the preset; one of its scenes, by --scenes")
+    parser.option("preset PRESET", "the preset; one of its scenes, by --scenes", type=path)
     written = "the file to write, in TUM's format; one that is there is replaced"
-    parser.add_argument("out", metavar="OUT.txt", type=out_path, help=written)
-    parser.add_argument(
-        "--roughness",
-        metavar="M",
+    parser.option("out OUT.txt", written, type=out_path)
+    parser.option(
+        "--roughness M",
+        "the standard deviation of the floor's height, in metres (default: 0)",
         default=0.0,
         type=lambda text: number(text, "metres from 0 to 0.1", lambda value: 0.0 <= value <= 0.1),
-        help="the standard deviation of the floor's height, in metres (default: 0)",
     )
     add_set_option(parser)
     add_part_options(parser, ("scenes",))
@@ -107,26 +106,22 @@ LARGEST_HZ = 100.0
 
 
 def _scan_options(parser: Parser) -> None:
-    parser.add_argument("preset", metavar="PRESET", type=path, help="the preset; its perturbations do not matter")
-    parser.add_argument("out", metavar="OUT", type=out_path, help="the folder to write, which is not there yet")
-    parser.add_argument("--device", metavar="NAME", default="velodyne_vlp16", help="the lidar (default: %(default)s)")
-    parser.add_argument(
-        "--rate_hz",
-        metavar="HZ",
+    parser.option("preset PRESET", "the preset; its perturbations do not matter", type=path)
+    parser.option("out OUT", "the folder to write, which is not there yet", type=out_path)
+    parser.option("--device NAME", "the lidar (default: %(default)s)", default="velodyne_vlp16")
+    parser.option(
+        "--rate_hz HZ",
+        "turns a second (default: 10)",
         default=10.0,
         type=lambda text: number(text, f"turns a second up to {LARGEST_HZ:g}", lambda value: 0 < value <= LARGEST_HZ),
-        help="turns a second (default: 10)",
     )
-    parser.add_argument(
-        "--noise",
-        metavar="TIMES",
+    parser.option(
+        "--noise TIMES",
+        "random errors, times the device's (default: 1)",
         default=1.0,
         type=lambda text: number(text, "0 or more", lambda value: 0 <= value <= 100.0),
-        help="random errors, times the device's (default: 1)",
     )
-    parser.add_argument(
-        "--instant", action="store_true", help="all points of a turn are seen from its middle: motion distorts nothing"
-    )
+    parser.flag("--instant", "all points of a turn are seen from its middle: motion distorts nothing")
     add_set_option(parser)
     add_part_options(parser, ("scenes",))
     parser.set_defaults(settings=[], frames=None)
@@ -250,9 +245,9 @@ STORAGES = ("mcap", "sqlite3")
 
 
 def _bag_options(parser: Parser) -> None:
-    parser.add_argument("sequence", metavar="SEQUENCE", type=path, help="the sequence's folder, which holds mav0")
-    parser.add_argument("out", metavar="OUT", type=out_path, help="the bag, a folder that is not there yet")
-    parser.add_argument("--storage", choices=STORAGES, default=STORAGES[0], help="what the bag is (default: mcap)")
+    parser.option("sequence SEQUENCE", "the sequence's folder, which holds mav0", type=path)
+    parser.option("out OUT", "the bag, a folder that is not there yet", type=out_path)
+    parser.option("--storage", "what the bag is (default: mcap)", choices=STORAGES, default=STORAGES[0])
 
 
 def _write_bag(options: argparse.Namespace, _: Entry) -> int:
@@ -317,13 +312,11 @@ def _export_options(parser: Parser) -> None:
     from ..scenes.polygon_mesh import EMBEDDED_ROOM, ROOMS
 
     known = f"a PLY, glTF, OBJ, USD, FBX or STL file, or {EMBEDDED_ROOM}?seed=0 to {ROOMS - 1}"
-    parser.add_argument("mesh", metavar="MESH", type=path, help=known)
-    parser.add_argument(
-        "out", metavar="OUT.ply", type=out_path, help="the file to write; one that is there is replaced"
-    )
+    parser.option("mesh MESH", known, type=path)
+    parser.option("out OUT.ply", "the file to write; one that is there is replaced", type=out_path)
     up = "the axis of the file that points up, where that is not what the file declares; y is turned to Z up"
-    parser.add_argument("--up", choices=("y", "z"), help=up)
-    parser.add_argument("--triangulate", action="store_true", help="cut every polygon into triangles")
+    parser.option("--up", up, choices=("y", "z"))
+    parser.flag("--triangulate", "cut every polygon into triangles")
 
 
 def _export(options: argparse.Namespace, _: Entry) -> int:

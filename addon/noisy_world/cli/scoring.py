@@ -51,49 +51,38 @@ PLOTS = ("png", "svg", "pdf")
 
 
 def _score_options(parser: Parser) -> None:
-    parser.add_argument(
-        "estimate", metavar="ESTIMATE", type=path, help="a file of poses in any format, or the folder of a run"
-    )
-    parser.add_argument(
-        "truth", metavar="GROUND_TRUTH", type=path, help="a file of poses in any format, or the folder of a sequence"
-    )
-    parser.add_argument(
+    parser.option("estimate ESTIMATE", "a file of poses in any format, or the folder of a run", type=path)
+    parser.option("truth GROUND_TRUTH", "a file of poses in any format, or the folder of a sequence", type=path)
+    parser.option(
         "--protocol",
+        "strict (default), or as the paper's code does it: for ORB-SLAM3, GO-SLAM, systems whose mean it takes",
         choices=PROTOCOLS,
         default="strict",
-        help="strict (default), or as the paper's code does it: for ORB-SLAM3, GO-SLAM, systems whose mean it takes",
     )
-    parser.add_argument("--monocular", action="store_true", help="the system had no depth, so its scale is free")
-    parser.add_argument("--alignment", choices=ALIGNMENTS, help="instead of the protocol's")
-    parser.add_argument(
-        "--max-difference-s",
-        metavar="S",
+    parser.flag("--monocular", "the system had no depth, so its scale is free")
+    parser.option("--alignment", "instead of the protocol's", choices=ALIGNMENTS)
+    parser.option(
+        "--max-difference-s S",
+        "how far the stamps of a pose and its frame may lie apart (default: 0.01)",
         type=_not_negative,
-        help="how far the stamps of a pose and its frame may lie apart (default: 0.01)",
     )
-    parser.add_argument(
-        "--frames",
-        metavar="FILE",
-        type=path,
-        help="the frames that the system was given, in which coverage is counted: a list of their time stamps, such as "
+    parser.option(
+        "--frames FILE",
+        "the frames that the system was given, in which coverage is counted: a list of their time stamps, such as "
         "rgb.txt or data.csv, or the folder of the sequence (default: those of the folder that GROUND_TRUTH is or lies "
         "in; else the estimate's own rate)",
+        type=path,
     )
-    parser.add_argument("--format", metavar="NAME", default="auto", help="of the estimate (default: told by content)")
-    parser.add_argument("--keyframes", metavar="FILE", type=path, help="the poses that protocol paper compares instead")
-    parser.add_argument("--pose", choices=("c2w", "w2c"), default="c2w", help="the direction of the estimate's poses")
-    parser.add_argument(
-        "--axes", choices=("opencv", "opengl", "robot"), help="of the estimate's camera (default: the format's)"
+    parser.option("--format NAME", "of the estimate (default: told by content)", default="auto")
+    parser.option("--keyframes FILE", "the poses that protocol paper compares instead", type=path)
+    parser.option("--pose", "the direction of the estimate's poses", choices=("c2w", "w2c"), default="c2w")
+    parser.option("--axes", "of the estimate's camera (default: the format's)", choices=("opencv", "opengl", "robot"))
+    parser.option("--rate-hz HZ", "frames a second, of files without time stamps", type=_positive)
+    parser.option("--errors FILE", "write the errors of each frame there, as CSV", type=path)
+    parser.option(
+        "--plot FILE", "draw the path with its errors there, as .png, .svg or .pdf; needs matplotlib", type=_picture
     )
-    parser.add_argument("--rate-hz", metavar="HZ", type=_positive, help="frames a second, of files without time stamps")
-    parser.add_argument("--errors", metavar="FILE", type=path, help="write the errors of each frame there, as CSV")
-    parser.add_argument(
-        "--plot",
-        metavar="FILE",
-        type=_picture,
-        help="draw the path with its errors there, as .png, .svg or .pdf; needs matplotlib",
-    )
-    parser.add_argument("--json", action="store_true", help="print one JSON object instead of a table")
+    parser.flag("--json", "print one JSON object instead of a table")
 
 
 def _score_path(options: argparse.Namespace, _: Entry) -> int:
@@ -275,53 +264,44 @@ CULLINGS = ("frustum_occlusion", "frustum", "none")  # known before packages are
 
 
 def _map_options(parser: Parser) -> None:
-    parser.add_argument(
-        "map",
-        metavar="MAP",
-        type=path,
-        help="a mesh (.ply), the folder of a run, or a file of poses. Where there is no mesh, the sequence's frames "
+    parser.option(
+        "map MAP",
+        "a mesh (.ply), the folder of a run, or a file of poses. Where there is no mesh, the sequence's frames "
         "are fused along the poses",
+        type=path,
     )
-    parser.add_argument(
-        "truth",
-        metavar="TRUTH",
-        help="the scene's mesh (.ply) or embedded:room; or the folder of a sequence, whose depth is fused along its "
+    parser.option(
+        "truth TRUTH",
+        "the scene's mesh (.ply) or embedded:room; or the folder of a sequence, whose depth is fused along its "
         "true path: for recordings of a scene without a mesh",
     )
-    parser.add_argument(
-        "--sequence",
-        metavar="DIR",
-        type=path,
-        help="the folder of the sequence that the system was given: its true poses say what can be in a map, and its "
+    parser.option(
+        "--sequence DIR",
+        "the folder of the sequence that the system was given: its true poses say what can be in a map, and its "
         "frames are what is fused. Not needed where TRUTH is that folder",
-    )
-    parser.add_argument(
-        "--estimate",
-        metavar="RUN",
         type=path,
-        help="the run's folder or file of poses along which MAP was made: its alignment moves the map. Without one, a "
+    )
+    parser.option(
+        "--estimate RUN",
+        "the run's folder or file of poses along which MAP was made: its alignment moves the map. Without one, a "
         "mesh is taken as it lies",
-    )
-    parser.add_argument("--monocular", action="store_true", help="the alignment has a scale")
-    parser.add_argument("--camera", metavar="W,H,FX,FY,CX,CY", type=_camera, help="where no file says the intrinsics")
-    parser.add_argument("--culling", choices=CULLINGS, default=CULLINGS[0], help=f"default: {CULLINGS[0]}")
-    parser.add_argument("--samples", metavar="N", type=_count, default=200_000, help="points on each (200000)")
-    parser.add_argument("--seed", metavar="N", type=int, default=0, help="of the points (0)")
-    parser.add_argument(
-        "--voxel-m",
-        metavar="M",
-        type=_length,
-        default=0.02,
-        help="of a map that is fused; half of it for a truth that is (0.02)",
-    )
-    parser.add_argument(
-        "--lpips",
-        metavar="MODEL.onnx",
         type=path,
-        help="a network with inputs in0 and in1, images (1, 3, H, W) in [-1, 1], RGB; its output is their distance",
     )
-    parser.add_argument("--write-map", metavar="OUT.ply", type=path, help="write the map as it was compared")
-    parser.add_argument("--json", action="store_true", help="print one JSON object instead of a table")
+    parser.flag("--monocular", "the alignment has a scale")
+    parser.option("--camera W,H,FX,FY,CX,CY", "where no file says the intrinsics", type=_camera)
+    parser.option("--culling", f"default: {CULLINGS[0]}", choices=CULLINGS, default=CULLINGS[0])
+    parser.option("--samples N", "points on each (200000)", type=_count, default=200_000)
+    parser.option("--seed N", "of the points (0)", type=int, default=0)
+    parser.option(
+        "--voxel-m M", "of a map that is fused; half of it for a truth that is (0.02)", type=_length, default=0.02
+    )
+    parser.option(
+        "--lpips MODEL.onnx",
+        "a network with inputs in0 and in1, images (1, 3, H, W) in [-1, 1], RGB; its output is their distance",
+        type=path,
+    )
+    parser.option("--write-map OUT.ply", "write the map as it was compared", type=path)
+    parser.flag("--json", "print one JSON object instead of a table")
 
 
 def _score_map(options: argparse.Namespace, _: Entry) -> int:

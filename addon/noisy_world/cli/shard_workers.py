@@ -28,9 +28,8 @@ from ..dataset.store import is_address, open_store
 from ..executors.jobs import Executor, Job, Perform, Task, TaskOutcome, carry_out
 from ..executors.processes import WorkerProcesses
 from ..preset.keys import check_document
-from .arguments import out_address
+from .arguments import destination_of, out_address
 from .entry import Entry, executor_of, work_on
-from .generate import destination_of
 
 SHARD_S = 120.0  # of work on two cores in a shard on a cluster: loading a scene is a small part of it then
 

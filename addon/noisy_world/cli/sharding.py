@@ -18,6 +18,7 @@ from .arguments import (
     Parser,
     add_preset_options,
     add_progress_option,
+    destination_of,
     out_address,
     out_folder,
     planned,
@@ -27,7 +28,7 @@ from .arguments import (
 )
 from .command import Command
 from .entry import Entry
-from .generate import destination_of, need_blender, tell_outcome
+from .generate import need_blender, tell_outcome
 from .listing import print_plan
 
 if TYPE_CHECKING:
@@ -85,18 +86,12 @@ def _plan(options: argparse.Namespace, _: Entry) -> int:
 
 def _plan_options(parser: Parser) -> None:
     add_preset_options(parser)
-    parser.add_argument(
-        "--shards", metavar="N", type=positive, help="about how many shards, of equal cost; at least one a render"
+    parser.option("--shards N", "about how many shards, of equal cost; at least one a render", type=positive)
+    parser.option("--format", "how shards are printed", choices=["text", "json"], default="text")
+    parser.flag(
+        "--slurm", "print the shards as a bash script for Slurm instead, which submits them and a job that merges them"
     )
-    parser.add_argument("--format", choices=["text", "json"], default="text", help="how shards are printed")
-    parser.add_argument(
-        "--slurm",
-        action="store_true",
-        help="print the shards as a bash script for Slurm instead, which submits them and a job that merges them",
-    )
-    parser.add_argument(
-        "--cpus", metavar="N", type=positive, default=2, help="with --slurm: processors for each shard (default: 2)"
-    )
+    parser.option("--cpus N", "with --slurm: processors for each shard (default: 2)", type=positive, default=2)
 
 
 def _settle_plan(parser: Parser, options: argparse.Namespace) -> argparse.Namespace:
@@ -164,18 +159,9 @@ PLAN = Command(
 
 def _shard_options(parser: Parser) -> None:
     add_preset_options(parser)
-    parser.add_argument(
-        "--shard",
-        metavar="NAME",
-        nargs="+",
-        required=True,
-        type=_shard_name,
-        help="the shards, such as room0.000000-000100",
-    )
-    parser.add_argument(
-        "--threads", metavar="N", type=positive, default=0, help="threads of the renderer (default: all there are)"
-    )
-    parser.add_argument("--overwrite", action="store_true", help="replace what is finished of the shard")
+    parser.option("--shard NAME", "the shards, such as room0.000000-000100", nargs="+", required=True, type=_shard_name)
+    parser.option("--threads N", "threads of the renderer (default: all there are)", type=positive, default=0)
+    parser.flag("--overwrite", "replace what is finished of the shard")
     add_progress_option(parser)
 
 
@@ -241,12 +227,7 @@ SHARD = Command(
 
 def _merge_options(parser: Parser) -> None:
     add_preset_options(parser)
-    parser.add_argument(
-        "--shards",
-        metavar="N",
-        type=positive,
-        help="into how many shards the plan was cut; missing ones are named so",
-    )
+    parser.option("--shards N", "into how many shards the plan was cut; missing ones are named so", type=positive)
     add_progress_option(parser)
 
 

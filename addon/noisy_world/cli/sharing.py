@@ -33,13 +33,8 @@ def _publish(options: argparse.Namespace, _: Entry) -> int:
 
 
 def _publish_options(parser: Parser) -> None:
-    parser.add_argument("dataset", metavar="DATASET", type=path, help="the folder that generate wrote")
-    parser.add_argument(
-        "address",
-        metavar="PLACE",
-        type=place,
-        help="where to: s3://bucket/name, another address of fsspec's, or a folder",
-    )
+    parser.option("dataset DATASET", "the folder that generate wrote", type=path)
+    parser.option("address PLACE", "where to: s3://bucket/name, another address of fsspec's, or a folder", type=place)
 
 
 PUBLISH = Command(
@@ -58,8 +53,8 @@ PUBLISH = Command(
 
 
 def _recipe_options(parser: Parser) -> None:
-    parser.add_argument("dataset", metavar="DATASET", type=place, help="the dataset's folder or address")
-    parser.add_argument("--out", metavar="FILE", type=out_path, help="the file to write (default: standard output)")
+    parser.option("dataset DATASET", "the dataset's folder or address", type=place)
+    parser.option("--out FILE", "the file to write (default: standard output)", type=out_path)
 
 
 def _write_recipe(options: argparse.Namespace, _: Entry) -> int:
@@ -100,8 +95,8 @@ RECIPE = Command(
 
 
 def _verify_options(parser: Parser) -> None:
-    parser.add_argument("recipe", metavar="RECIPE", type=path, help="the recipe, from 'noisy-world recipe'")
-    parser.add_argument("dataset", metavar="DATASET", type=place, help="the dataset's folder or address")
+    parser.option("recipe RECIPE", "the recipe, from 'noisy-world recipe'", type=path)
+    parser.option("dataset DATASET", "the dataset's folder or address", type=place)
 
 
 def _verify(options: argparse.Namespace, _: Entry) -> int:
@@ -133,13 +128,11 @@ VERIFY = Command(
 
 
 def _remake_options(parser: Parser) -> None:
-    parser.add_argument("recipe", metavar="RECIPE", type=path, help="the recipe, from 'noisy-world recipe'")
-    parser.add_argument("--out", metavar="DIR", type=folder, required=True, help="the dataset's folder")
+    parser.option("recipe RECIPE", "the recipe, from 'noisy-world recipe'", type=path)
+    parser.option("--out DIR", "the dataset's folder", type=folder, required=True)
     add_part_options(parser)
-    parser.add_argument(
-        "--frames", metavar="A:B", type=frame_slice, help="only frames A to B-1; they keep their numbers"
-    )
-    parser.add_argument("--jobs", metavar="N", type=positive, default=1, help="processes that render (default: 1)")
+    parser.option("--frames A:B", "only frames A to B-1; they keep their numbers", type=frame_slice)
+    parser.option("--jobs N", "processes that render (default: 1)", type=positive, default=1)
 
 
 def _remake(options: argparse.Namespace, entry: Entry) -> int:
@@ -185,12 +178,10 @@ REMAKE = Command(
 
 
 def _clean_options(parser: Parser) -> None:
-    parser.add_argument("recipe", metavar="RECIPE", type=path, help="the recipe, from 'noisy-world recipe'")
-    parser.add_argument("--out", metavar="DIR", type=folder, required=True, help="the folder of clean frames")
+    parser.option("recipe RECIPE", "the recipe, from 'noisy-world recipe'", type=path)
+    parser.option("--out DIR", "the folder of clean frames", type=folder, required=True)
     add_part_options(parser)
-    parser.add_argument(
-        "--frames", metavar="A:B", type=frame_slice, help="only what frames A to B-1 of each sequence show"
-    )
+    parser.option("--frames A:B", "only what frames A to B-1 of each sequence show", type=frame_slice)
 
 
 def _render(options: argparse.Namespace, entry: Entry) -> int:

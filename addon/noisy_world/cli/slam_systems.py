@@ -126,21 +126,16 @@ def _systems_options(parser: Parser) -> None:
         description="Install a system that needs an environment of its own: with packages pinned by hashes (770 MB) in "
         ".venv-slam, or, with --source, built from its authors' source in .venv-orb-slam2 or .venv-orb-slam3.",
     )
-    installing.add_argument("install", metavar="SYSTEM", help="its name, orb_slam3 for instance")
-    installing.add_argument(
-        "--into",
-        metavar="DIR",
+    installing.option("install SYSTEM", "its name, orb_slam3 for instance")
+    installing.option(
+        "--into DIR",
+        "the folder that it is made in (default: $NOISY_WORLD_ENVIRONMENTS, a checkout, or the user's data folder)",
         type=folder,
-        help="the folder that it is made in (default: $NOISY_WORLD_ENVIRONMENTS, a checkout, or the user's "
-        "data folder)",
     )
-    installing.add_argument(
-        "--source",
-        metavar="DIR",
-        type=folder,
-        help="of orb_slam2 or orb_slam3_source: its source, which you have cloned",
+    installing.option(
+        "--source DIR", "of orb_slam2 or orb_slam3_source: its source, which you have cloned", type=folder
     )
-    installing.add_argument("--python", metavar="PATH", help="a Python 3.12 or 3.11 (default: one that is found)")
+    installing.option("--python PATH", "a Python 3.12 or 3.11 (default: one that is found)")
 
 
 SYSTEMS = Command(
@@ -161,13 +156,12 @@ INDEX = "frames.json"
 
 
 def _odometry_options(parser: Parser) -> None:
-    parser.add_argument("dataset", metavar="DATASET", type=path, help="the folder of a dataset, or of a sequence")
-    parser.add_argument("out", metavar="OUT", type=out_path, help="folder for what is found: a folder a sequence")
-    parser.add_argument(
-        "--only",
-        metavar="NAME",
+    parser.option("dataset DATASET", "the folder of a dataset, or of a sequence", type=path)
+    parser.option("out OUT", "folder for what is found: a folder a sequence", type=out_path)
+    parser.option(
+        "--only NAME",
+        "only the sequences of this name, SETTING/SCENE in a dataset, * allowed; may be repeated",
         action="append",
-        help="only the sequences of this name, SETTING/SCENE in a dataset, * allowed; may be repeated",
     )
     add_progress_option(parser)
 

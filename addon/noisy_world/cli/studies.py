@@ -36,6 +36,7 @@ def _report(options: argparse.Namespace, _: Entry) -> int:
     """Write the tables of runs and sequences from the folders' files, and the report."""
     from ..evaluate.study_results import STUDY, ResultsFolder, is_record
     from ..evaluate.study_tables import write_tables
+    from .study_workers import tell_report
 
     if options.out is not None:
         return _join(options)
@@ -57,6 +58,7 @@ def _join(options: argparse.Namespace) -> int:
     """Write the record of a study from the folders of its pieces, and its report."""
     from ..evaluate.study_results import ResultsFolder
     from ..evaluate.study_tables import joined, read_record, write_record
+    from .study_workers import tell_report
 
     pieces = [ResultsFolder(folder) for folder in options.results]
     out = ResultsFolder(options.out)
@@ -74,33 +76,19 @@ def _join(options: argparse.Namespace) -> int:
     return 0
 
 
-def tell_report(results: Path) -> None:
-    """Write the report of a folder of results, and print what it found, what it has to do without and where it is."""
-    from ..evaluate.report import write_report
-
-    written = write_report(results)
-    for line in written.findings:
-        print(line)
-    for line in written.missing:
-        print(f"missing: {line}")
-    print(f"wrote {results / 'report.html'}, and beside it report.md, figures/ and tables/")
-
-
 def _report_options(parser: Parser) -> None:
-    parser.add_argument(
-        "results",
-        metavar="RESULTS",
+    parser.option(
+        "results RESULTS",
+        "the folder that 'noisy-world evaluate' wrote; with --out, those of a study's pieces, or their records",
         type=folder,
         nargs="+",
-        help="the folder that 'noisy-world evaluate' wrote; with --out, those of a study's pieces, or their records",
     )
-    parser.add_argument(
-        "--out",
-        metavar="DIR",
+    parser.option(
+        "--out DIR",
+        "the folder of the record of all of it: study.json and the tables of runs and sequences; the report too",
         type=folder,
-        help="the folder of the record of all of it: study.json and the tables of runs and sequences; the report too",
     )
-    parser.add_argument("--tables", action="store_true", help="end with the tables of runs and sequences")
+    parser.flag("--tables", "end with the tables of runs and sequences")
 
 
 def _settle_report(parser: Parser, options: argparse.Namespace) -> argparse.Namespace:
@@ -131,57 +119,45 @@ STUDY_CONTINUES = "what has ended stays, and the same command continues from the
 
 
 def _evaluate_options(parser: Parser) -> None:
-    parser.add_argument(
-        "subject", metavar="PRESET_OR_DATASET", nargs="?", type=path, help="a preset, or a folder of sequences"
-    )
-    parser.add_argument(
-        "--systems",
-        metavar="NAMES",
+    parser.option("subject PRESET_OR_DATASET", "a preset, or a folder of sequences", nargs="?", type=path)
+    parser.option(
+        "--systems NAMES",
+        "the systems, with commas between: names of those that are shipped, or YAML files of your own",
         action="append",
         default=[],
-        help="the systems, with commas between: names of those that are shipped, or YAML files of your own",
     )
-    parser.add_argument("--out", metavar="DIR", type=folder, help="the folder of results (default: out/NAME-results)")
-    parser.add_argument(
-        "--seeds",
-        metavar="N,N",
+    parser.option("--out DIR", "the folder of results (default: out/NAME-results)", type=folder)
+    parser.option(
+        "--seeds N,N",
+        "seeds of what is random in the perturbations (default: the preset's); paths stay the same, and settings "
+        "that no seed changes are evaluated with the first only",
         type=whole_numbers,
         default=(),
-        help="seeds of what is random in the perturbations (default: the preset's); paths stay the same, and settings "
-        "that no seed changes are evaluated with the first only",
     )
-    parser.add_argument(
-        "--repeats",
-        metavar="N",
+    parser.option(
+        "--repeats N",
+        "runs on each sequence of a system that does not repeat itself (default: 3); of others one is enough",
         type=positive,
         default=3,
-        help="runs on each sequence of a system that does not repeat itself (default: 3); of others one is enough",
     )
-    parser.add_argument(
+    parser.option(
         "--protocol",
+        "whose metrics come first and whose errors are drawn; both are calculated (default: strict)",
         choices=["strict", "paper"],
         default="strict",
-        help="whose metrics come first and whose errors are drawn; both are calculated (default: strict)",
     )
     add_set_option(parser)
     add_part_options(parser)
-    parser.add_argument(
-        "--rest-of",
-        metavar="DIR",
-        type=folder,
-        help="do what the record of this study in DIR lacks; 'report' puts both together",
+    parser.option(
+        "--rest-of DIR", "do what the record of this study in DIR lacks; 'report' puts both together", type=folder
     )
-    parser.add_argument("--keep", action="store_true", help="keep the sequences, in DIR/kept")
-    parser.add_argument("--maps", action="store_true", help="score maps too; where a system makes none, one is fused")
+    parser.flag("--keep", "keep the sequences, in DIR/kept")
+    parser.flag("--maps", "score maps too; where a system makes none, one is fused")
     add_isolate_option(parser)
     message = "sequences that are evaluated at once (default: the processors)"
     add_executor_options(parser, "sequence", None, message, cpus=1)
-    parser.add_argument(
-        "--no-report",
-        action="store_true",
-        help="end with the tables of runs and sequences; 'report' makes the rest later",
-    )
-    parser.add_argument("--dry-run", action="store_true", help="print what would be evaluated, and do nothing")
+    parser.flag("--no-report", "end with the tables of runs and sequences; 'report' makes the rest later")
+    parser.flag("--dry-run", "print what would be evaluated, and do nothing")
     add_progress_option(parser)
 
 
@@ -286,54 +262,44 @@ WIDTH, MOST = 0.15, 80
 
 
 def _threshold_options(parser: Parser) -> None:
-    parser.add_argument("preset", metavar="PRESET", nargs="?", type=path, help="the preset whose scenes are used")
-    parser.add_argument(
-        "--system",
-        metavar="NAMES",
+    parser.option("preset PRESET", "the preset whose scenes are used", nargs="?", type=path)
+    parser.option(
+        "--system NAMES",
+        "the system: the name of one that is shipped, or a YAML file of your own; several with commas between",
         required=True,
-        help="the system: the name of one that is shipped, or a YAML file of your own; several with commas between",
     )
-    parser.add_argument("--perturbation", metavar="NAME", required=True, help="the perturbation")
-    parser.add_argument(
-        "--parameter",
-        metavar="NAME",
-        help="its number that is searched (default: its severity, from 1 to 5 and between; or its only number)",
+    parser.option("--perturbation NAME", "the perturbation", required=True)
+    parser.option(
+        "--parameter NAME",
+        "its number that is searched (default: its severity, from 1 to 5 and between; or its only number)",
     )
     table = "where severities set it: a factor of 4 beyond that of severity"
-    parser.add_argument(
-        "--from", metavar="VALUE", dest="mild", type=float, help=f"the mildest value (default, {table} 1)"
-    )
-    parser.add_argument("--to", metavar="VALUE", dest="worst", type=float, help=f"the worst (default, {table} 5)")
-    parser.add_argument(
-        "--with",
-        metavar="KEY=VALUE",
+    parser.option("--from VALUE", f"the mildest value (default, {table} 1)", dest="mild", type=float)
+    parser.option("--to VALUE", f"the worst (default, {table} 5)", dest="worst", type=float)
+    parser.option(
+        "--with KEY=VALUE",
+        "another key of the perturbation, translation_m=0 for instance; may be repeated",
         action="append",
         default=[],
         dest="given",
-        help="another key of the perturbation, translation_m=0 for instance; may be repeated",
     )
-    parser.add_argument(
-        "--success",
-        metavar="METRIC",
-        default="success_10cm",
-        help="what counts as a success: a metric that is 0 or 1 (default: success_10cm, an ATE below 10 cm with 80 %% "
+    parser.option(
+        "--success METRIC",
+        "what counts as a success: a metric that is 0 or 1 (default: success_10cm, an ATE below 10 cm with 80 %% "
         "of the frames tracked)",
+        default="success_10cm",
     )
-    parser.add_argument(
-        "--width",
-        metavar="SHARE",
+    parser.option(
+        "--width SHARE",
+        f"how wide the interval may be, as a share of the way from the mildest to the worst (default: {WIDTH})",
         type=_share,
         default=WIDTH,
-        help=f"how wide the interval may be, as a share of the way from the mildest to the worst (default: {WIDTH})",
     )
-    parser.add_argument(
-        "--most", metavar="N", type=positive, default=MOST, help=f"the search ends after so many runs (default: {MOST})"
-    )
-    parser.add_argument(
-        "--out",
-        metavar="DIR",
+    parser.option("--most N", f"the search ends after so many runs (default: {MOST})", type=positive, default=MOST)
+    parser.option(
+        "--out DIR",
+        "the folder of thresholds, in which each search has one of its own (default: out/NAME-thresholds)",
         type=folder,
-        help="the folder of thresholds, in which each search has one of its own (default: out/NAME-thresholds)",
     )
     add_set_option(parser)
     add_part_options(parser, ("scenes",))  # the preset's settings are not used

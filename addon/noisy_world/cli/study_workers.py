@@ -26,7 +26,6 @@ from ..evaluate.system_runs import check_system
 from ..executors.jobs import Executor, InProcess, Job, Perform, Task, TaskOutcome, carry_out
 from .entry import Entry, executor_of, listener
 from .generate import need_blender, need_packages
-from .studies import tell_report
 
 LARGEST_SHARE = 0.25  # of the free disk, that the clean frames of a scene may take; chosen
 
@@ -180,3 +179,15 @@ def _tell_outcome(study: Study, *, report: bool) -> int:
     else:
         print(f"wrote {study.results.tables}")
     return 0
+
+
+def tell_report(results: Path) -> None:
+    """Write the report of a folder of results, and print what it found, what it has to do without and where it is."""
+    from ..evaluate.report import write_report
+
+    written = write_report(results)
+    for line in written.findings:
+        print(line)
+    for line in written.missing:
+        print(f"missing: {line}")
+    print(f"wrote {results / 'report.html'}, and beside it report.md, figures/ and tables/")

@@ -26,31 +26,25 @@ USUAL_HZ = 30.0
 
 
 def _video_options(parser: Parser) -> None:
-    parser.add_argument(
-        "dataset", metavar="DATASET", type=place, help="a dataset, a packed one, a sequence or a recipe"
-    )
-    parser.add_argument(
-        "out",
-        metavar="OUT",
+    parser.option("dataset DATASET", "a dataset, a packed one, a sequence or a recipe", type=place)
+    parser.option(
+        "out OUT",
+        "walk.mp4, .avi or .mkv; of several sequences, one each with its name; with --sheet a .png",
         type=out_path,
-        help="walk.mp4, .avi or .mkv; of several sequences, one each with its name; with --sheet a .png",
     )
     add_part(parser)
-    parser.add_argument("--sheet", metavar="N", type=positive, help="write one sheet with N frames of each sequence")
+    parser.option("--sheet N", "write one sheet with N frames of each sequence", type=positive)
 
 
-def add_part(parser: argparse.ArgumentParser) -> None:
+def add_part(parser: Parser) -> None:
     """Add what says which sequences and frames are meant, and what may be replaced."""
-    parser.add_argument(
-        "--only",
-        metavar="NAME",
+    parser.option(
+        "--only NAME",
+        "only the sequences of this name, SETTING/SCENE in a dataset, * allowed; may be repeated",
         action="append",
-        help="only the sequences of this name, SETTING/SCENE in a dataset, * allowed; may be repeated",
     )
-    parser.add_argument(
-        "--frames", metavar="A:B", type=frame_slice, default=slice(None), help="only frames A to B-1 of each"
-    )
-    parser.add_argument("--overwrite", action="store_true", help="replace what is there")
+    parser.option("--frames A:B", "only frames A to B-1 of each", type=frame_slice, default=slice(None))
+    parser.flag("--overwrite", "replace what is there")
 
 
 def chosen(opened: "Opened", options: argparse.Namespace) -> dict[str, list[int]]:
@@ -199,13 +193,11 @@ ELSE = ", or write a recording by --save FILE.rrd, to open where there is one"
 
 
 def _view_options(parser: Parser) -> None:
-    parser.add_argument(
-        "dataset", metavar="DATASET", type=place, help="a dataset, a packed one, a sequence or a recipe"
-    )
+    parser.option("dataset DATASET", "a dataset, a packed one, a sequence or a recipe", type=place)
     add_part(parser)
-    parser.add_argument("--every", metavar="N", type=positive, default=1, help="images of every n-th frame alone")
+    parser.option("--every N", "images of every n-th frame alone", type=positive, default=1)
     instead = "write a recording instead of opening the viewer"
-    parser.add_argument("--save", metavar="FILE.rrd", type=out_path, help=instead)
+    parser.option("--save FILE.rrd", instead, type=out_path)
 
 
 def _view(options: argparse.Namespace, _: Entry) -> int:

@@ -4,6 +4,7 @@
 import json
 import math
 import os
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -107,3 +108,8 @@ def _check_depth(value: Any) -> None:
         if not level:
             return
     raise ValueError("is nested too deeply")
+
+
+def canonical(value: Mapping[str, Any]) -> str:
+    """Return JSON text that people can read; equal content gives equal text."""
+    return json.dumps(value, indent=2, sort_keys=True, ensure_ascii=False, allow_nan=False) + "\n"

@@ -28,12 +28,11 @@ from ..core.errors import InputError, InterruptedRunError, StorageError
 from ..core.file_access import read_array, read_bytes
 from ..core.frame_request import FrameRequest
 from ..core.geometry import Intrinsics
-from ..core.json_text import read_json
+from ..core.json_text import canonical, read_json
 from ..core.progress import Progress
 from ..core.trajectory import Axes, Trajectory
 from ..images.pixels import encode_npy
 from ..layouts import Modality, OutputFormat
-from ..preset.keys import canonical
 from ..render.source import (
     ColourAndDepth,
     Motion,

@@ -9,11 +9,11 @@ from ..core.depth_range import RangeLoss, range_loss
 from ..core.errors import Message, PresetKey
 from ..core.frame_request import SensorPaths
 from ..core.frame_table import COMPLETED, FrameRecord
+from ..core.json_text import canonical
 from ..core.trajectory import FrameStamps
 from ..layouts import OutputFormat, SequenceFacts
 from ..layouts.asl import imu_texts
 from ..layouts.cam_params import stated_optics
-from ..preset.keys import canonical
 from ..sources.scene_kinds import Scene
 from ..trajectories.rig import ImuSamples, RecordedImu, Rig, measure
 from .dataset_folder import Dataset

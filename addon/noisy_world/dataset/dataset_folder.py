@@ -39,8 +39,8 @@ from ..core.frame_table import (
     read_record,
     read_records,
 )
+from ..core.json_text import canonical
 from ..layouts import FrameNames, OutputFormat
-from ..preset.keys import canonical
 from .differences import other_dataset
 from .folder_state import (
     IDENTITY,

@@ -4,10 +4,12 @@
 A dataset grows where what is common to all frames is equal, and each scene and setting that both name.
 """
 
+from __future__ import annotations
+
 import json
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -15,15 +17,15 @@ from ..channels import COLOUR_AND_DEPTH, in_order, pair_channels
 from ..core.atomic_files import sha256_of_bytes
 from ..core.errors import Action, CommandLineOnly, Message, PresetKey, StorageError, either, offers
 from ..core.frame_request import SensorPaths
+from ..core.json_text import canonical
 from ..core.trajectory import recentring_m
-from ..preset.keys import canonical
 from ..preset.names import format_same_folder
-from ..render.source import DRAWN, PERTURBED
-from ..sources.scene_kinds import Scene
 from .identity import BETWEEN, CHANNELS, HUFFMAN, KEYS, RecordedSetting, RecordedStep, path_sha256
-from .plan import Plan
-from .rendering import source_paths
-from .sequence import PlannedSequence, array_of, lay_out
+
+if TYPE_CHECKING:
+    from ..sources.scene_kinds import Scene
+    from .plan import Plan
+    from .sequence import PlannedSequence
 
 ELSEWHERE = (Action.OTHER_FOLDER, Action.OVERWRITE)
 ANOTHER_FOLDER = either(*ELSEWHERE)
@@ -166,6 +168,8 @@ def _step(there: RecordedStep, here: RecordedStep) -> tuple[str, str] | None:
 
 def _scene(scene: Scene, there: dict[str, Any], here: dict[str, Any]) -> str | None:
     """Return how the files or the camera of a scene differ, but for its path."""
+    from ..render.source import DRAWN, PERTURBED
+
     before, now, place = there["inputs"], here["inputs"], scene.place.path
     for name in sorted({*before, *now} - set(PATH_INPUTS)):
         hashed = f"{name}_sha256"
@@ -242,6 +246,8 @@ def _longer(scene: Scene, counts: dict[str, int], plan: Plan) -> str | None:
 
     counts: how long the path was that each sequence of the dataset was made from.
     """
+    from .rendering import source_paths
+
     path = PresetKey(scene.path_place.path)
     for render in plan.renders:
         for sequence in render.sequences if render.scene.name == scene.name else ():
@@ -275,6 +281,8 @@ def _goes_on(sequence: PlannedSequence, count: int, before: SensorPaths, after: 
 
     before, after: the sensors' paths, of the first poses and of all.
     """
+    from .sequence import array_of, lay_out
+
     shorter = lay_out(sequence.setting, sequence.scene, count, sequence.identifiers)
     for frame in shorter.frames:
         if sequence.leaves_out(frame) or shorter.shown(frame) != sequence.shown(frame):

@@ -19,6 +19,7 @@ from ..perturbations.kinds import SEQUENCE_KINDS, ColourPerturbation, DepthPertu
 from ..perturbations.parsing import Registry, parse_steps
 from ..perturbations.steps import Setting
 from .identity import RecordedSetting, RecordedStep
+from .inventory import Described
 from .plan import Plan, Render
 from .sequence import Numbers, array_of, lay_out
 
@@ -203,25 +204,6 @@ def _frame_bytes(plan: Plan, render: Render) -> int:
 
 
 RENDERED = {"mesh", "blend"}  # inputs of scenes that a renderer takes; of others frames are read or computed
-
-
-@dataclass(frozen=True)
-class Described:
-    """A sequence that an identity describes.
-
-    frames: their numbers, of those that were asked for; None where a perturbation that decides them is not known here.
-    seconds_each: what a frame costs by the estimate, on two cores; a render's cost is shared by those that show it.
-    """
-
-    setting: str
-    scene: str
-    frames: Numbers | None
-    seconds_each: float
-
-    @property
-    def folder(self) -> str:
-        """The sequence's folder inside the dataset, with forward slashes."""
-        return f"{self.setting}/{self.scene}"
 
 
 @dataclass(frozen=True)

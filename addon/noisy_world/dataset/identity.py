@@ -5,13 +5,15 @@ An identity says what is common to all frames, and by name what belongs to each 
 grows by scenes, settings and frames, and each keeps what it was made from.
 """
 
+from __future__ import annotations
+
 import hashlib
 import json
 import platform
 import sys
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field, fields
-from typing import Any, Literal, TypeAlias
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,17 +26,18 @@ from ..core.depth_range import RangeLoss
 from ..core.file_access import NOT_UTF8, RENAME, is_utf8
 from ..core.frame_table import OUT_OF_RANGE
 from ..core.geometry import Intrinsics
-from ..core.json_text import finite_number, plain_values
+from ..core.json_text import canonical, finite_number, plain_values
 from ..core.lens import OPTICS_KEYS
 from ..core.machine import processor_features
 from ..core.schema import deciding_values
 from ..core.trajectory import Trajectory
 from ..layouts import EVERY, OutputFormat
-from ..perturbations.steps import Setting, Step, deciding
-from ..preset.keys import canonical
-from ..sources.scene_kinds import Scene, SceneEntry
-from ..trajectories.rig import Rig, Sensor
-from .plan import Plan
+
+if TYPE_CHECKING:  # a plan's identity is made of a plan; to read one needs none
+    from ..perturbations.steps import Setting, Step
+    from ..sources.scene_kinds import Scene, SceneEntry
+    from ..trajectories.rig import Rig, Sensor
+    from .plan import Plan
 
 # Settings and their steps as an identity holds them, in manifest.json, recipes and study.json: what writes them reads
 # them.
@@ -70,8 +73,10 @@ class RecordedStep:
         return "static" if self.levels is None else "keyed" if self.keyed else "dynamic"
 
     @classmethod
-    def of(cls, step: Step[Any]) -> "RecordedStep":
+    def of(cls, step: Step[Any]) -> RecordedStep:
         """Return the record of a step. Raises OSError where a file that is a parameter is gone."""
+        from ..perturbations.steps import deciding
+
         severities = (step.severity,) if step.levels is None else step.levels
         return cls(
             step.perturbation.name,
@@ -96,7 +101,7 @@ class RecordedStep:
         }
 
     @classmethod
-    def read(cls, content: Any) -> "RecordedStep":
+    def read(cls, content: Any) -> RecordedStep:
         """Return the step that JSON holds. Raises ValueError with the key, and what is wrong with it."""
         _check(isinstance(content, dict), ": is no mapping")
         severity, levels, parameters = (content.get(key) for key in ("severity", "levels", "parameters"))
@@ -129,7 +134,7 @@ class RecordedSetting:
     keys: Mapping[str, Any] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, setting: Setting) -> "RecordedSetting":
+    def of(cls, setting: Setting) -> RecordedSetting:
         """Return the record of a setting. Raises OSError where a file that is a parameter is gone."""
         return cls(
             tuple(map(RecordedStep.of, setting.steps)),
@@ -150,7 +155,7 @@ class RecordedSetting:
         }
 
     @classmethod
-    def read(cls, content: Any) -> "RecordedSetting":
+    def read(cls, content: Any) -> RecordedSetting:
         """Return the setting that JSON holds. Raises ValueError with the key, and what is wrong with it."""
         _check(isinstance(content, dict), "is no mapping")
         backend, stream, keys = content.get("backend"), content.get("stream"), content.get(KEYS, {})

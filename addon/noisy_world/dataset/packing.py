@@ -20,11 +20,10 @@ from ..core.atomic_files import sha256_of_bytes
 from ..core.dependencies import missing_packages
 from ..core.errors import StorageError
 from ..core.file_access import read_bytes
-from ..core.json_text import parse_json
+from ..core.json_text import canonical, parse_json
 from ..core.machine import done_ahead
 from ..core.progress import Progress
 from ..layouts import Modality
-from ..preset.keys import canonical
 from .differences import first_difference
 from .finished import (
     CARD,

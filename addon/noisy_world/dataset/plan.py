@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What a preset asks for: its sequences and renders, each checked before anything is made."""
 
-from collections.abc import Hashable, Sequence
+from collections.abc import Collection, Hashable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -40,9 +39,6 @@ from .sensors import (
     unit_of,
 )
 from .sequence import Numbers, PartsMade, PlannedSequence, lay_out, union
-
-if TYPE_CHECKING:
-    from .shards import Shard
 
 OTHER_LAYOUT = Message("choose another ", PresetKey("output.layout"), ", such as tum")
 
@@ -450,13 +446,13 @@ def _long_exposures(plan: Plan) -> list[str]:
 # Making a preset's plan, with its files found and all perturbations that are installed.
 
 
-def make_plan(preset: Preset, chosen: slice | None = None, shards: "Sequence[Shard]" = ()) -> Plan:
+def make_plan(preset: Preset, chosen: slice | None = None, scenes: Collection[str] = ()) -> Plan:
     """Find every file of a preset and lay out the work.
 
     chosen: the frames of each sequence to make, start and stop only; they keep their numbers.
-    shards: with some, the plan has their scenes alone, as a machine that makes one shard looks at no other scene.
+    scenes: names; with some, the plan has these alone, as a machine that makes one shard looks at no other scene.
 
     Raises InputError for files that are missing or wrong, and for what cannot be made from them.
     """
     settings = read_settings(preset, registry())  # first, so that a misspelt key is reported before files are read
-    return lay_out_plan(preset, settings, find_scenes(preset, {shard.scene for shard in shards}), chosen)
+    return lay_out_plan(preset, settings, find_scenes(preset, set(scenes)), chosen)

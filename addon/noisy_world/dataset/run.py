@@ -18,9 +18,9 @@ from typing import Any, Self, TypeAlias
 
 from ..core.atomic_files import FolderLock, Hasher
 from ..core.errors import Action, Message, StorageError, either
+from ..core.json_text import canonical
 from ..core.machine import available_threads, peak_memory_bytes
 from ..core.progress import Progress
-from ..preset.keys import canonical
 from .completed_images import CompletedImages, FinishedImages, find_missing, keep_intact
 from .completion import Completion
 from .dataset_folder import Dataset

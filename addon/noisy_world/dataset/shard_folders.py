@@ -28,9 +28,8 @@ from ..core.frame_table import (
     record_of,
     remove_journals,
 )
-from ..core.json_text import read_json
+from ..core.json_text import canonical, read_json
 from ..layouts import OutputFormat
-from ..preset.keys import canonical
 from .differences import identity_mismatch, identity_sha256
 from .folder_state import IDENTITY, MERGED, WORK_FOLDER, read_dataset_state, remove_dataset, remove_work_folder
 from .shards import Shard

@@ -1,20 +1,23 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Shards: the pieces of a plan that are made apart, in other processes or on other machines, and then merged."""
 
+from __future__ import annotations
+
 import hashlib
 import heapq
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..core.errors import InputError, did_you_mean
-from .estimate import frame_seconds
-from .plan import Plan, Render
-from .sequence import array_of
+
+if TYPE_CHECKING:  # a shard's name is read without a plan
+    from .plan import Plan, Render
 
 LONGEST_FOLDER = 200  # characters; file systems hold 255 bytes, and names of scenes and settings may fill them
 
@@ -48,7 +51,7 @@ class Shard:
         return f"{self.name[: LONGEST_FOLDER - 17]}-{hashlib.sha256(self.name.encode()).hexdigest()[:16]}"
 
     @classmethod
-    def parse(cls, name: str) -> "Shard":
+    def parse(cls, name: str) -> Shard:
         """Return the shard of a name. Raises ValueError where it names none."""
         found = re.fullmatch(r"(.+)\.(\d{6,9})-(\d{6,9})", name, re.ASCII)
         shard = cls(found[1], int(found[2]), int(found[3])) if found else None
@@ -84,6 +87,8 @@ def shards_of(plan: Plan, count: int, work: Mapping[str, Sequence[int]] | None =
     work: the source frames that are to be made, by the render's name; by default all. Each of them is in one shard.
     The same plan, count and work give the same shards.
     """
+    from .estimate import frame_seconds
+
     wanted = {render.name: render.frames for render in plan.renders} if work is None else work
     renders = [render for render in plan.renders if wanted.get(render.name, ())]
     # Of one render at a time: a plan may have hundreds, with a million frames each.
@@ -98,6 +103,9 @@ def shards_of(plan: Plan, count: int, work: Mapping[str, Sequence[int]] | None =
 
 def seconds_of(plan: Plan, shards: Sequence[Shard]) -> tuple[float, ...]:
     """Estimate what each of several shards of a plan takes on two cores, without loading the scene, in seconds."""
+    from .estimate import frame_seconds
+    from .sequence import array_of
+
     named = {shard.render for shard in shards}
     until_s = {
         render.name: np.concatenate([[0.0], frame_seconds(plan, render, render.frames).cumsum()])

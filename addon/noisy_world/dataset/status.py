@@ -19,8 +19,6 @@ from ..core.atomic_files import Hasher, sha256_of_bytes
 from ..core.errors import StorageError
 from ..core.json_text import parse_json, read_json
 from ..core.progress import Progress
-from ..perturbations.parsing import Registry
-from .estimate import Described, described_sequences
 from .finished import Packed, is_packed, sealed_state, tar_name
 from .folder_state import (
     IDENTITY,
@@ -37,6 +35,7 @@ from .folder_state import (
 )
 from .identity import FORMAT
 from .inventory import (
+    Described,
     FileInventory,
     FolderPart,
     HashedPart,
@@ -271,18 +270,16 @@ class Status:
         return self.ended and all(item.whole for item in self.sequences) and not (self.lost or self.damaged)
 
 
-def read_status(
-    place: Path | str, registry: Registry, progress: Progress, *, chosen: slice | None = None, check: bool = False
-) -> Status:
+def read_status(place: Path | str, progress: Progress, *, chosen: slice | None = None, check: bool = False) -> Status:
     """Return how far the dataset in a folder or at an address has come.
 
-    registry: the perturbations that there are. chosen: the frames of each sequence that are asked for, if not all.
+    chosen: the frames of each sequence that are asked for, if not all.
     check: whether to hash every file.
 
     Raises StorageError where nothing is there, or nothing that can be understood, and where a store refuses.
     """
     seen = _read_place(place, chosen, progress, check=check)
-    described = described_sequences(seen.identity, registry, seen.chosen)
+    described = seen.whole() or _described(seen)
     seen.begin(described)
     progress.start("checking", sum(len(item.frames or ()) for item in described))
     found: list[SequenceStatus] = []
@@ -300,11 +297,19 @@ def read_status(
         tuple(found),
         tuple(dict.fromkeys((*seen.lost, *(name for item in found for name in item.inventory.lost)))),
         tuple(dict.fromkeys((*seen.damaged, *(name for item in found for name in item.inventory.damaged)))),
-        _pace(described, found),
+        _pace(_described(seen) if any(not item.whole for item in found) else described, found),
         _total_s(seen.run) if seen.ended else None,
         seen.shards,
         (*seen.notes, *seen.shards.notes),
     )
+
+
+def _described(seen: "_Seen") -> tuple[Described, ...]:
+    """Return the sequences, with what their frames cost: steps that decide which they are have to be known for that."""
+    from ..perturbations import registry
+    from .estimate import described_sequences
+
+    return described_sequences(seen.identity, registry(), seen.chosen)
 
 
 def _read_place(place: Path | str, chosen: slice | None, progress: Progress, *, check: bool) -> "_Seen":
@@ -357,6 +362,14 @@ class _Seen:
         self.lost: list[str] = []
         self.damaged: list[str] = []
         self._images_each = len(identity["output"].get("modalities") or ("rgb", "depth"))
+
+    def whole(self) -> tuple[Described, ...]:
+        """Return the sequences of a dataset whose run has ended, as its manifest counts them; else none."""
+        frames = {} if self.manifest is None or not self.ended or self.chosen is not None else self.manifest["frames"]
+        if not frames.keys() >= set(self.identity["sequences"]):
+            return ()
+        names = [folder.split("/") for folder in self.identity["sequences"]]
+        return tuple(Described(setting, scene, range(frames[f"{setting}/{scene}"]), 1.0) for setting, scene in names)
 
     def begin(self, described: Sequence[Described]) -> None:
         """Hear which sequences will be asked for."""

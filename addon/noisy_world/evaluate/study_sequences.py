@@ -16,6 +16,7 @@ from ..channels import COLOUR_AND_DEPTH
 from ..core.atomic_files import sha256_of_bytes
 from ..core.errors import InputError, PresetKey
 from ..core.geometry import Intrinsics
+from ..core.json_text import canonical
 from ..core.lens import Distortion
 from ..core.progress import Progress, SilentProgress
 from ..core.schema import ConfigPath
@@ -39,7 +40,7 @@ from ..perturbations import registry
 from ..perturbations.execution import move, split_motion
 from ..perturbations.kinds import Identifiers
 from ..perturbations.steps import Setting
-from ..preset.keys import Preset, canonical, check_document
+from ..preset.keys import Preset, check_document
 from ..preset.names import selected
 from ..render.source import RenderedFrame
 from ..scenes.polygon_mesh import Mesh

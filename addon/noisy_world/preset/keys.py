@@ -663,8 +663,3 @@ def _check_sensor(spec: SensorSpec, place: ConfigPath) -> None:
         raise place.error("gives matrix and translation_m", "put the translation into the matrix")
     if spec.matrix is not None and len(spec.matrix) != 4:
         raise place.at("matrix").error(f"has {len(spec.matrix)} rows, but has to have 4")
-
-
-def canonical(value: Mapping[str, Any]) -> str:
-    """Return JSON text that people can read; equal content gives equal text."""
-    return json.dumps(value, indent=2, sort_keys=True, ensure_ascii=False, allow_nan=False) + "\n"

@@ -52,7 +52,7 @@ def test_shards_take_equally_long(plan):
 def test_any_costs_are_cut_into_pieces_that_are_not_empty(plan, monkeypatch):
     import numpy as np
 
-    from noisy_world.dataset import shards as module
+    from noisy_world.dataset import estimate as module
 
     rng = random.Random(4)
     for _ in range(200):

@@ -30,7 +30,6 @@ from noisy_world.core.geometry import Intrinsics
 from noisy_world.preset.keys import check_document
 from noisy_world.core.progress import SilentProgress
 from noisy_world.evaluate.system_input import sequence_input
-from noisy_world.perturbations import registry
 from noisy_world.dataset.run import Run
 from noisy_world.dataset.status import read_status
 from noisy_world.dataset.plan import make_plan
@@ -399,7 +398,7 @@ def _opened(opened):
 
 
 def _status(_folder, out, *, check=False):
-    status = read_status(out, registry(), SilentProgress(), check=check)
+    status = read_status(out, SilentProgress(), check=check)
     for each in status.sequences:
         assert each.of is None or 0 <= each.inventory.done <= each.of
     return status
