@@ -3,16 +3,16 @@
 
 import faulthandler
 import multiprocessing
-import multiprocessing.connection
 import os
+import queue
 import re
 import resource
 import sys
 import tempfile
+import threading
 import time
-from dataclasses import dataclass
-from pathlib import Path
-from typing import Any
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 
 from fuzz.cases import OF_BLENDER, Outcome, run_case
 
@@ -31,105 +31,81 @@ def run_cases(cases, seed, folder, *, processes=2, limit_s=10.0):
 
     cases: (area, number). folder: where inputs are written, a folder for each process. limit_s: for one case.
     """
-    waiting = iter(cases)
-    workers = [_Worker(seed, folder / f"worker{k}") for k in range(processes)]
-    try:
-        for worker in workers:
-            worker.hand(next(waiting, None))
-        while busy := [worker for worker in workers if worker.case is not None]:
-            first = min(worker.deadline(limit_s) for worker in busy)
-            multiprocessing.connection.wait([worker.pipe for worker in busy], max(0.0, first - time.monotonic()))
-            for worker in busy:
-                if (outcome := worker.outcome(limit_s)) is not None:
-                    yield (*worker.case, outcome, time.monotonic() - worker.began)
-                    worker.hand(next(waiting, None))
-    finally:
-        for worker in workers:
-            worker.end()
+    waiting, taking, ended = iter(cases), threading.Lock(), queue.SimpleQueue()
 
-
-@dataclass
-class _Worker:
-    """A process that runs cases, one after another."""
-
-    seed: int
-    folder: Path
-    case: tuple[str, int] | None = None
-    began: float = 0.0
-    process: Any = None
-    pipe: Any = None
-
-    def _start(self):
-        context = multiprocessing.get_context("spawn")
-        self.pipe, theirs = context.Pipe()
-        self.process = context.Process(target=_work, args=(theirs, self.seed, self.folder), daemon=True)
-        self.process.start()
-        theirs.close()
-        if not self.pipe.poll(START_S) or self.pipe.recv() != "ready":
-            raise RuntimeError("a process for cases does not start")
-
-    def hand(self, case):
-        """Give the process a case; None is the end."""
-        self.case = case
-        if case is not None:
-            if self.process is None:
-                self._start()
-            self.pipe.send(case)
-            self.began = time.monotonic()
-
-    def deadline(self, limit_s):
-        """Return when the case has to be finished."""
-        return self.began + limit_s
-
-    def outcome(self, limit_s):
-        """Return how the case ended, or None while it runs."""
-        if self.pipe.poll():
+    def work(place):
+        pool = None
+        while True:
+            with taking:
+                case = next(waiting, None)
+            if case is None:
+                break
+            if pool is None:
+                pool = _process()
+            began = time.monotonic()
             try:
-                return self.pipe.recv()
-            except EOFError:
-                self.process.join()
-                status = self.process.exitcode
-                self.end()
-                return Outcome("finding", f"crash: the process ended with status {status}")
-        if time.monotonic() > self.deadline(limit_s):
-            self.end()
-            return Outcome("finding", f"hang: more than {limit_s:g} s")
-        return None
+                outcome = pool.submit(_run, *case, seed, folder / f"worker{place}").result(limit_s)
+            except TimeoutError:
+                outcome = Outcome("finding", f"hang: more than {limit_s:g} s")
+            except BrokenProcessPool:
+                outcome = Outcome("finding", "crash: the process ended")
+            ended.put((*case, outcome, time.monotonic() - began))
+            if outcome.told.startswith(("hang", "crash")):
+                pool = _end(pool)
+        _end(pool)
+        ended.put(None)
 
-    def end(self):
-        """End the process."""
-        if self.process is not None:
-            self.process.kill()
-            self.process.join()
-            self.pipe.close()
-        self.process = self.pipe = None
+    for place in range(processes):
+        threading.Thread(target=work, args=(place,), daemon=True).start()
+    left = processes
+    while left:
+        if (found := ended.get()) is None:
+            left -= 1
+        else:
+            yield found
 
 
-def _work(pipe, seed, folder):
-    """Run the cases that come through the pipe, and say how each ended. What libraries print is a finding, too."""
+def _process():
+    """Start a process for cases."""
+    pool = ProcessPoolExecutor(1, multiprocessing.get_context("spawn"), _begin)
+    pool.submit(int).result(START_S)
+    return pool
+
+
+def _end(pool):
+    """End a process, whatever it does; return None in its place."""
+    for process in () if pool is None else list((pool._processes or {}).values()):
+        process.kill()
+    if pool is not None:
+        pool.shutdown(wait=False, cancel_futures=True)
+
+
+_PRINTED = []
+
+
+def _begin():
+    """Limit this process, and hear what libraries print in it."""
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY_BYTES, MEMORY_BYTES))
-    folder.mkdir(parents=True, exist_ok=True)
-    printed = tempfile.TemporaryFile()  # noqa: SIM115 - as long as the process
+    _PRINTED.append(tempfile.TemporaryFile())  # noqa: SIM115 - as long as the process
     for stream in (1, 2):
-        os.dup2(printed.fileno(), stream)
+        os.dup2(_PRINTED[0].fileno(), stream)
     faulthandler.enable()
-    pipe.send("ready")
-    while True:
-        try:
-            area, number = pipe.recv()
-        except EOFError:
-            return
-        printed.truncate(0)
-        printed.seek(0)
-        outcome = run_case(area, seed, number, folder / "case")
-        sys.stdout.flush()
-        sys.stderr.flush()
-        printed.seek(0)
-        told = printed.read().decode("utf-8", "replace").strip()
-        if area in OF_BLENDER:  # which prints as it likes, and nobody hears it but a pipe
-            told = ""
-        lines = FFMPEG if area == "videos" else DECODERS if outcome.kind == "refused" else DAMAGED_SCAN
-        expected = all(map(lines.match, told.splitlines()))
-        if told and outcome.kind != "finding" and not expected:
-            outcome = Outcome("finding", f"printed ({outcome.kind}): {told[:300]!r}")
-        pipe.send(outcome)
+
+
+def _run(area, number, seed, folder):
+    """Run a case; what libraries print is a finding, too."""
+    folder.mkdir(parents=True, exist_ok=True)
+    printed = _PRINTED[0]
+    printed.truncate(0)
+    printed.seek(0)
+    outcome = run_case(area, seed, number, folder / "case")
+    sys.stdout.flush()
+    sys.stderr.flush()
+    printed.seek(0)
+    told = printed.read().decode("utf-8", "replace").strip()
+    if area in OF_BLENDER:  # which prints as it likes, and nobody hears it but a pipe
+        told = ""
+    lines = FFMPEG if area == "videos" else DECODERS if outcome.kind == "refused" else DAMAGED_SCAN
+    if told and outcome.kind != "finding" and not all(map(lines.match, told.splitlines())):
+        return Outcome("finding", f"printed ({outcome.kind}): {told[:300]!r}")
+    return outcome
