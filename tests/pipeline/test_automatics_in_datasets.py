@@ -2,7 +2,6 @@
 """What a camera decides by earlier frames is the same in a run, by any jobs, of a frame alone, and of a recording."""
 
 import math
-import sys
 import threading
 
 import cv2
@@ -20,11 +19,7 @@ from worlds import write_world
 
 import noisy_world
 from noisy_world.core.errors import InterruptedRunError
-from noisy_world.preset.keys import read_preset
-from noisy_world.core.progress import PlainProgress
 from noisy_world.perturb import frames
-from noisy_world.dataset.run import Run
-from noisy_world.dataset.plan import make_plan
 
 COUNT, RATE_HZ, LAG_S = 12, 20.0, 0.08
 PHONE = [
@@ -99,8 +94,7 @@ def test_records_say_exposure_and_gain_and_they_follow_the_formula(made):
 def test_any_jobs_make_the_same(made, jobs):
     path, out = preset_in(made), made / f"jobs{jobs}"
     workers = workers_here(path, out, order=lambda shards: shards[::-1])
-    plan, listener = make_plan(read_preset(path)), PlainProgress(sys.stderr)
-    Run(plan, out, progress=listener, stop=threading.Event(), jobs=jobs, workers=workers).make_dataset()
+    run(path, out, jobs=jobs, workers=workers)
     assert content(out) == content(made / "out")
 
 

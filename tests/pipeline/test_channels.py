@@ -2,8 +2,6 @@
 """Datasets with channels beside colour and depth: what is written, kept, packed and refused."""
 
 import json
-import sys
-import threading
 
 import cv2
 import numpy as np
@@ -15,12 +13,11 @@ pytest.importorskip("embreex", reason="embreex is not installed: pip install '.[
 
 from cases import cases
 from worlds import path_poses, with_objects, write_world
+from written import run
 
 from noisy_world.layouts import LAYOUTS
 from noisy_world.core.errors import NoisyWorldError, StorageError
 from noisy_world.preset.keys import read_preset
-from noisy_world.core.progress import PlainProgress
-from noisy_world.dataset.run import Run
 from noisy_world.dataset.plan import make_plan
 from noisy_world.dataset.opening import open_path
 
@@ -32,12 +29,6 @@ SETTINGS = [
     {"name": "late", "perturb": [{"desync": {"offset": 1}}]},
 ]
 ALL = ["rgb", "depth", "normal"]
-
-
-def run(preset, out, **options):
-    return Run(
-        make_plan(read_preset(preset)), out, progress=PlainProgress(sys.stderr), stop=threading.Event(), **options
-    )
 
 
 def images(folder):
@@ -64,8 +55,8 @@ def test_normals_lie_beside_what_was_there_without_them(layout, tmp_path):
     output = {"layout": layout, "image": "png"}
     plain = write_world(tmp_path / "plain", output=output, **keys)
     more = write_world(tmp_path / "more", output={**output, "modalities": ALL}, **keys)
-    run(plain, tmp_path / "a").make_dataset()
-    run(more, tmp_path / "b").make_dataset()
+    run(plain, tmp_path / "a")
+    run(more, tmp_path / "b")
     before, after = images(tmp_path / "a"), images(tmp_path / "b")
     beside = {path: data for path, data in after.items() if path not in before}
     assert {path: after[path] for path in before} == before
@@ -86,9 +77,7 @@ def test_normals_lie_beside_what_was_there_without_them(layout, tmp_path):
     manifest = json.loads((tmp_path / "b/manifest.json").read_text())
     assert "camera's axes" in manifest["conventions"]["normal"]
     assert "normal" not in json.loads((tmp_path / "a/manifest.json").read_text())["conventions"]
-    again = run(more, tmp_path / "b")
-    again.make_dataset()
-    assert again.report.frames_rendered == 0
+    assert run(more, tmp_path / "b").frames_rendered == 0
 
 
 def test_a_lost_normal_is_made_again_and_overwriting_leaves_none(tmp_path):
@@ -96,16 +85,14 @@ def test_a_lost_normal_is_made_again_and_overwriting_leaves_none(tmp_path):
     keys = {"render": RAYS, "settings": SETTINGS[:2]}
     preset = write_world(tmp_path / "world", output={**output, "modalities": ["normal"]}, **keys)
     out = tmp_path / "out"
-    run(preset, out).make_dataset()
+    run(preset, out)
     before = images(out)
     assert {path.parent.name for path in before} == {"normal"}
     (out / "fog/box/normal/000003.png").unlink()
     (out / "clean/box/normal/000004.png").write_bytes(b"no image")
-    again = run(preset, out)
-    again.make_dataset()
-    assert again.report.frames_rendered == 2
+    assert run(preset, out).frames_rendered == 2
     assert images(out) == before
-    run(write_world(tmp_path / "world", output=output, **keys), out, overwrite=True).make_dataset()
+    run(write_world(tmp_path / "world", output=output, **keys), out, overwrite=True)
     assert not list(out.rglob("normal"))
 
 
@@ -127,7 +114,7 @@ def test_what_cannot_be_given_is_refused_in_a_line(keys, words, tmp_path):
 
 def test_a_recording_has_no_normals(tmp_path):
     preset = write_world(tmp_path / "world", frames=2, render=RAYS)
-    run(preset, tmp_path / "out").make_dataset()
+    run(preset, tmp_path / "out")
     document = {
         "scenes": [{"name": "again", "sequence": str(tmp_path / "out/clean/box")}],
         "settings": [{"name": "clean"}],
@@ -145,7 +132,7 @@ def test_instances_have_a_file_of_ids_and_names(tmp_path):
     refused(make_plan, read_preset(preset), names=["scenes.0.mesh: ", "object_id"])
     with_objects(tmp_path / "world", [300, 7, 7, 65535, -1, 12])
     names = tmp_path / "world/info_semantic.json"
-    run(preset, out).make_dataset()
+    run(preset, out)
     objects = json.loads((out / "clean/box/instance.json").read_text())
     assert objects == {"void": 0, "objects": [{"id": number, "name": None} for number in (7, 12, 300, 65535)]}
     for path in (out / "clean/box/instance").iterdir():
@@ -155,12 +142,12 @@ def test_instances_have_a_file_of_ids_and_names(tmp_path):
         assert len(np.unique(ids)) > 2
 
     names.write_text(json.dumps({"objects": [{"id": 7, "class_name": "wall"}, {"id": 9, "class_name": "door"}]}))
-    refused(lambda: run(preset, out).make_dataset(), names=["scenes.0: ", "--overwrite"], error=StorageError)
-    run(preset, out, overwrite=True).make_dataset()
+    refused(lambda: run(preset, out), names=["scenes.0: ", "--overwrite"], error=StorageError)
+    run(preset, out, overwrite=True)
     assert json.loads((out / "clean/box/instance.json").read_text())["objects"][0] == {"id": 7, "name": "wall"}
     names.write_text('{"objects": [3]}')
-    refused(lambda: run(preset, tmp_path / "other").make_dataset(), names=["info_semantic.json: ", "objects"])
+    refused(lambda: run(preset, tmp_path / "other"), names=["info_semantic.json: ", "objects"])
     large = tmp_path / "large"
     preset = write_world(large, frames=2, **keys)
     with_objects(large, [1, 2, 3, 4, 5, 65536])
-    refused(lambda: run(preset, tmp_path / "third").make_dataset(), names="object_id 65536", error=NoisyWorldError)
+    refused(lambda: run(preset, tmp_path / "third"), names="object_id 65536", error=NoisyWorldError)

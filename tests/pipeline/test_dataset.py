@@ -16,6 +16,7 @@ import pytest
 from refusals import refused
 from cases import cases
 from worlds import ROOT, content, write_world
+import written
 
 from noisy_world.core import atomic_files
 from noisy_world.core.errors import InterruptedRunError, StorageError
@@ -47,11 +48,9 @@ class Listener:
 pytestmark = pytest.mark.usefixtures("no_blender")
 
 
-def run(preset, out, *, frames=None, stop=None, overwrite=False, overrides=()):
-    plan = make_plan(read_preset(preset, overrides), frames)
+def run(preset, out, **options):
     listener = Listener()
-    report = Run(plan, out, progress=listener, stop=stop or threading.Event(), overwrite=overwrite).make_dataset()
-    return report, listener
+    return written.run(preset, out, progress=listener, **options), listener
 
 
 @pytest.fixture

@@ -13,14 +13,12 @@ import pytest
 from analytic import box_depth
 from shard_workers import workers_here
 from worlds import generate_here, path_poses, write_world
+from written import run
 from written import stored
 
 from noisy_world.images.pixels import encode_png
 from noisy_world.core.errors import InterruptedRunError
 from noisy_world.core.geometry import Intrinsics
-from noisy_world.preset.keys import read_preset
-from noisy_world.dataset.run import Run
-from noisy_world.dataset.plan import make_plan
 
 SIZE = (48, 36)
 COUNT = 6
@@ -74,11 +72,10 @@ def world(folder, *, settings=({"name": "clean"},), **output):
     )
 
 
-def make(preset, out, *, frames=None, overrides=(), stop=None, jobs=1, workers=None):
+def make(preset, out, **options):
     """Make a dataset; return what was said and the report."""
-    plan, heard = make_plan(read_preset(preset, overrides), frames), Listener()
-    run = Run(plan, out, progress=heard, stop=stop or threading.Event(), jobs=jobs, workers=workers)
-    return heard, run.make_dataset()
+    heard = Listener()
+    return heard, run(preset, out, progress=heard, **options)
 
 
 def manifest(out):

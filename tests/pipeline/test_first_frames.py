@@ -2,8 +2,6 @@
 """A path that begins with frames that see nothing ends the run, whoever renders them, and leaves nothing behind."""
 
 import json
-import sys
-import threading
 
 import fake_session
 import pytest
@@ -11,11 +9,8 @@ from refusals import refused
 from cases import cases
 from shard_workers import workers_here
 from worlds import write_world
+import written
 
-from noisy_world.preset.keys import read_preset
-from noisy_world.core.progress import PlainProgress
-from noisy_world.dataset.run import Run
-from noisy_world.dataset.plan import make_plan
 
 pytestmark = pytest.mark.usefixtures("no_blender")
 RENDER = {"engine": "cycles", "samples": 1, "backend": "reference"}
@@ -33,9 +28,7 @@ def see_nothing(monkeypatch):
 def run(path, out, *, frames=None, jobs=1):
     """Run a preset; of several jobs the last shard is made first, as if its process were the fastest."""
     workers = workers_here(path, out, frames=frames, order=lambda shards: shards[::-1])
-    plan = make_plan(read_preset(path), frames)
-    listener, stop = PlainProgress(sys.stderr), threading.Event()
-    return Run(plan, out, progress=listener, stop=stop, jobs=jobs, workers=workers).make_dataset()
+    return written.run(path, out, frames=frames, jobs=jobs, workers=workers)
 
 
 @cases("jobs", [1, 2, 3, 8])

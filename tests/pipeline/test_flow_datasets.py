@@ -3,8 +3,6 @@
 
 import io
 import json
-import sys
-import threading
 from itertools import pairwise
 
 import numpy as np
@@ -15,13 +13,12 @@ from analytic import box_depth, rays
 from cases import cases
 from many_settings import make_shard
 from worlds import HIGH, LOW, path_poses, write_replica, write_world
+from written import run
 
 from noisy_world.core.errors import StorageError
 from noisy_world.core.geometry import Intrinsics
 from noisy_world.dataset.shards import Shard
 from noisy_world.preset.keys import read_preset
-from noisy_world.core.progress import PlainProgress
-from noisy_world.dataset.run import Run
 from noisy_world.dataset.plan import make_plan
 
 SIZE = (63, 47)
@@ -51,12 +48,6 @@ def world(folder, engine, **output):
         rig=RIG,
         output={"layout": "replica", "image": "png", "modalities": ["rgb", "depth", "flow"], **output},
     )
-
-
-def run(preset, out, chosen=None):
-    made = Run(make_plan(read_preset(preset), chosen), out, progress=PlainProgress(sys.stderr), stop=threading.Event())
-    made.make_dataset()
-    return made.report
 
 
 def flows(folder):
@@ -103,7 +94,7 @@ def test_every_motion_in_closed_form(engine, tmp_path):
 def check_frames_alone(preset, folder, whole):
     """Frames that are asked for alone have the bytes of a whole run; what is lost comes back, linked as it was."""
     part = folder / "part"
-    run(preset, part, slice(2, 5))
+    run(preset, part, frames=slice(2, 5))
     alone = flows(part)
     assert len(alone) == 3 * len(SETTINGS)
     assert alone.items() <= flows(whole).items()

@@ -5,7 +5,6 @@ import hashlib
 import json
 import os
 import sys
-import threading
 
 import cv2
 import numpy as np
@@ -26,7 +25,6 @@ from noisy_world.core.errors import StorageError
 from noisy_world.core.geometry import Intrinsics
 from noisy_world.preset.keys import read_preset
 from noisy_world.core.progress import PlainProgress
-from noisy_world.dataset.run import Run
 from noisy_world.dataset.plan import make_plan
 from noisy_world.dataset.remaking import plan_of
 from noisy_world.dataset.recipe import recipe_of
@@ -100,9 +98,7 @@ def test_the_same_bytes_by_two_jobs_and_of_a_rig_s_sensor(tmp_path):
     preset = world(tmp_path / "world")
     run(preset, tmp_path / "one")
     workers = workers_here(preset, tmp_path / "two", order=lambda shards: shards[::-1])
-    plan = make_plan(read_preset(preset))
-    told, stop = PlainProgress(sys.stderr), threading.Event()
-    Run(plan, tmp_path / "two", progress=told, stop=stop, jobs=2, workers=workers).make_dataset()
+    run(preset, tmp_path / "two", jobs=2, workers=workers)
     name = "warped/box/results/depth000000.png"
     assert (tmp_path / "two" / name).read_bytes() == (tmp_path / "one" / name).read_bytes()
     document = yaml.safe_load(preset.read_text())

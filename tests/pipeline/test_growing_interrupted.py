@@ -5,7 +5,6 @@ import json
 import os
 import subprocess
 import sys
-import threading
 from pathlib import Path
 
 import fake_session
@@ -17,8 +16,6 @@ from worlds import content, write_world
 from written import run
 
 from noisy_world.preset.keys import read_preset
-from noisy_world.core.progress import PlainProgress
-from noisy_world.dataset.run import Run
 from noisy_world.dataset.plan import make_plan
 
 pytestmark = pytest.mark.usefixtures("no_blender")
@@ -87,7 +84,7 @@ def test_workers_make_only_what_is_missing(tmp_path, settings, number, source):
     change(preset, {**settings, **({"settings": [NOISE, CLEAN, FOG]} if "settings" in settings else {})})
     shards, plan = [], make_plan(read_preset(preset))
     workers = workers_here(preset, out, asked=shards)
-    Run(plan, out, progress=PlainProgress(sys.stderr), stop=threading.Event(), jobs=2, workers=workers).make_dataset()
+    run(plan, out, jobs=2, workers=workers)
     assert min(shard.start for shard in shards) == source
     after = marks(out)
     texts = ("traj.txt", "frames.jsonl")

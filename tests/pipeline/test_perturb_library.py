@@ -3,7 +3,6 @@
 
 import json
 import sys
-import threading
 from pathlib import Path
 
 import cv2
@@ -13,16 +12,15 @@ import numpy as np
 import pytest
 from refusals import refused
 from worlds import ROOT, write_world
+from written import run
 
 from noisy_world.perturbations.kinds import ColourPerturbation, DepthPerturbation
 from noisy_world.core.geometry import Intrinsics
 from noisy_world.images.pixels import quantise_depth, rgb_bytes
 from noisy_world.dataset.plan import make_plan
 from noisy_world.preset.keys import read_preset
-from noisy_world.core.progress import PlainProgress
 from noisy_world.perturb import apply, frames
 from noisy_world.perturbations import registry
-from noisy_world.dataset.run import Run
 
 RGB = [name for name, item in registry().items() if isinstance(item, ColourPerturbation)]
 DEPTH = [name for name, item in registry().items() if isinstance(item, DepthPerturbation)]
@@ -102,11 +100,7 @@ def test_the_iterator_gives_what_a_preset_writes(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "noisy_world.render.mesh_session", fake_session)
     world = write_world(tmp_path / "world", frames=9, size=(40, 32))
 
-    def make(preset, out):
-        plan = make_plan(read_preset(preset))
-        Run(plan, out, progress=PlainProgress(sys.stderr), stop=threading.Event()).make_dataset()
-
-    make(world, tmp_path / "clean")
+    run(world, tmp_path / "clean")
     folder = tmp_path / "clean/clean/box"
     preset = {
         "seed": 11,
@@ -117,7 +111,7 @@ def test_the_iterator_gives_what_a_preset_writes(tmp_path, monkeypatch):
         "output": {"image": "png"},
     }
     (tmp_path / "p.yaml").write_text(json.dumps(preset))
-    make(tmp_path / "p.yaml", tmp_path / "out")
+    run(tmp_path / "p.yaml", tmp_path / "out")
     out = tmp_path / "out/mixed/box"
     found = list(frames(folder, MIXED, seed=11, setting="mixed"))
     poses = np.loadtxt(out / "traj.txt").reshape(-1, 4, 4)

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Perturbed datasets: what is done to which frame, what is shared, and that nothing depends on how it is run."""
 
-import sys
 import threading
 import time
 from contextlib import contextmanager
@@ -18,14 +17,10 @@ from noisy_world.images import pixels as images
 from noisy_world.images.pixels import encode_colour
 from noisy_world.perturbations.parsing import parse_steps
 from noisy_world.perturbations.kinds import FrameContext
-from noisy_world.dataset.plan import make_plan
-from noisy_world.preset.keys import read_preset
-from noisy_world.core.progress import PlainProgress
 from noisy_world.core.schema import ConfigPath
 from noisy_world.perturbations import registry
 from noisy_world.dataset import making
 from noisy_world.dataset.making import colour_of
-from noisy_world.dataset.run import Run
 
 pytestmark = pytest.mark.usefixtures("no_blender")
 
@@ -140,10 +135,9 @@ def test_a_frame_alone_is_that_of_the_whole_run(world, out, tmp_path):
 
 
 def test_order_and_workers_change_no_byte(world, out, tmp_path):
-    plan, shards = make_plan(read_preset(world)), []
+    shards = []
     workers = workers_here(world, tmp_path / "jobs", order=lambda each: each[::-1], asked=shards)
-    progress = PlainProgress(sys.stderr)
-    Run(plan, tmp_path / "jobs", progress=progress, stop=threading.Event(), jobs=3, workers=workers).make_dataset()
+    run(world, tmp_path / "jobs", jobs=3, workers=workers, shards=24)
     assert {shard.render for shard in shards} == {"box", "box@shaky"}
     assert len(shards) > 3, "more than workers, so that they take turns"
     assert content(tmp_path / "jobs") == content(out)

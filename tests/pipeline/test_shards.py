@@ -19,6 +19,7 @@ import yaml
 from cases import cases
 from many_settings import make_shard
 from worlds import content, write_world
+from written import run
 
 from noisy_world.cli import command, entry, sharding
 from noisy_world.cli.sharding import missing_shards
@@ -187,7 +188,7 @@ def test_a_shard_on_another_disk_is_merged_with_its_links(world, out, tmp_path, 
                 merge_shard(self, far / shard.name)
 
     monkeypatch.setattr("noisy_world.dataset.run.Dataset", Opened)
-    Run(plan, made, progress=PlainProgress(sys.stderr), stop=threading.Event(), jobs=2, workers=workers).make_dataset()
+    run(plan, made, jobs=2, workers=workers)
     assert content(made) == content(out)
     assert list(far.iterdir()) == []
     assert {found for found in names_of_files(made) if "run.json" not in found} == {
@@ -210,9 +211,7 @@ def test_a_shard_of_something_else_is_refused(world, tmp_path):
 
 def test_what_the_dataset_has_is_not_made_again(world, out, tmp_path):
     plan = plan_of(world)
-    Run(
-        plan_of(world, slice(0, 4)), tmp_path / "made", progress=PlainProgress(sys.stderr), stop=threading.Event()
-    ).make_dataset()
+    run(world, tmp_path / "made", frames=slice(0, 4))
     fake_session.Session.rendered.clear()
     shard = Shard("box", 0, 8)
     make_shard(plan, tmp_path / "apart", shard, there=Dataset(tmp_path / "made", plan.format))
@@ -239,7 +238,7 @@ def test_the_commands(world, tmp_path, capfd, monkeypatch):
     monkeypatch.setattr(sharding, "need_blender", lambda *_: None)  # its frames come from arithmetic
     monkeypatch.setattr(entry, "stop_on_signal", lambda _: threading.Event())
     plan = plan_of(world)
-    Run(plan, tmp_path / "whole", progress=PlainProgress(sys.stderr), stop=threading.Event()).make_dataset()
+    run(plan, tmp_path / "whole")
     out, shards = tmp_path / "out", shards_of(plan, 3)
     names, here = [shard.name for shard in shards], [str(world), "--out", str(out)]
     there = shard_folder(out, shards[0])
@@ -294,7 +293,7 @@ def test_a_crash_at_every_step_costs_nothing(tmp_path, step):
     late = {"name": "late", "perturb": [{"gaussian_noise": None}, {"desync": {"offset": 1}}]}
     world = write_world(tmp_path / "crash", frames=2, size=(8, 6), settings=[late])
     plan = plan_of(world)
-    Run(plan, tmp_path / "whole", progress=PlainProgress(sys.stderr), stop=threading.Event()).make_dataset()
+    run(plan, tmp_path / "whole")
     for shard in shards_of(plan, 2):
         if shard.name != step:
             make_shard(plan, shard_folder(tmp_path / "shards", shard), shard)

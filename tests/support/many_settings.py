@@ -5,11 +5,10 @@ import json
 import sys
 import threading
 
-from noisy_world.preset.keys import read_preset
+from written import run  # noqa: F401 - of those who take settings from here
+
 from noisy_world.core.progress import PlainProgress
-from noisy_world.dataset.run import Run
 from noisy_world.dataset.run import ShardMaker
-from noisy_world.dataset.plan import make_plan
 
 SETTINGS = [
     {"name": "clean"},
@@ -32,11 +31,6 @@ SETTINGS = [
     {"sweep": {"perturb": ["brightness"], "severities": [1, 3], "modes": ["static", "dynamic"]}},
 ]
 COUNT = 8
-
-
-def run(preset, out, *, frames=None, overrides=(), stop=None):
-    plan = make_plan(read_preset(preset, overrides), frames)
-    return Run(plan, out, progress=PlainProgress(sys.stderr), stop=stop or threading.Event()).make_dataset()
 
 
 def make_shard(plan, folder, shard, *, stop=None, there=None):

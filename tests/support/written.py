@@ -14,7 +14,7 @@ from worlds import write_world
 from noisy_world.preset.keys import read_preset
 from noisy_world.core.progress import PlainProgress
 from noisy_world.dataset.run import Run
-from noisy_world.dataset.plan import make_plan
+from noisy_world.dataset.plan import Plan, make_plan
 
 SIZE = (8, 6)
 COUNT = 4
@@ -25,10 +25,11 @@ RIG = {
 }
 
 
-def run(preset, out, *, frames=None, overrides=(), stop=None, overwrite=False):
-    plan = make_plan(read_preset(preset, overrides), frames)
-    make = Run(plan, out, progress=PlainProgress(sys.stderr), stop=stop or threading.Event(), overwrite=overwrite)
-    return make.make_dataset()
+def run(preset, out, *, frames=None, overrides=(), progress=None, stop=None, **options):
+    """Make the dataset of a preset, or of a plan; return the report. options: of the run."""
+    plan = preset if isinstance(preset, Plan) else make_plan(read_preset(preset, overrides), frames)
+    listener = progress or PlainProgress(sys.stderr)
+    return Run(plan, out, progress=listener, stop=stop or threading.Event(), **options).make_dataset()
 
 
 def world(folder, layout, *, frames=COUNT, output=None, **keys):

@@ -15,8 +15,9 @@ from typing import Any, BinaryIO
 
 from .atomic_files import link_on_the_way, storage_errors, write_atomic
 from .depth_range import OutOfRange
+from .errors import InputError
 from .file_access import open_regular, open_text, read_bytes, read_text
-from .json_text import finite_number, parse_json
+from .json_text import finite_number, parse_given_json, parse_json
 from .machine import batched
 
 LARGEST_S = 1e15  # far beyond any time stamp; a whole number of JSON may be too large for a float
@@ -85,9 +86,76 @@ def read_records(path: Path) -> Iterator[FrameRecord]:
     if not path.is_file():
         return
     with contextlib.suppress(OSError), open_text(path, errors="replace") as file:
-        for line in file:
-            if record := read_record(line):
-                yield record
+        yield from records_in(file)
+
+
+def records_in(lines: Iterable[str]) -> Iterator[FrameRecord]:
+    """Yield the records of lines, without torn ones."""
+    yield from filter(None, map(read_record, lines))
+
+
+# A line as it is written, up to its files. A dataset may have millions, and to read one as JSON takes ten times longer.
+_LINE = re.compile(
+    r'\{(?:"sequence": "[^"]+", )?"frame": (\d{1,9}), "time_s": [^{"]+(?:"depth_time_s": [^{"]+)?'
+    r'"sha256": \{([^{}\\]*)\}[,}]'
+)
+_FILE = re.compile(r'"([^"]+)": "([0-9a-f]{64})"')
+
+
+def files_in(lines: Iterable[str]) -> Iterator[tuple[int, dict[str, str]]]:
+    """Yield the frame and the files of each record of lines, without torn ones."""
+    for line in lines:
+        if (found := _LINE.match(line)) and line.endswith("}\n"):
+            yield int(found[1]), dict(_FILE.findall(found[2]))
+        elif record := read_record(line):
+            yield record.frame, record.files
+
+
+def given_lines(path: Path, remedy: str) -> Iterator[tuple[str, Any]]:
+    """Yield the lines of a frames.jsonl beside a recording, which a user may have changed, as JSON values.
+
+    Each comes with its place for messages. Raises InputError where the file cannot be read, or a line is no JSON.
+    """
+    try:
+        lines = read_text(path, encoding="utf-8-sig").split("\n")
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(path, f"cannot be read: {error}") from error
+    for number, line in enumerate(lines, 1):
+        if line.strip():
+            where = f"line {number}"
+            yield where, parse_given_json(line, path, where=where, remedy=remedy)
+
+
+class FrameTable:
+    """The frames.jsonl of a finished sequence; a line is read when it is asked for: parsed, thousands take megabytes.
+
+    frames: their numbers, in order.
+    """
+
+    def __init__(self, path: Path) -> None:
+        """Find the lines. Raises OSError."""
+        self.path = path
+        found: list[tuple[int, int]] = []
+        at = 0
+        for line in read_bytes(path, largest_bytes=None).splitlines(keepends=True):
+            if match := _BEGIN.match(line):
+                found.append((int(match[1]), at))
+            at += len(line)
+        found.sort()
+        self.frames = array("q", (frame for frame, _ in found))
+        self._at = array("q", (at for _, at in found))
+
+    def record(self, place: int, remedy: str) -> FrameRecord:
+        """Return the record of the frame at a place in order. Raises InputError where its line is damaged."""
+        with open_regular(self.path) as file:
+            file.seek(self._at[place])
+            record = read_record(file.readline().decode(errors="replace"))
+        if record is None:
+            raise InputError(self.path, "its line is damaged", where=f"frame {self.frames[place]}", remedy=remedy)
+        return record
+
+
+_BEGIN = re.compile(rb'\{"frame": ([0-9]{1,18}), "time_s": ')
 
 
 def read_record(line: str) -> FrameRecord | None:
@@ -316,7 +384,7 @@ class Journals:
         """Yield the records of a sequence; a frame may have several. without: a journal that is not asked."""
         for path, lines in self.lines(sequence):
             if path != without:
-                yield from filter(None, map(read_record, lines))
+                yield from records_in(lines)
 
     def rewrite(self, changed: Mapping[str, Iterable[FrameRecord] | None], scratch: Path) -> None:
         """Write the journals of some scenes again.

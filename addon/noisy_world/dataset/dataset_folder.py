@@ -36,8 +36,8 @@ from ..core.frame_table import (
     has_journal,
     joined_records,
     journal_path,
-    read_record,
     read_records,
+    records_in,
 )
 from ..core.json_text import canonical
 from ..layouts import FrameNames, OutputFormat
@@ -345,7 +345,7 @@ class Dataset:
         found = joined_records((*written.values(), *begun.values()))
         checked = (self._intact(folder, record) for record in found.values())
         lines = (line for path, lines in self._journals.lines(folder) if path == fresh for line in lines)
-        merged = plausible_records(filter(None, map(read_record, lines)), names, count).values()  # hashed when merged
+        merged = plausible_records(records_in(lines), names, count).values()  # hashed when merged
         intact = joined_records((*(record for record in checked if record.files), *merged))
         if intact != self.records(folder):
             self._changed[folder] = tuple(intact.values())

@@ -2,7 +2,6 @@
 """A finished dataset, in a folder or packed: its manifest and its own records of its files."""
 
 import io
-import json
 import re
 import threading
 from collections.abc import Callable, Iterator
@@ -17,7 +16,7 @@ from numpy.typing import NDArray
 from ..channels import CHANNELS, in_order
 from ..core.atomic_files import sha256_of_bytes
 from ..core.errors import InputError
-from ..core.frame_table import FRAMES, FrameRecord, read_records
+from ..core.frame_table import FRAMES, FrameRecord, files_in, read_records
 from ..core.geometry import Intrinsics
 from ..core.json_text import parse_json, read_json
 from ..core.lens import DEPTH_CAMERA, DISTORTION, Optics
@@ -284,9 +283,7 @@ class Content(FinishedDataset):
     def files(self, sequence: str) -> Iterator[tuple[int, dict[str, str]]]:
         """Yield the frames of a sequence, each with the SHA-256 of its images by name."""
         data = self.file(f"{sequence}/{FRAMES}", self.manifest["files"][sequence][FRAMES])
-        for line in data.decode().splitlines():
-            record: dict[str, Any] = json.loads(line)
-            yield record["frame"], record["sha256"]
+        yield from files_in(data.decode().splitlines(keepends=True))
 
     def frames(self, sequence: str) -> list[FrameImages]:
         """Return a sequence's frames, in order. Raises StorageError, InputError where its text files are damaged."""

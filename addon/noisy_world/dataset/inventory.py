@@ -6,7 +6,6 @@ Reading changes nothing and takes no lock, so it may be done while a run writes.
 
 import contextlib
 import os
-import re
 import threading
 from collections import Counter, deque
 from collections.abc import Callable, Collection, Container, Iterable, Iterator, Mapping, Set
@@ -17,7 +16,7 @@ from typing import TypeAlias
 from ..core.atomic_files import Hasher
 from ..core.errors import InputError, InterruptedRunError
 from ..core.file_access import open_text
-from ..core.frame_table import FRAMES, FrameRecord, Journals, joined_records, read_record, read_records
+from ..core.frame_table import FRAMES, FrameRecord, Journals, files_in, joined_records, read_records
 from .finished import CARD, CROISSANT, NOTHING, TABLE, TAR_SUFFIX, Packed, is_packed, open_packed, tar_name
 from .folder_state import MANIFEST, OVERVIEW, RUN, WORK_FOLDER, read_dataset_state
 from .tar_files import TarContent, tar_contents
@@ -121,7 +120,7 @@ class FolderPart:
         found: Recorded = {}
         written: list[JournalTimes] = []
         sources = [(_lines(self.images / FRAMES), False)]
-        sources += [(_recorded(lines), True) for _, lines in (self.journals.lines(self.name) if self.journals else ())]
+        sources += [(files_in(lines), True) for _, lines in (self.journals.lines(self.name) if self.journals else ())]
         sources += [(((record.frame, record.files) for record in self.records), True)] if self.records else []
         for lines, by_run in sources:
             newest: deque[dict[str, str]] = deque(maxlen=RECENT)
@@ -194,29 +193,11 @@ def counted(images: Path, frames: int, images_each: int) -> FileInventory | None
     return FileInventory(frames) if there >= frames * images_each else None
 
 
-# A line as it is written, up to its files. A dataset may have millions, and to read one as JSON takes ten times longer.
-_LINE = re.compile(
-    r'\{(?:"sequence": "[^"]+", )?"frame": (\d{1,9}), "time_s": [^{"]+(?:"depth_time_s": [^{"]+)?'
-    r'"sha256": \{([^{}\\]*)\}[,}]'
-)
-_FILE = re.compile(r'"([^"]+)": "([0-9a-f]{64})"')
-
-
 def _lines(path: Path) -> Iterator[tuple[int, dict[str, str]]]:
     """Yield the frame and the files of each record of a file, without torn lines; none where there is no such file."""
-    if not path.is_file():
-        return
-    with contextlib.suppress(OSError), open_text(path, errors="replace") as file:
-        yield from _recorded(file)
-
-
-def _recorded(lines: Iterable[str]) -> Iterator[tuple[int, dict[str, str]]]:
-    """Yield the frame and the files of each line that holds a record."""
-    for line in lines:
-        if (found := _LINE.match(line)) and line.endswith("}\n"):
-            yield int(found[1]), dict(_FILE.findall(found[2]))
-        elif record := read_record(line):
-            yield record.frame, record.files
+    if path.is_file():
+        with contextlib.suppress(OSError), open_text(path, errors="replace") as file:
+            yield from files_in(file)
 
 
 def _written(images: Path, newest: Iterable[dict[str, str]], images_each: int) -> JournalTimes | None:

@@ -3,9 +3,9 @@
 
 import json
 import os
-import re
 import tarfile
 import threading
+from bisect import bisect_left
 from collections.abc import Collection
 from dataclasses import replace
 from functools import cached_property, lru_cache
@@ -19,8 +19,8 @@ from ..channels import CHANNELS, COLOUR_AND_DEPTH
 from ..channels.rgb import CHANNEL as RGB
 from ..core.atomic_files import sha256_of_bytes
 from ..core.errors import InputError
-from ..core.file_access import open_regular, read_bytes
-from ..core.frame_table import FRAMES
+from ..core.file_access import read_bytes
+from ..core.frame_table import FRAMES, FrameRecord, FrameTable
 from ..core.geometry import Intrinsics
 from ..core.lens import DepthCamera, Distortion
 from ..images.image_files import damage
@@ -35,7 +35,6 @@ from .tar_files import texts_of
 
 KEPT = 64  # sequences whose files and poses stay in memory, a megabyte or two each
 MEND = "'noisy-world verify' tells what else is damaged; the command that made the dataset mends it"
-_RECORD = re.compile(rb'\{"frame": ([0-9]{1,18}), "time_s": ')
 
 
 class OpenedFolder(Opened):
@@ -120,7 +119,7 @@ class SequenceOfFiles(OpenedSequence):
         """Find its files. Raises InputError where they are missing or do not match."""
         self.name = name
         self.stored = find_sequence(folder)
-        self._records = _Records.of(folder / FRAMES, self.stored)
+        self._records = _Records(folder / FRAMES, len(self.stored.rgb_files))
 
     @property
     def frames(self) -> FrameNumbers:
@@ -153,50 +152,25 @@ class SequenceOfFiles(OpenedSequence):
 
 
 class _Records:
-    """What frames.jsonl says, a line read when it is asked for: parsed, thousands would take megabytes."""
+    """What frames.jsonl says of the images of a sequence; nothing where there is none."""
 
-    def __init__(self, path: Path, numbers: FrameNumbers, order: NDArray[np.int64], offsets: NDArray[np.int64]) -> None:
-        """Take the frames' numbers in order. offsets: of their lines; none where there is no file."""
+    def __init__(self, path: Path, count: int) -> None:
+        """Find the lines. count: of the images. Raises InputError where they are not those of the images."""
         self.path = path
-        self.numbers = numbers
-        self._order = order
-        self._offsets = offsets
-
-    @classmethod
-    def of(cls, path: Path, stored: StoredSequence) -> "_Records":
-        """Find the lines. Raises InputError where they are not those of the images."""
-        count = len(stored.rgb_files)
-        if not path.is_file():
-            nothing = np.zeros(0, np.int64)
-            return cls(path, FrameNumbers([range(count)]), np.arange(count), nothing)
-        data = read_bytes(path)
-        starts = [0, *(match.end() for match in re.finditer(rb"\n", data))]
-        found = [(int(match[1]), start) for start in starts if (match := _RECORD.match(data, start))]
-        frames = sorted(found)
-        if len({frame for frame, _ in frames}) != count:
+        self._table = FrameTable(path) if path.is_file() else None
+        frames = range(count) if self._table is None else self._table.frames
+        if len(set(frames)) != count:
             raise InputError(path, f"tells of {len(frames)} frames, and there are {count} images", remedy=MEND)
-        order, offsets = (np.array(values, dtype=np.int64) for values in zip(*frames, strict=True))
-        return cls(path, FrameNumbers.of(order.tolist()), order, offsets)
+        self.numbers = FrameNumbers.of(list(frames))
+        self._order = frames
 
     def place(self, frame: int) -> int:
         """Return the place of a frame among the images."""
-        return int(np.searchsorted(self._order, frame))
+        return bisect_left(self._order, frame)
 
-    def record(self, place: int) -> dict[str, Any]:
-        """Return the line of the frame at a place; {} where there is none. Raises InputError where it is damaged."""
-        if not self._offsets.size:
-            return {}
-        with open_regular(self.path) as file:
-            file.seek(self._offsets[place])
-            line = file.readline()
-        try:
-            record: dict[str, Any] = json.loads(line)
-            _ = (float(record["time_s"]), float(record.get("depth_time_s", 0)), dict(record["sha256"]))
-            _ = {**record.get("perturbed", {})}  # an object, too
-        except (ValueError, KeyError, TypeError) as error:
-            where = f"frame {self._order[place]}"
-            raise InputError(self.path, "its line is damaged", where=where, remedy=MEND) from error
-        return record
+    def record(self, place: int) -> FrameRecord | None:
+        """Return the record of the frame at a place; None without any. Raises InputError where its line is damaged."""
+        return None if self._table is None else self._table.record(place, MEND)
 
 
 class FrameOfFiles(Frame):
@@ -207,14 +181,16 @@ class FrameOfFiles(Frame):
         self.sequence = sequence
         self.index = index
         record = records.record(place)
-        self._done: dict[str, Any] = record.get("perturbed", {})
-        stamps = stored.stamps
-        self.stamp_s = float(record.get("time_s", stamps.rgb.seconds[place]))
-        depth_s = self.stamp_s if record else stamps.depth.seconds[place]
-        self.depth_stamp_s = float(record.get("depth_time_s", depth_s))
+        self._done: dict[str, Any] = {} if record is None else record.perturbed
+        if record is None:
+            self.stamp_s = float(stored.stamps.rgb.seconds[place])
+            self.depth_stamp_s = float(stored.stamps.depth.seconds[place])
+        else:
+            self.stamp_s = record.time_s
+            self.depth_stamp_s = record.time_s if record.depth_time_s is None else record.depth_time_s
         self.c2w = stored.trajectory.c2w[place].copy()
         self._files = _files(stored, place, record, records.path)
-        self._digests: dict[str, str] = record.get("sha256", {})
+        self._digests: dict[str, str] = {} if record is None else record.files
         self._folder = stored.folder
 
     @property
@@ -265,19 +241,19 @@ class FrameOfFiles(Frame):
         return self._done
 
 
-def _files(stored: StoredSequence, place: int, record: dict[str, Any], path: Path) -> StoredFrame:
+def _files(stored: StoredSequence, place: int, record: FrameRecord | None, path: Path) -> StoredFrame:
     """Return the images of a frame: those that its record names, which pairs them."""
     frame = stored.frame(place)
-    names = {series_of(name): name for name in record.get("sha256", ())}
-    if not names or frame.depth_file is None:
+    names = {} if record is None else {series_of(name): name for name in record.files}
+    if record is None or not names or frame.depth_file is None:
         return frame
     rgb, depth = (
         names.get(series_of(file.relative_to(stored.folder).as_posix())) for file in (frame.rgb_file, frame.depth_file)
     )
     if rgb is None or depth is None or stored.folder / rgb != frame.rgb_file:
-        where = f"frame {record['frame']}"
+        where = f"frame {record.frame}"
         raise InputError(path, f"does not name {frame.rgb_file.name} and its depth", where=where, remedy=MEND)
-    return replace(frame, depth_file=stored.folder / depth, depth_sha256=record["sha256"][depth])
+    return replace(frame, depth_file=stored.folder / depth, depth_sha256=record.files[depth])
 
 
 def _content(path: Path) -> bytes:

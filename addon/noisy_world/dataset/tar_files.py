@@ -13,7 +13,7 @@ from dataclasses import asdict, dataclass, field
 from typing import Any, Protocol
 
 from ..core.errors import InterruptedRunError
-from ..core.frame_table import FRAMES, FrameRecord, joined_records, read_record
+from ..core.frame_table import FRAMES, FrameRecord, joined_records, records_in
 from ..core.lens import DEPTH_CAMERA, DepthCamera
 from ..core.machine import done_ahead
 from ..layouts import Modality
@@ -83,7 +83,7 @@ def read_tar(store: Store, sequence: str, size: int, stopped: Callable[[], bool]
             found.add(tar, member)
     while stream.read(PIECE_BYTES):
         pass
-    records = joined_records(filter(None, map(read_record, found.lines(sequence))))
+    records = joined_records(records_in(found.lines(sequence)))
     return TarContent(found.digests, records, stream.sha256)
 
 

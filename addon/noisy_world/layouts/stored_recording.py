@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 
 from ..core.errors import InputError, Message, PresetKey
 from ..core.file_access import read_text
-from ..core.frame_table import FRAMES
+from ..core.frame_table import FRAMES, given_lines
 from ..core.geometry import Intrinsics
-from ..core.json_text import finite_number, parse_given_json
+from ..core.json_text import finite_number
 from ..core.lens import PINHOLE, Optics
 from ..core.trajectory import FrameStamps, Stamps, Trajectory
 from ..images.image_files import WholeFile, check_whole, read_header
@@ -41,16 +41,8 @@ def read_digests(folder: Path) -> dict[str, str]:
     path = folder / FRAMES
     if not os.path.lexists(path):
         return {}
-    try:
-        lines = read_text(path, encoding="utf-8-sig").split("\n")
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(path, f"cannot be read: {error}") from error
     found: dict[str, str] = {}
-    for number, line in enumerate(lines, 1):
-        if not line.strip():
-            continue
-        where = f"line {number}"
-        record = parse_given_json(line, path, where=where, remedy=_REMEDY)
+    for where, record in given_lines(path, _REMEDY):
         digests = record.get("sha256", {}) if isinstance(record, dict) else None
         if not isinstance(digests, dict) or not all(map(_is_digest, digests.values())):
             raise InputError(path, "tells no SHA-256 by the files' names", where=where, remedy=_REMEDY)
@@ -359,11 +351,7 @@ def read_frame_times(folder: Path, frames: Sequence[int]) -> FrameStamps | None:
 def _times(path: Path) -> dict[int, tuple[float, float]]:
     """Return by frame the stamps of its colour and of its depth."""
     times_s: dict[int, tuple[float, float]] = {}
-    for number, line in enumerate(recorded_text(path).split("\n"), 1):
-        if not line.strip():
-            continue
-        where = f"line {number}"
-        record = parse_given_json(line, path, where=where, remedy=_FRAME_TIMES_REMEDY)
+    for where, record in given_lines(path, _FRAME_TIMES_REMEDY):
         if not isinstance(record, dict) or not _is_frame(record.get("frame")) or record["frame"] in times_s:
             raise InputError(path, "is no line for a frame of its own", where=where, remedy=_FRAME_TIMES_REMEDY)
         time_s = finite_number(record.get("time_s"))
