@@ -132,8 +132,12 @@ def sphere_mesh(centre, radius, rings):
     longitude = np.linspace(0, 2 * np.pi, rings + 1)
     a, b = np.meshgrid(latitude, longitude, indexing="ij")
     vertices = centre + radius * np.stack([np.cos(a) * np.cos(b), np.cos(a) * np.sin(b), np.sin(a)], axis=-1)
-    index = np.arange(vertices.size // 3).reshape(a.shape)
+    return grid_mesh(vertices)
+
+
+def grid_mesh(vertices_m):
+    """A mesh of the quads between neighbours of a grid of vertices (rows, columns, 3)."""
+    index = np.arange(vertices_m.size // 3).reshape(vertices_m.shape[:2])
     quads = np.stack([index[:-1, :-1], index[:-1, 1:], index[1:, 1:], index[1:, :-1]], axis=-1).reshape(-1, 4)
-    return Mesh(
-        vertices.reshape(-1, 3), None, quads.ravel().astype(np.int32), np.arange(0, quads.size, 4, dtype=np.int32)
-    )
+    starts = np.arange(0, quads.size, 4, dtype=np.int32)
+    return Mesh(vertices_m.reshape(-1, 3), None, quads.ravel().astype(np.int32), starts)

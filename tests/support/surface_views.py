@@ -4,11 +4,10 @@
 from dataclasses import replace
 
 import numpy as np
-from analytic import box_depth, box_mesh, look_at, plane_mesh, quads_mesh, rays, sphere_depth
+from analytic import box_depth, box_mesh, grid_mesh, look_at, plane_mesh, quads_mesh, rays, sphere_depth
 from ray_tools import OPTIONS
 
 from noisy_world.core.geometry import Intrinsics
-from noisy_world.scenes.polygon_mesh import Mesh
 from noisy_world.core.frame_request import SensorPaths
 from noisy_world.core.trajectory import evenly_stamped
 from noisy_world.sources.renderers import open_session
@@ -66,14 +65,7 @@ def sphere():
     up, right = np.sin(a), np.cos(a) * np.sin(b)
     # Not 1 - cos: that would lose the digits that the facets' directions are made of.
     inward = 2 * np.sin(a / 2) ** 2 + np.cos(a) * 2 * np.sin(b / 2) ** 2
-    index = np.arange(a.size).reshape(a.shape)
-    quads = np.stack([index[:-1, :-1], index[:-1, 1:], index[1:, 1:], index[1:, :-1]], axis=-1).reshape(-1, 4)
-    mesh = Mesh(
-        radius * np.stack([inward, right, up], axis=-1).reshape(-1, 3),
-        None,
-        quads.ravel().astype(np.int32),
-        np.arange(0, quads.size, 4, dtype=np.int32),
-    )
+    mesh = grid_mesh(radius * np.stack([inward, right, up], axis=-1))
     centre = np.array([radius, 0.0, 0.0])
     depth, hit = sphere_depth(camera, view, centre, radius)
     points = view[:3, 3] + np.where(hit, depth, 0)[..., None] * rays(camera, view)
