@@ -24,7 +24,7 @@ from noisy_world.extend import (
     key,
 )
 from noisy_world.sources import SOURCES
-from noisy_world.sources.scene_files import found_path
+from noisy_world.sources.scene_files import located_path
 
 # --- ours: for each source what its scene says, and its files ---
 
@@ -109,7 +109,7 @@ class WallKind(SingleSceneKind):
         self.source = source
 
     def open(self, entry):
-        return self.source(found_path(entry.preset, entry.source_place, entry.keys.wall))
+        return self.source(located_path(entry.preset, entry.source_place, entry.keys.wall))
 
 
 class Unseeded(Wall):

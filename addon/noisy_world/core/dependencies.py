@@ -236,7 +236,7 @@ def old_opencv() -> str:
     if not version or int(version.partition(".")[0]) >= OLDEST:
         return ""
     needed = NEEDED["cv2"]
-    others = _packages_beside(needed)
+    others = _other_packages(needed)
     whose = f", of the package {', '.join(others)}," if others else ""
     python = f"Python {sys.version_info.major}.{sys.version_info.minor}"
     problem = f"OpenCV is {version}{whose} in this {python}, and {OLDEST} is needed, as older ones give other pixels"
@@ -262,7 +262,7 @@ def _version() -> str:
     return found[0] if found else ""
 
 
-def _packages_beside(needed: str) -> list[str]:
+def _other_packages(needed: str) -> list[str]:
     """Return the installed packages that bring OpenCV, but for the one that is needed."""
     import importlib.metadata
 

@@ -17,7 +17,7 @@ from .atomic_files import link_on_the_way, storage_errors, write_atomic
 from .depth_range import OutOfRange
 from .errors import InputError
 from .file_access import open_regular, open_text, read_bytes, read_text
-from .json_text import finite_number, parse_given_json, parse_json
+from .json_text import finite_number, parse_json, parse_json_file
 from .machine import batched
 
 LARGEST_S = 1e15  # far beyond any time stamp; a whole number of JSON may be too large for a float
@@ -123,7 +123,7 @@ def given_lines(path: Path, remedy: str) -> Iterator[tuple[str, Any]]:
     for number, line in enumerate(lines, 1):
         if line.strip():
             where = f"line {number}"
-            yield where, parse_given_json(line, path, where=where, remedy=remedy)
+            yield where, parse_json_file(line, path, where=where, remedy=remedy)
 
 
 class FrameTable:

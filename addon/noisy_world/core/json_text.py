@@ -52,7 +52,7 @@ def parse_json(text: str) -> Any:
     return value
 
 
-def parse_given_json(text: str, path: Path, *, where: str = "", remedy: str = "") -> Any:
+def parse_json_file(text: str, path: Path, *, where: str = "", remedy: str = "") -> Any:
     """Return the value of a JSON text that a user gave. Raises InputError, which names the file and `where`."""
     try:
         return parse_json(text)

@@ -41,7 +41,7 @@ InIdentity: TypeAlias = Literal["value", "meaning", "nothing"]
 _TRUTH = {"on": True, "yes": True, "true": True, "off": False, "no": False, "false": False}
 """Words that YAML 1.1 reads as truth values, where they are not in quotes; as choices they are meant as words."""
 
-LONGEST_SHOWN = 60  # characters of a user's text that a message repeats
+LONGEST_QUOTED = 60  # characters of a user's text that a message repeats
 
 
 class Dataclass(Protocol):
@@ -171,7 +171,7 @@ class ConfigPath:
     def at(self, name: str | int) -> "ConfigPath":
         """Return the place of a value inside this one."""
         text = str(name)
-        step = text if text.isprintable() and 0 < len(text) <= LONGEST_SHOWN else shown(text)
+        step = text if text.isprintable() and 0 < len(text) <= LONGEST_QUOTED else quoted(text)
         return ConfigPath(self.file, f"{self.path}.{step}" if self.path else step, self.data)
 
     def error(self, problem: str, remedy: Part = "") -> InputError:
@@ -210,13 +210,13 @@ def parse(cls: type[T], value: object, place: ConfigPath) -> T:
 def unknown_name(place: ConfigPath, kind: str, name: str, known: Sequence[str]) -> InputError:
     """Return the error for an unknown name, with the nearest known one."""
     remedy = did_you_mean(name, known) or f"known here: {', '.join(known)}"
-    return place.error(f"unknown {kind} {shown(name)}", remedy)
+    return place.error(f"unknown {kind} {quoted(name)}", remedy)
 
 
-def shown(value: str | float) -> str:
+def quoted(value: str | float) -> str:
     """Return a text in quotes, or a number, as short as a message needs it."""
     if isinstance(value, str):
-        cut = value if len(value) <= LONGEST_SHOWN else value[:LONGEST_SHOWN]
+        cut = value if len(value) <= LONGEST_QUOTED else value[:LONGEST_QUOTED]
         return repr(cut) if cut is value else f"{cut!r}... ({len(value)} characters)"
     if isinstance(value, int) and value.bit_length() > 64:
         return f"{'-' if value < 0 else ''}2^{value.bit_length() - 1} or more"
@@ -231,9 +231,9 @@ def describe(value: object) -> str:
         case bool():
             return f"the truth value {str(value).lower()}"
         case int() | float():
-            return f"the number {shown(value)}"
+            return f"the number {quoted(value)}"
         case str():
-            return f"the text {shown(value)}"
+            return f"the text {quoted(value)}"
         case Mapping():
             return "a mapping"
         case Sequence() if not isinstance(value, bytes):
@@ -312,11 +312,11 @@ def _parse_number(hint: type, value: float, place: ConfigPath, info: KeyInfo) ->
     except OverflowError:
         number, finite = math.inf, False
     if not finite:
-        raise place.error(f"is {shown(value)}, but has to be finite")
+        raise place.error(f"is {quoted(value)}, but has to be finite")
     too_low = info.minimum is not None and number < info.minimum
     too_high = info.maximum is not None and number > info.maximum
     if too_low or too_high or (info.above is not None and number <= info.above):
-        raise place.error(f"is {shown(value)}{_unit(info)}, out of range", f"allowed: {allowed_range(info)}")
+        raise place.error(f"is {quoted(value)}{_unit(info)}, out of range", f"allowed: {allowed_range(info)}")
     return number
 
 
@@ -560,7 +560,7 @@ def _loader() -> "type[yaml.SafeLoader]":
                 raise _refused(problem, event.start_mark)
             node = super().compose_node(parent, index)
             if alias and isinstance(node, yaml.CollectionNode) and node.end_mark is None:
-                raise _refused(f"*{shown(event.anchor)} stands inside what it names", event.start_mark)
+                raise _refused(f"*{quoted(event.anchor)} stands inside what it names", event.start_mark)
             self.depth -= 1
             return node
 
@@ -646,7 +646,7 @@ class _Values:
                     f"a key is {describe(name)}, but has to be a text", key_node.start_mark, "put it in quotes"
                 )
             if name in own:
-                raise _refused(f"the key {shown(name)} is given twice", key_node.start_mark, "keep one of them")
+                raise _refused(f"the key {quoted(name)} is given twice", key_node.start_mark, "keep one of them")
             own[name] = self.of(value_node)
         return own if merged is None else merged | own
 
@@ -668,7 +668,7 @@ def _wrong_tag(node: "yaml.Node") -> "yaml.YAMLError":
     if node.value in ("=", "<<"):
         return _refused(f"{node.value!r} has a meaning of its own in YAML", node.start_mark, "put it in quotes")
     problem = (
-        f"the tag {shown(name)} does not fit: YAML is read here as mappings, lists, texts, numbers, true and false"
+        f"the tag {quoted(name)} does not fit: YAML is read here as mappings, lists, texts, numbers, true and false"
     )
     return _refused(problem, node.start_mark, "leave the tag out")
 
@@ -689,7 +689,7 @@ def _scalar(node: "yaml.ScalarNode") -> Any:
         case "int" | "float" as kind:
             return _number(node, kind)
         case "null" | "bool" as kind:
-            raise _refused(f"{shown(text)} is no value of !!{kind}", node.start_mark, "leave the tag out")
+            raise _refused(f"{quoted(text)} is no value of !!{kind}", node.start_mark, "leave the tag out")
         case _:
             raise _wrong_tag(node)
 
@@ -702,7 +702,7 @@ def _number(node: "yaml.ScalarNode", kind: str) -> float:
         problem = f"is a number of {len(text)} characters; at most {LONGEST_NUMBER} are read"
         raise _refused(problem, node.start_mark)
     if _SEXAGESIMAL.fullmatch(text):
-        problem = f"{shown(text)} is a number to base 60 in YAML 1.1, and a text in YAML 1.2"
+        problem = f"{quoted(text)} is a number to base 60 in YAML 1.1, and a text in YAML 1.2"
         raise _refused(problem, node.start_mark, "write a plain number, or put the text in quotes")
     digits = text.replace("_", "")
     if kind == "float":
@@ -712,7 +712,7 @@ def _number(node: "yaml.ScalarNode", kind: str) -> float:
             return float(digits)
     elif whole := _WHOLE.fullmatch(text):
         return _whole_number(node, whole[1], digits.lstrip("+-"))
-    raise _refused(f"{shown(text)} is no {wanted}", node.start_mark, "leave the tag out, or put a text in quotes")
+    raise _refused(f"{quoted(text)} is no {wanted}", node.start_mark, "leave the tag out, or put a text in quotes")
 
 
 def _whole_number(node: "yaml.ScalarNode", sign: str, digits: str) -> int:
@@ -720,10 +720,10 @@ def _whole_number(node: "yaml.ScalarNode", sign: str, digits: str) -> int:
         number = int(digits[2:], 2 if digits[1] == "b" else 16)
     elif digits[0] == "0" and len(digits) > 1:
         if set(digits) & set("89"):
-            raise _refused(f"{shown(node.value)} is no whole number", node.start_mark, "leave out the zeros before it")
+            raise _refused(f"{quoted(node.value)} is no whole number", node.start_mark, "leave out the zeros before it")
         number = int(digits)
         if number != (octal := int(digits, 8)):
-            problem = f"{shown(node.value)} is {shown(octal)} in YAML 1.1, and {shown(number)} in YAML 1.2"
+            problem = f"{quoted(node.value)} is {quoted(octal)} in YAML 1.1, and {quoted(number)} in YAML 1.2"
             raise _refused(problem, node.start_mark, "leave out the zeros before it, or put a text in quotes")
     else:
         number = int(digits)

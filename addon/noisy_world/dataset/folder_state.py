@@ -24,7 +24,7 @@ from ..core.frame_table import (
     remove_journals,
 )
 from ..core.json_text import read_json
-from ..core.schema import shown
+from ..core.schema import quoted
 from ..layouts import LAYOUTS
 from .identity import BETWEEN, FORMAT, cameras_of, setting_problem
 
@@ -221,7 +221,7 @@ def identity_problem(value: Any) -> str:
         return ""
     whole = _fits(value, _IDENTITY) and _has_cameras(value)
     if whole and value["output"]["layout"] not in LAYOUTS:
-        layout = shown(value["output"]["layout"])
+        layout = quoted(value["output"]["layout"])
         return f"is in the layout {layout}, which is not known here: install the package that brings it"
     whole = whole and all(0 < scene["path"]["frames"] <= MOST_FRAMES for scene in value["scenes"].values())
     if not whole or not (value["render"] is None or _fits(value["render"], _RENDER)):

@@ -21,7 +21,7 @@ from ..core.errors import InputError
 from ..core.geometry import Intrinsics
 from ..core.lens import DepthCamera, Distortion
 from ..core.machine import end_opencv_threads_before_forks
-from ..core.schema import ConfigPath, shown
+from ..core.schema import ConfigPath, quoted
 from ..preset.names import near_names, selected
 from .recipe import FrameNumbers
 
@@ -278,7 +278,7 @@ class Opened(Mapping[str, OpenedSequence]):
 
     def _unknown(self, name: object) -> InputError:
         near = ", ".join(near_names(str(name), list(self._names)))
-        return InputError(self.place, f"holds no sequence {shown(str(name))}", remedy=f"near it: {near}")
+        return InputError(self.place, f"holds no sequence {quoted(str(name))}", remedy=f"near it: {near}")
 
 
 class Sample(TypedDict):

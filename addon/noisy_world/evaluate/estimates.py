@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..core.errors import InputError, NotFiniteError
 from ..core.file_access import open_regular
-from ..core.schema import shown
+from ..core.schema import quoted
 from ..core.trajectory import Axes, Direction
 from ..trajectories.pose_files import StampUnit
 from ..trajectories.stamped_poses import first_of_equal
@@ -321,7 +321,7 @@ def _numbers_by_name(path: Path, read: ReadPoses, frames: Frames) -> NDArray[np.
     for row, name in enumerate(read.names):
         found = numbered.get(_file_name(name), [])
         if len(found) != 1:
-            problem = f"{shown(name)} is the name of {len(found)} frames' colour images"
+            problem = f"{quoted(name)} is the name of {len(found)} frames' colour images"
             raise InputError(path, problem, where=read.places[row], remedy="each image has to be that of one frame")
         numbers.append(found[0])
     return np.array(numbers, dtype=np.int64)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from ..core.errors import InputError
 from ..core.file_access import read_text
 from ..core.json_text import read_json
-from ..core.schema import shown
+from ..core.schema import quoted
 from .cases import CLEAN, text_of
 from .metrics import FAILED, INCOMPLETE, PAPER_METRICS, PAPER_PREFIX
 from .run_tables import complete_runs, with_over_clean, with_results
@@ -128,7 +128,7 @@ def _check_folders(names: list[str], path: Path, column: str) -> None:
     """Raise InputError for a name that is none of a folder: what it leads to would be read."""
     for line, name in enumerate(names, start=2):
         if name in ("", ".", "..") or "/" in name or not name.isprintable() or len(name.encode()) > LONGEST_NAME_BYTES:
-            raise InputError(path, f"{shown(name)} is no name", where=f"line {line}, column {column!r}", remedy=REMEDY)
+            raise InputError(path, f"{quoted(name)} is no name", where=f"line {line}, column {column!r}", remedy=REMEDY)
 
 
 def read_texts(path: Path) -> "DataFrame":

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from ..core.errors import InputError
-from ..core.schema import shown
+from ..core.schema import quoted
 from ..core.trajectory import Axes, Direction, Trajectory
 from ..layouts import find_sequence, recognising
 from ..layouts.stored_recording import RATE_HZ, StoredSequence
@@ -39,7 +39,7 @@ def read_frame_list(path: Path) -> Frames:
         if not data or (not stamps and is_header(words[0])):
             continue
         if len(words[0]) > _MOST_DIGITS or not _NUMBER.fullmatch(words[0]):
-            raise InputError(path, f"{shown(words[0])} is no time stamp", where=f"line {number}", remedy=_REMEDY)
+            raise InputError(path, f"{quoted(words[0])} is no time stamp", where=f"line {number}", remedy=_REMEDY)
         stamps.append(Decimal(words[0]))
         names.append(words[1] if len(words) > 1 else "")
     if not stamps:

@@ -17,7 +17,7 @@ from ..core.dependencies import PACKAGE, checkout
 from ..core.entry_points import Brought, Distribution, add, loaded_entries
 from ..core.errors import InputError, NoisyWorldError
 from ..core.file_access import read_bytes
-from ..core.schema import Choice, ConfigPath, key, parse, read_yaml, shown, unknown_name
+from ..core.schema import Choice, ConfigPath, key, parse, quoted, read_yaml, unknown_name
 from ..layouts import LAYOUTS
 from .estimate_formats import LARGEST_READ_BYTES, StampsOf
 from .estimates import FORMATS
@@ -67,11 +67,11 @@ _NAME = re.compile(r"[a-z0-9][a-z0-9_\-]{0,63}")
 
 
 def _no_name(text: str) -> str:
-    return "" if _NAME.fullmatch(text) else f"{shown(text)} is no name: small letters, digits, _ and -, at most 64"
+    return "" if _NAME.fullmatch(text) else f"{quoted(text)} is no name: small letters, digits, _ and -, at most 64"
 
 
 def _no_variable(text: str) -> str:
-    return "" if _VARIABLE.fullmatch(text) else f"{shown(text)} is no NAME=VALUE"
+    return "" if _VARIABLE.fullmatch(text) else f"{quoted(text)} is no NAME=VALUE"
 
 
 def _no_word(text: str) -> str:
@@ -84,7 +84,7 @@ def _no_word(text: str) -> str:
 def _no_file(text: str) -> str:
     path = Path(text)
     inside = text and not path.is_absolute() and ".." not in path.parts
-    return "" if inside else f"{shown(text)} is no file inside the folder that the system writes into"
+    return "" if inside else f"{quoted(text)} is no file inside the folder that the system writes into"
 
 
 @dataclass(frozen=True)
@@ -274,7 +274,7 @@ def _check(system: System, place: ConfigPath) -> None:
                 place.at("reads")
                 .at("layouts")
                 .at(index)
-                .error(f"{shown(name)} is no layout", f"known here: {', '.join(LAYOUTS)}")
+                .error(f"{quoted(name)} is no layout", f"known here: {', '.join(LAYOUTS)}")
             )
     if not system.reads.modalities:
         raise place.at("reads").at("modalities").error("is empty", "name colour, depth or both")

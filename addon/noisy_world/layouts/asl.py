@@ -24,7 +24,7 @@ from ..core.geometry import (
 )
 from ..core.json_text import finite_number
 from ..core.lens import Distortion
-from ..core.schema import read_yaml, shown
+from ..core.schema import quoted, read_yaml
 from ..core.trajectory import NS_PER_S, Stamps, Trajectory, rounded_numbers, rounded_poses
 from ..trajectories.formats import read_trajectory
 from ..trajectories.rig import Imu, ImuModel, ImuSamples, ImuStates, RecordedImu, Rig, Sensor
@@ -316,7 +316,7 @@ def read_samples(text: str, file: Path | str) -> tuple[NDArray[np.int64], NDArra
         stamps_ns = np.array([int(row[0]) for row in rows], dtype=np.int64)
         values = np.array([[float(cell) for cell in row[1:]] for row in rows], dtype=np.float64)
     except (ValueError, OverflowError) as error:
-        raise InputError(file, f"is no list of samples: {shown(str(error))}") from error
+        raise InputError(file, f"is no list of samples: {quoted(str(error))}") from error
     if values.shape != (len(rows), 6):
         raise InputError(file, "has to have seven numbers in each row")
     return stamps_ns, values

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..core.errors import InputError
 from ..core.geometry import Intrinsics, rotation_error
-from ..core.json_text import finite_number, parse_given_json
+from ..core.json_text import finite_number, parse_json_file
 from ..core.lens import DISTORTION, MODELS, PINHOLE, DepthCamera, Distortion, DistortionModel, Optics, distortion_of
 from .stored_recording import checked_depth_scale, checked_intrinsics, recorded_text
 
@@ -130,7 +130,7 @@ def read_cam_params(folder: Path) -> CamParams | None:
 
 def read_cam_params_file(path: Path) -> CamParams:
     """Return what a cam_params.json says. Raises InputError as read_cam_params does."""
-    document = parse_given_json(recorded_text(path), path, remedy=_REMEDY)
+    document = parse_json_file(recorded_text(path), path, remedy=_REMEDY)
     camera = document.get("camera") if isinstance(document, dict) else None
     if not isinstance(camera, dict) or "scale" not in camera:
         raise InputError(path, "holds no camera with a scale", remedy=_REMEDY)

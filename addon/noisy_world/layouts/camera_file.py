@@ -6,7 +6,7 @@ from typing import Any
 
 from ..core.errors import InputError
 from ..core.geometry import Intrinsics
-from ..core.json_text import parse_given_json
+from ..core.json_text import parse_json_file
 from .cam_params import read_cam_params_file
 from .stored_recording import checked_intrinsics, recorded_text
 
@@ -19,7 +19,7 @@ _REMEDY = "a camera has width, height, fx, fy, cx and cy"
 
 def read_camera_file(path: Path) -> Intrinsics:
     """Return the intrinsics that a JSON file says. Raises InputError where it says none, or what no camera has."""
-    document = parse_given_json(recorded_text(path), path, remedy=_REMEDY)
+    document = parse_json_file(recorded_text(path), path, remedy=_REMEDY)
     if not isinstance(document, dict):
         raise InputError(path, "is JSON, but no mapping", remedy=_REMEDY)
     if isinstance(document.get("camera"), dict) and "scale" in document["camera"]:

@@ -22,7 +22,7 @@ import numpy as np
 
 from ..core.errors import InputError
 from ..core.geometry import Intrinsics
-from ..core.json_text import finite_number, parse_given_json
+from ..core.json_text import finite_number, parse_json_file
 from ..core.trajectory import Stamps, Trajectory
 from ..trajectories.formats import read_file_poses
 from .association import MatchedFrames, PosePolicy, StampedFiles, associate_frames
@@ -162,7 +162,7 @@ def _recorder(folder: Path) -> tuple[Path, dict[str, Any]]:
     """Return the file that a recorder describes its cameras in, and what it says."""
     path = _intrinsics_file(folder)
     assert path is not None, "recognised"
-    document = parse_given_json(recorded_text(path), path)
+    document = parse_json_file(recorded_text(path), path)
     if not isinstance(document, dict) or "intrinsic_matrix" not in document:
         raise InputError(path, "holds no intrinsic_matrix", remedy="as Open3D writes it")
     return path, document

@@ -16,7 +16,7 @@ import numpy as np
 
 from ..core.errors import InputError
 from ..core.geometry import Intrinsics, opencv_from_blender_c2w
-from ..core.json_text import finite_number, parse_given_json
+from ..core.json_text import finite_number, parse_json_file
 from ..core.lens import DepthCamera, Distortion, Optics, distortion_of
 from ..trajectories.formats import read_file_poses
 from .association import PosePolicy
@@ -49,7 +49,7 @@ class NerfstudioLayout(RecordedLayout):
         """Take the frames in the order of their images' names; their poses are OpenGL's."""
         path = folder / TRANSFORMS
         text = recorded_text(path)
-        document = parse_given_json(text, path)
+        document = parse_json_file(text, path)
         frames = document.get("frames") if isinstance(document, dict) else None
         if not isinstance(frames, list) or not frames or not all(isinstance(frame, dict) for frame in frames):
             raise InputError(path, "is no list of frames", where="frames", remedy="as nerfstudio writes it")

@@ -18,7 +18,7 @@ from ..core.errors import InputError
 from ..core.geometry import Intrinsics, continuous_quats, invert_pose, quat_wxyz_from_rotation
 from ..core.json_text import finite_number
 from ..core.lens import Distortion, DistortionModel, Optics
-from ..core.schema import read_yaml, shown
+from ..core.schema import quoted, read_yaml
 from ..core.trajectory import FrameStamps, Stamps, Trajectory
 from ..trajectories.formats import read_trajectory
 from ..trajectories.rig import Imu, ImuSamples
@@ -313,7 +313,7 @@ def _rows(path: Path) -> Iterator[tuple[str, list[str]]]:
 def _stamp_ns(path: Path, where: str, cell: str) -> int:
     digits = cell.removeprefix("-")
     if not (digits.isascii() and digits.isdecimal() and len(digits) <= 19 and int(digits) <= LARGEST_NS):
-        raise InputError(path, f"{shown(cell)} is no time in whole nanoseconds", where=where)
+        raise InputError(path, f"{quoted(cell)} is no time in whole nanoseconds", where=where)
     return int(cell)
 
 
@@ -328,7 +328,7 @@ def _read_calibration(path: Path, *, has_depth: bool) -> tuple[Intrinsics, float
         raise InputError(path, f"describes {len(found)} cameras of the name {CAMERA}, but has to describe one")
     (camera,) = found
     if (model := camera.get("cam_model", "pinhole")) != "pinhole":
-        raise InputError(path, f"is {shown(str(model))}, but only pinhole can be read", where=_at("cam_model"))
+        raise InputError(path, f"is {quoted(str(model))}, but only pinhole can be read", where=_at("cam_model"))
     lens = _lens(path, camera)
     apart = np.abs(_numbers(path, camera, "T_BS", 16) - np.eye(4).ravel()).max() > _IDENTITY
     if apart and camera.get(TRUTH_OF) != CAMERA:
@@ -350,7 +350,7 @@ def _lens(path: Path, camera: dict[str, Any]) -> Distortion | None:
     model, count = LENSES.get(str(camera.get("distortion_type")), (None, 0))
     if model is None or len(values) != count:
         known = ", ".join(f"{name} ({number} numbers)" for name, (_, number) in LENSES.items())
-        given = f"{shown(str(camera.get('distortion_type')))} with {len(values)} coefficients"
+        given = f"{quoted(str(camera.get('distortion_type')))} with {len(values)} coefficients"
         remedy = "undistort the images, and set these to zeros"
         raise InputError(path, f"is {given}, but {known} can be read", where=_at("distortion_type"), remedy=remedy)
     return Distortion(model, tuple(values.tolist()))

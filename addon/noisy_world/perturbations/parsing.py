@@ -7,7 +7,7 @@ from itertools import product
 from math import prod
 from typing import Any, TypeAlias, get_args, get_type_hints
 
-from ..core.schema import ConfigPath, deciding_values, describe, parse, shown, unknown_name
+from ..core.schema import ConfigPath, deciding_values, describe, parse, quoted, unknown_name
 from ..preset.camera_devices import device_named
 from ..preset.names import PLACEHOLDER, format_same_folder, safe_name, stream_name
 from .kinds import SEQUENCE_KINDS, SEVERITIES, ColourPerturbation, DepthPerturbation, Perturbation, propagation_key
@@ -394,5 +394,5 @@ def _level(value: object, place: ConfigPath) -> float:
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         raise place.error(f"is {describe(value)}, but has to be a severity")
     if value != 0 and not SEVERITIES[0] <= value <= SEVERITIES[-1]:
-        raise place.error(f"is {shown(value)}, out of range", "allowed: 0, or 1 to 5")
+        raise place.error(f"is {quoted(value)}, out of range", "allowed: 0, or 1 to 5")
     return float(value)

@@ -13,7 +13,7 @@ from ..channels.channel import FILE_KINDS
 from ..core.errors import CommandLineOnly, InputError, Message, PresetKey
 from ..core.file_access import check_utf8_values, open_regular, path_in
 from ..core.geometry import Intrinsics
-from ..core.schema import DEEPEST, LARGEST_BYTES, Choice, ConfigPath, describe, key, parse, read_yaml, shown
+from ..core.schema import DEEPEST, LARGEST_BYTES, Choice, ConfigPath, describe, key, parse, quoted, read_yaml
 from ..layouts import LAYOUTS, Beyond, Colour, Image, Layout, OutputFormat
 from .camera_devices import CAMERA_DEVICES, with_device
 from .names import OnlySpec, chosen_part, safe_name, stream_name, template
@@ -286,7 +286,7 @@ def override(document: dict[str, Any], text: str, path: Path) -> None:
     """
     name, equals, value_text = text.partition("=")
     keys = name.strip().split(".")
-    message = f"--set {text if text.isprintable() and len(text) <= 100 else shown(text)}"
+    message = f"--set {text if text.isprintable() and len(text) <= 100 else quoted(text)}"
     if not equals or not all(keys):
         raise InputError(path, f"{message}: has to be key.path=value")
     if len(keys) > DEEPEST:
@@ -316,7 +316,7 @@ def override(document: dict[str, Any], text: str, path: Path) -> None:
 
 def _entry(entries: list[Any], step: str, where: ConfigPath) -> int:
     if not (step.isascii() and step.isdecimal()) or len(step) > 9 or int(step) >= len(entries):
-        raise where.error(f"--set: {shown(step)} is no entry of this list", f"it has {len(entries)}, counted from 0")
+        raise where.error(f"--set: {quoted(step)} is no entry of this list", f"it has {len(entries)}, counted from 0")
     return int(step)
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from typing import Any
 
-from ..core.schema import ConfigPath, key, shown
+from ..core.schema import ConfigPath, key, quoted
 
 LONGEST_NAME = 200  # of a folder; file systems hold 255 bytes
 PLACEHOLDER = re.compile(r"\{([A-Za-z_][A-Za-z0-9_]*)\}")
@@ -21,7 +21,7 @@ def safe_name(name: str) -> str:
     if re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9._-]*", name):
         return ""
     return (
-        f"is {shown(name)}, but it names a folder: letters, digits, dot, dash and underscore, a letter or digit first"
+        f"is {quoted(name)}, but it names a folder: letters, digits, dot, dash and underscore, a letter or digit first"
     )
 
 
@@ -33,7 +33,7 @@ def scene_name(name: str) -> str:
 def stream_name(name: str) -> str:
     """Return why a text cannot name a random stream, or ""."""
     if not name.strip() or not name.isprintable():
-        return f"is {shown(name)}, but has to be a name"
+        return f"is {quoted(name)}, but has to be a name"
     return f"has {len(name)} characters: at most {LONGEST_NAME}" if len(name) > LONGEST_NAME else ""
 
 
@@ -44,7 +44,7 @@ def template(name: str) -> str:
 
 def format_same_folder(name: str, other: str) -> str:
     """Return in words that names are one folder's on disks that do not tell case apart, where a dataset may come to."""
-    return f"{shown(name)} and {shown(other)} differ in case only, so they are one folder on macOS and Windows"
+    return f"{quoted(name)} and {quoted(other)} differ in case only, so they are one folder on macOS and Windows"
 
 
 # Choosing a part of a preset's scenes and settings by names and globs.
@@ -81,7 +81,7 @@ def selected(names: Sequence[str], globs: Sequence[str] | None, place: ConfigPat
         raise place.error("is empty", "name one, or leave it out")
     for glob in globs:
         if not any(fnmatchcase(name, glob) for name in names):
-            problem = f"{shown(glob)} matches none of {len(names)} {place.path.rpartition('.')[2]}"
+            problem = f"{quoted(glob)} matches none of {len(names)} {place.path.rpartition('.')[2]}"
             raise place.error(problem, f"near it: {', '.join(near_names(glob, names))}")
     return [name for name in names if any(fnmatchcase(name, glob) for glob in globs)]
 

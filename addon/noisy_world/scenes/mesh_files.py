@@ -265,13 +265,13 @@ def check_mesh(path: Path) -> None:
     check_ply(path) if found is None else _CHECKS[found.name](path)
 
 
-def files_beside(path: Path) -> list[Path]:
+def referenced_files(path: Path) -> list[Path]:
     """Return the files beside a mesh that it is made of, as far as a look at it tells; those that are there.
 
     Of USD only the importer knows them. Raises InputError as check_mesh does, and where a name is not UTF-8.
     """
     found = imported_format(path)
-    files = texture_files(path) if found is None else _BESIDE[found.name](path)
+    files = texture_files(path) if found is None else _REFERENCED[found.name](path)
     for file in files:
         utf8_name(file)
     return files
@@ -392,7 +392,7 @@ _CHECKS: dict[str, Callable[[Path], None]] = {
     "FBX": _check_fbx,
     "USD": _check_size,
 }
-_BESIDE: dict[str, Callable[[Path], list[Path]]] = {
+_REFERENCED: dict[str, Callable[[Path], list[Path]]] = {
     "glTF": _files_of_gltf,
     "OBJ": files_of_obj,
     "STL": _none,

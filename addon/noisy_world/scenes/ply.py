@@ -418,7 +418,7 @@ def used_textures(path: Path, header: Header) -> list[TextureFile]:
 
 def check_textures(path: Path, header: Header) -> None:
     """Raise InputError where a texture is missing and the mesh has no other colours."""
-    missing = [file for file in used_textures(path, header) if not file.found]
+    missing = [file for file in used_textures(path, header) if not file.exists]
     if missing and not _has_colours(header):
         problem = f"its texture {missing[0].name[:200]!r} is missing: there is no {missing[0].path.name[:200]!r}"
         raise InputError(path, f"{problem} in {missing[0].path.parent}", remedy="put it there, beside the mesh")
@@ -493,14 +493,14 @@ def _texture(path: Path, header: Header, tables: dict[str, Rows], faces: Faces, 
     corner_uv, has_uv = _corner_uv(tables, faces)
     picture_of = np.where(has_uv, faces.of_faces(_face_pictures(tables["face"], len(files), notes)), -1)
     for file in files:
-        if not file.found:
+        if not file.exists:
             notes.append(f"its texture {file.name[:200]!r} is missing in {file.path.parent}: other colours are shown")
         elif file.moved:
             notes.append(f"its texture is named {file.name[:200]!r}: {file.path.name} beside the mesh was taken")
-    notes += link_notes(path, [file.path for file in files if file.found])
+    notes += link_notes(path, [file.path for file in files if file.exists])
     numbers, pictures = np.full(len(files), -1), []
     for number, file in enumerate(files):
-        if file.found and np.any(picture_of == number):
+        if file.exists and np.any(picture_of == number):
             picture, transparent = read_picture(file.path)
             if transparent:
                 notes.append(f"{file.path.name} is transparent in places: it is shown without transparency")
@@ -509,7 +509,7 @@ def _texture(path: Path, header: Header, tables: dict[str, Rows], faces: Faces, 
     if not pictures:
         return None
     face_pictures = np.where(picture_of >= 0, numbers[picture_of], -1).astype(np.int32)
-    if (bare := np.count_nonzero(face_pictures < 0)) and all(file.found for file in files):
+    if (bare := np.count_nonzero(face_pictures < 0)) and all(file.exists for file in files):
         notes.append(f"{bare} of {len(face_pictures)} faces have no texture: other colours are shown, or grey")
     names = tuple(file.path.name for file, number in zip(files, numbers, strict=True) if number >= 0)
     return Texture(names, tuple(pictures), corner_uv, face_pictures)
@@ -603,7 +603,7 @@ def texture_files(path: Path) -> list[Path]:
     """Return the files of the textures that a mesh uses, those that are there. Raises InputError as check_ply does."""
     header = read_header(path)
     _check_is_mesh(path, header.elements)
-    return [file.path for file in used_textures(path, header) if file.found]
+    return [file.path for file in used_textures(path, header) if file.exists]
 
 
 def _object_ids(rows: Rows, faces: Faces) -> NDArray[np.int64] | None:

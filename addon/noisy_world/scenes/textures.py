@@ -130,7 +130,7 @@ class TextureFile:
     moved: bool
 
     @property
-    def found(self) -> bool:
+    def exists(self) -> bool:
         """Whether there is such a file."""
         return is_file(self.path)
 

@@ -37,11 +37,11 @@ from ..scenes.mesh_files import (
     check_mesh,
     check_numbers,
     declared_faces,
-    files_beside,
     imported_format,
     materials_of_obj,
     missing_libraries,
     odd_number,
+    referenced_files,
 )
 from ..scenes.mesh_formats import link_notes
 from ..scenes.polygon_mesh import NEUTRAL_GREY, Mesh, SceneObject, Up, turned
@@ -187,7 +187,7 @@ def import_mesh(path: Path, up: Up | None = None) -> Imported:
         scene = _with_grey(path, scene)
         mesh = joined(path, scene, picture)
         beside = tuple(map(Path, scene.beside))
-        lines = [*link_notes(path, [*files_beside(path), *beside]), *_excluded(path, mesh)]
+        lines = [*link_notes(path, [*referenced_files(path), *beside]), *_excluded(path, mesh)]
         mesh = replace(mesh, notes=(*mesh.notes, *lines))
         return Imported(mesh if up is None else _turned(path, mesh, scene, up), beside)
     finally:
@@ -231,7 +231,7 @@ def write_lit_file(path: Path, blend: Path, up: Up | None = None) -> tuple[tuple
     lights.
     """
     scene = _import(path, blend.parent, blend=str(blend), asked=up)
-    return (*scene.notes, *link_notes(path, [*files_beside(path), *map(Path, scene.beside)])), scene.objects
+    return (*scene.notes, *link_notes(path, [*referenced_files(path), *map(Path, scene.beside)])), scene.objects
 
 
 def _import(path: Path, folder: Path, **more: object) -> ImportedScene:
@@ -248,7 +248,7 @@ def _import(path: Path, folder: Path, **more: object) -> ImportedScene:
         "compression": "" if header is None else header.compression,
         "webp": header is not None and header.webp,
         "blend": None,
-        "limit_s": processor_limit_s((path, *files_beside(path))),
+        "limit_s": processor_limit_s((path, *referenced_files(path))),
         **more,
     }
     return _run(path, order, folder)

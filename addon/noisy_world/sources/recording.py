@@ -34,7 +34,7 @@ from ..preset.sensor_keys import DistortionSpec, check_distortion, sound_lens
 from ..render.source import ColourAndDepth, RenderOptions, SimpleSource, Source, SourceCapabilities
 from .parallax import parallax_remark
 from .renderers import Rectification
-from .scene_files import GUESSED, FileSource, given_or_guessed, sha256_of_path
+from .scene_files import GUESSED, FileSource, camera_or_guess, sha256_of_path
 from .scene_kinds import Lack, SceneEntry
 
 ReadAs: TypeAlias = Literal["auto", "images"]
@@ -317,7 +317,7 @@ class Images(Recording):
     def camera(self, asked: Intrinsics | None) -> Intrinsics:
         """Return the intrinsics asked for or, where none are, a guess. Raises InputError for another size."""
         self.stored.check_images()
-        return given_or_guessed(asked, self.stored.size_px, self.place.at("sequence"), "images")
+        return camera_or_guess(asked, self.stored.size_px, self.place.at("sequence"), "images")
 
     def hashes(self) -> dict[str, Any]:
         """Return the folder's name, the hash of all images in their order, and the rate."""

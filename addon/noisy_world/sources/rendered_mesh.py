@@ -25,7 +25,7 @@ from ..preset.keys import Preset
 from ..preset.scene_keys import BodySpec, HandheldSpec, TrajectorySpec
 from ..preset.sensor_keys import DistortionSpec
 from ..render.source import PreparedSource, RenderOptions, SimpleSource, SourceCapabilities, SourceFrame
-from ..scenes.mesh_files import check_mesh, files_beside, imported_format
+from ..scenes.mesh_files import check_mesh, imported_format, referenced_files
 from ..scenes.ply import read_ply
 from ..scenes.polygon_mesh import Mesh, Up, room_mesh, turned
 from ..trajectories.bodies import BODIES, embodied
@@ -152,7 +152,7 @@ _beside: dict[tuple[Path, tuple[int, ...]], tuple[Path, ...]] = {}
 
 def changed_ns(path: Path) -> tuple[int, ...]:
     """Return when a mesh and the files beside it that it is made of were changed last."""
-    return tuple(file.stat().st_mtime_ns for file in (path, *files_beside(path)))
+    return tuple(file.stat().st_mtime_ns for file in (path, *referenced_files(path)))
 
 
 def files_of_mesh(path: Path) -> list[Path]:
@@ -162,14 +162,14 @@ def files_of_mesh(path: Path) -> list[Path]:
     """
     found = imported_format(path)
     if found is None or not found.refers:
-        return files_beside(path)
+        return referenced_files(path)
     known = (path, changed_ns(path))
     if known not in _beside:
         read_mesh(path)
     return list(_beside[known])
 
 
-TOLD: frozenset[Fact] = frozenset({"normals", "faces", "objects"})  # of its surface
+SURFACE_FACTS: frozenset[Fact] = frozenset({"normals", "faces", "objects"})  # of its surface
 
 
 @dataclass(frozen=True)
@@ -213,7 +213,7 @@ class MeshSource(SimpleSource):
             rendered=True,
             any_pose=True,
             imported=imported,
-            surface=TOLD,
+            surface=SURFACE_FACTS,
             casts_rays=self.casts_rays,
             distorts=True,
             depth_cameras=True,

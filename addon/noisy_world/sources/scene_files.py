@@ -18,7 +18,7 @@ from ..core.atomic_files import sha256_of_file
 from ..core.errors import CommandLineOnly, Message
 from ..core.file_access import check_utf8, located, path_in
 from ..core.geometry import Intrinsics
-from ..core.schema import ConfigPath, shown
+from ..core.schema import ConfigPath, quoted
 from ..core.trajectory import MOST_POSES, Trajectory, resample, subsample
 from ..preset.keys import Preset
 from ..preset.scene_keys import TrajectorySpec
@@ -112,7 +112,7 @@ class FileSource(SourceKind[K]):
         return scenes
 
     def _open_named(self, entry: SceneEntry[K], name: str, text: str) -> Source:
-        path = found_path(entry.preset, entry.source_place, text, folder=self.folder)
+        path = located_path(entry.preset, entry.source_place, text, folder=self.folder)
         return self.open_file(entry, name, path, ())
 
 
@@ -128,14 +128,14 @@ def named(entry: SceneEntry[K], parts: tuple[str, ...]) -> str:
     return filled(entry.keys.name, parts, entry.place.at("name")) if entry.keys.name else ""
 
 
-def found_path(preset: Preset, place: ConfigPath, text: str, *, folder: bool | None = False) -> Path:
+def located_path(preset: Preset, place: ConfigPath, text: str, *, folder: bool | None = False) -> Path:
     """Return the path of a file or a folder that exists; folder: None where it may be either. Raises InputError."""
     path = path_in(preset.folder, text, place)
     kind = "folder" if folder else "file"
     try:
         there = path.is_dir() if folder else path.is_file() or (folder is None and path.is_dir())
     except OSError as error:  # a name that is too long, for instance
-        raise place.error(f"{shown(text)} cannot be a {kind}: {error.strerror}") from error
+        raise place.error(f"{quoted(text)} cannot be a {kind}: {error.strerror}") from error
     if not there:
         relative_to = "the preset" if preset.spec.data is None else f"data, {preset.folder}"
         raise place.error(f"no such {kind}: {path}", CommandLineOnly(f"paths are relative to {relative_to}"))
@@ -157,7 +157,7 @@ def filled(template: str, parts: tuple[str, ...], place: ConfigPath) -> str:
 def path_file_of(preset: Preset, place: ConfigPath, spec: TrajectorySpec, parts: tuple[str, ...]) -> Path:
     """Return the file of poses that a trajectory names. parts: what the entry's wildcards matched."""
     text = spec.file or ""
-    return found_path(preset, place, filled(text, parts, place) if "*" in text else text, folder=None)
+    return located_path(preset, place, filled(text, parts, place) if "*" in text else text, folder=None)
 
 
 def read_path(
@@ -208,7 +208,7 @@ GUESSED = (
 )
 
 
-def given_or_guessed(asked: Intrinsics | None, size_px: tuple[int, int], place: ConfigPath, what: str) -> Intrinsics:
+def camera_or_guess(asked: Intrinsics | None, size_px: tuple[int, int], place: ConfigPath, what: str) -> Intrinsics:
     """Return the intrinsics asked for or, where none are, a guess.
 
     place: the key of the source. what: the word for its images. Raises InputError where another size is asked for.

@@ -28,7 +28,7 @@ from ..layouts.layout import MILLIMETRES
 from ..layouts.stored_recording import SCALES_PER_M
 from ..preset.scene_keys import SceneKeys
 from ..render.source import ColourAndDepth, RenderOptions, SimpleSource, Source, SourceCapabilities
-from .scene_files import GUESSED, FileSource, filled, found_path, given_or_guessed
+from .scene_files import GUESSED, FileSource, camera_or_guess, filled, located_path
 from .scene_kinds import Lack, SceneEntry
 
 RECORDED = "a video has nothing between its frames"
@@ -94,7 +94,7 @@ class Video(SimpleSource):
 
     def camera(self, asked: Intrinsics | None) -> Intrinsics:
         """Return the intrinsics asked for or, where none are, a guess. Raises InputError for another size."""
-        return given_or_guessed(asked, self.video.size_px, self.place.at("video"), "frames")
+        return camera_or_guess(asked, self.video.size_px, self.place.at("video"), "frames")
 
     def trajectory(self) -> Trajectory:
         """Return a path whose poses are not known."""
@@ -210,7 +210,7 @@ class VideoKind(FileSource[VideoKeys]):
         del name
         beside, where = None, entry.place.at("depth")
         if entry.keys.depth is not None:
-            beside = found_path(entry.preset, where, filled(entry.keys.depth, parts, where), folder=True)
+            beside = located_path(entry.preset, where, filled(entry.keys.depth, parts, where), folder=True)
         return read_video_source(
             path, entry.place, beside, entry.keys.depth_scale_per_m or MILLIMETRES, entry.keys.void
         )

@@ -20,7 +20,7 @@ from ..core.entry_points import LAST
 from ..core.errors import InputError, NotFiniteError
 from ..core.file_access import read_bytes
 from ..core.geometry import Intrinsics
-from ..core.schema import LONGEST_SHOWN, shown
+from ..core.schema import LONGEST_QUOTED, quoted
 from ..core.trajectory import Axes, Direction, Trajectory
 
 # Intrinsics stated in a trajectory file, compared with the camera that is rendered.
@@ -60,8 +60,8 @@ class StatedCamera:
         angle_rad = 2.0 * math.atan(camera.width_px / (2.0 * camera.fx_px))
         stated_rad = self.angle_x_rad if self.fx_px is None else None
         if stated_rad is not None and not abs(stated_rad - angle_rad) <= _TOLERANCE_RAD:
-            shown = [f"{math.degrees(value):.4g}" for value in (stated_rad, angle_rad)]
-            parts.append(f"a view of {shown[0]} degrees (the preset's: {shown[1]})")
+            stated, own = (f"{math.degrees(value):.4g}" for value in (stated_rad, angle_rad))
+            parts.append(f"a view of {stated} degrees (the preset's: {own})")
         if self.varies:
             parts.append("intrinsics that vary from frame to frame")
         if self.distorts:
@@ -342,7 +342,7 @@ def _parse_line(path: Path, line_number: int, data: str) -> list[float]:
     # float() also accepts 1_000 and digits of other scripts, which no other reader of these files does.
     if row is None or "_" in data or not data.isascii():
         wrong = next((token for token in tokens if not _is_number(token)), tokens[0])
-        raise InputError(path, f"{shown(wrong)} is not a number", where=f"line {line_number}")
+        raise InputError(path, f"{quoted(wrong)} is not a number", where=f"line {line_number}")
     return row
 
 
@@ -356,5 +356,5 @@ def _is_number(token: str) -> bool:
 
 def _in_words(value: object) -> str:
     if isinstance(value, str):
-        return value if len(value) <= LONGEST_SHOWN else shown(value)
+        return value if len(value) <= LONGEST_QUOTED else quoted(value)
     return " ".join(f"{number:.10g}" for number in np.atleast_1d(np.asarray(value, dtype=np.float64)))

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from ..core.errors import InputError, Message, PresetKey
 from ..core.geometry import continuous_quats, pose, quat_wxyz_from_rotation, rotation_from_quat_wxyz
-from ..core.schema import shown
+from ..core.schema import quoted
 from ..core.trajectory import Trajectory
 from .matrix_poses import row_text
 from .pose_files import (
@@ -215,7 +215,7 @@ def _unit(
         broken = np.array([not text.isdecimal() for text in stamps])
         remedy = Message(PresetKey("stamp_unit"), " says it where they are in another unit")
         table.fail_where(
-            broken, "{} is no time in whole nanoseconds", of=np.array([*map(shown, stamps)]), remedy=remedy
+            broken, "{} is no time in whole nanoseconds", of=np.array([*map(quoted, stamps)]), remedy=remedy
         )
         return "ns", False
     if columns.format == "euroc" and whole_ns:

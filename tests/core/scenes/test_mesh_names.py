@@ -11,7 +11,7 @@ import refusals
 from cases import cases
 
 from noisy_world.scenes.mesh_formats import link_notes, place_inside
-from noisy_world.scenes.mesh_files import check_mesh, files_beside, imported_format
+from noisy_world.scenes.mesh_files import check_mesh, referenced_files, imported_format
 
 LONG = "n" * 300
 AWAY = [
@@ -83,12 +83,12 @@ def test_what_lies_outside_is_neither_opened_nor_hashed(tmp_path):
     inner.mkdir()
     (tmp_path / "secret.png").write_bytes(b"secret")
     for path in (materials(inner, "../secret.png"), materials(inner, tmp_path / "secret.png")):
-        assert files_beside(path) == [inner / "b.mtl"]
+        assert referenced_files(path) == [inner / "b.mtl"]
     for name in ("../secret.png", tmp_path / "secret.png"):
-        assert files_beside(fbx(inner, name)) == []
+        assert referenced_files(fbx(inner, name)) == []
     (inner / "secret.png").write_bytes(b"beside")
-    assert files_beside(fbx(inner, "../secret.png")) == [inner / "secret.png"]
-    assert files_beside(materials(inner, "../secret.png")) == [inner / "b.mtl", inner / "secret.png"]
+    assert referenced_files(fbx(inner, "../secret.png")) == [inner / "secret.png"]
+    assert referenced_files(materials(inner, "../secret.png")) == [inner / "b.mtl", inner / "secret.png"]
 
 
 @cases("name", [LONG, f"{LONG}/{LONG}", "a" * 5000])
@@ -96,11 +96,11 @@ def test_names_of_any_length(tmp_path, name):
     for kind in ("buffers", "images"):
         path = gltf(tmp_path, **{kind: [{"uri": name, "byteLength": 1}]})
         assert kind == "images" or "is missing in" in refusal(path)
-        assert files_beside(path) == [] if kind == "images" else True
-    assert files_beside(obj(tmp_path, name)) == []
+        assert referenced_files(path) == [] if kind == "images" else True
+    assert referenced_files(obj(tmp_path, name)) == []
     for path in (obj(tmp_path, name), materials(tmp_path, name), fbx(tmp_path, name)):
         check_mesh(path)
-        assert [file for file in files_beside(path) if file.name != "b.mtl"] == []
+        assert [file for file in referenced_files(path) if file.name != "b.mtl"] == []
 
 
 def test_gltf_whose_header_is_of_other_types(tmp_path):
@@ -138,7 +138,7 @@ def test_materials_that_have_the_meshs_name_are_part_of_it(tmp_path):
     for name in ("a.png", "b.png"):
         (tmp_path / name).write_bytes(b"")
     (tmp_path / "a.obj").write_text("v 0 0 0\nf 1 1 1\n")
-    assert [file.name for file in files_beside(tmp_path / "a.obj")] == ["a.mtl", "a.png", "b.png"]
+    assert [file.name for file in referenced_files(tmp_path / "a.obj")] == ["a.mtl", "a.png", "b.png"]
 
 
 def test_links_out_of_the_folder_are_said(tmp_path):

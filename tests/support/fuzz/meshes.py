@@ -25,7 +25,7 @@ from ply_files import (
 )  # fmt: skip
 from rooms_in_formats import gltf, room_attributes, walls, write_picture, write_usda
 
-from noisy_world.scenes.mesh_files import check_mesh, files_beside, imported_format
+from noisy_world.scenes.mesh_files import check_mesh, referenced_files, imported_format
 from noisy_world.scenes.ply import read_ply
 from noisy_world.sources import blender_process
 from noisy_world.sources.rendered_mesh import forget_meshes, read_mesh
@@ -354,7 +354,7 @@ def read_header(folder):
     """Look at the mesh as it is done before it is imported."""
     path = folder / "in" / json.loads((folder / TASK).read_text())
     check_mesh(path)
-    assert all(file.is_file() for file in files_beside(path)), "files beside a mesh are those that are there"
+    assert all(file.is_file() for file in referenced_files(path)), "files beside a mesh are those that are there"
     assert imported_format(path) is not None
 
 

@@ -13,7 +13,7 @@ from typing import cast
 import numpy as np
 
 from ...core.errors import InputError, Message, PresetKey
-from ...core.schema import shown
+from ...core.schema import quoted
 from ...core.trajectory import Axes, Direction, convert_convention
 from ...trajectories.formats import TRAJECTORY_FORMATS, read_file_poses
 from ...trajectories.matrix_poses import AllLostError
@@ -56,7 +56,7 @@ def check_whole(path: Path, text: str) -> None:
     others = [words[-1] for _, words in before]
     if len(others) >= FEWEST and _decimals(last[-1]) and {_decimals(last[-1])} == set(map(_decimals, others)):
         return
-    problem = f"the file does not end with a line break, so its last number, {shown(last[-1])}, may be cut"
+    problem = f"the file does not end with a line break, so its last number, {quoted(last[-1])}, may be cut"
     raise InputError(path, problem, where=where, remedy=REMEDY)
 
 
