@@ -1,10 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The package of docs/extend.md, as it stands there: a source, two layouts, a metric and more, all by entry points."""
 
+import ast
 import csv
 import json
 import os
 import re
+import shutil
 import subprocess
 import sys
 import tomllib
@@ -17,6 +19,7 @@ from worlds import ROOT, generate, path_poses, write_world
 
 from noisy_world.dataset.folder_state import identity_problem
 from noisy_world.layouts import EVERY
+from noisy_world.preset.keys import read_preset
 from noisy_world.core.errors import NoisyWorldError
 
 for package in ("embreex", "tabulate", "pandas", "jinja2", "matplotlib"):
@@ -24,7 +27,7 @@ for package in ("embreex", "tabulate", "pandas", "jinja2", "matplotlib"):
 
 PAGE = (ROOT / "docs/extend.md").read_text(encoding="utf-8")
 PROGRAMS = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
-CORRIDOR, FLAT, PHONE, ODOMETER, FACING, UPWARD, STRAYS, HOLES, STILL, TESTS = PROGRAMS
+CORRIDOR, FLAT, PHONE, ODOMETER, FACING, UPWARD, STRAYS, HOLES, HELMET, STILL, TESTS = PROGRAMS
 PROJECT = tomllib.loads(re.search(r"```toml\n(.*?)```", PAGE, re.DOTALL)[1])["project"]
 MODULES = {
     "__init__.py": "",
@@ -36,6 +39,7 @@ MODULES = {
     "strays.py": STRAYS,
     "upward.py": UPWARD,
     "holes.py": HOLES,
+    "helmet.py": HELMET,
     "systems/__init__.py": "",
     "systems/still.yaml": re.search(r"```yaml\n(.*?)```", PAGE, re.DOTALL)[1],
     "systems/still.py": STILL,
@@ -46,12 +50,12 @@ RENDER = {"engine": "embree", "backend": "reference"}
 PROGRAM = """
 import sys
 from noisy_world.cli import command
-from noisy_world.core.datasets.layouts import find_sequence
 for words in (
     ["list", "layouts"],
     ["list", "formats"],
     ["list", "sources"],
     ["list", "metrics"],
+    ["list", "cameras"],
     ["list", "keys"],
     ["generate", "hall/preset.yaml", "--out", "hall_out"],
     ["generate", "hall/preset.yaml", "--out", "hall_out"],
@@ -152,6 +156,7 @@ def test_lists_have_them(worked):
     )
     assert re.search(r"^scenes\[\]\.trajectory\.format .*one of auto, .*odometer", said["list keys"], re.MULTILINE)
     assert "map.accuracy_max_m  accuracy, max [m], lower is better; from my-lab 1.0\n" in said["list metrics"]
+    assert "helmet  Helmet Camera: a global shutter that sees wide; from my-lab 1.0\n" in said["list cameras"]
     assert "still (from my-lab 1.0): can be run here\n" in said["systems"]
 
 
@@ -230,6 +235,140 @@ def test_a_study_has_the_metric_and_the_system(worked):
     assert {(row["system"], row["setting"]) for row in rows} == {("still", "clean"), ("still", "noise")}
     assert all(float(row["upward_max_m"]) > 0 for row in rows)
     assert "largest error upwards" in (folder / "results/report.md").read_text()
+
+
+# --- the same as files of ours, in a copy of the project ---
+
+STEPS = re.search(r"```python\n(.*?)```", (ROOT / "docs/your_perturbation.md").read_text(encoding="utf-8"), re.DOTALL)[
+    1
+]
+FILES = {
+    "sources/corridor.py": CORRIDOR,
+    "layouts/flat.py": FLAT,
+    "layouts/phone.py": PHONE,
+    "trajectories/odometer.py": ODOMETER,
+    "channels/facing.py": FACING,
+    "evaluate/upward.py": UPWARD,
+    "evaluate/strays.py": STRAYS,
+    "cli/holes.py": HOLES,
+    "preset/helmet.py": HELMET,
+    "perturbations/shipped/stereo_steps.py": STEPS,
+    "evaluate/definitions/still.yaml": MODULES["systems/still.yaml"],
+    "evaluate/definitions/still.py": STILL,
+}
+COMMANDS = """
+import sys
+from noisy_world.cli import command
+for words in (
+    *(["list", what] for what in ("layouts", "formats", "sources", "metrics", "cameras", "channels", "perturbations")),
+    ["generate", "hall/preset.yaml", "--out", "hall_out"],
+    ["generate", "made/preset.yaml", "--out", "flat"],
+    ["evaluate", "flat", "--systems", "still", "--out", "results"],
+    ["holes", "flat"],
+):
+    print(">", *words, flush=True)
+    if command.main(words):
+        sys.exit(f"{words} ended with an error")
+"""
+
+
+def with_own_imports(text):
+    """A module that imports from where `noisy_world.extend` has its names, as modules of ours do."""
+    ours = ast.parse((ROOT / "addon/noisy_world/extend.py").read_text(encoding="utf-8"))
+    nodes = [node for node in ast.walk(ours) if isinstance(node, ast.ImportFrom)]
+    homes = {item.name: node.module for node in nodes for item in node.names}
+
+    def moved(match):
+        names = [name.strip() for name in match[1].strip("()\n").split(",") if name.strip()]
+        return "\n".join(f"from noisy_world.{homes[name]} import {name}" for name in names)
+
+    return re.sub(r"from noisy_world\.extend import (\([^)]*\)|[^\n]*)", moved, text)
+
+
+def linked(source, target):
+    """Link a file, or copy it to another disk."""
+    try:
+        os.link(source, target)
+    except OSError:
+        shutil.copy2(source, target)
+
+
+@pytest.fixture(scope="module")
+def copied(tmp_path_factory):
+    """A copy of the project with a file of each kind more, what its commands said there, and their folder."""
+    top, folder = tmp_path_factory.mktemp("copy"), tmp_path_factory.mktemp("work")
+    shutil.copytree(ROOT / "addon", top / "addon", copy_function=linked)
+    for name in ("docs", "presets", "headless/tools"):
+        shutil.copytree(ROOT / name, top / name, ignore=shutil.ignore_patterns("*.jpg", "*.mp4", "*.png", "data"))
+    for name in ("pyproject.toml", "blender_manifest.toml"):
+        shutil.copy2(ROOT / name, top)
+    for name, text in FILES.items():
+        (top / "addon/noisy_world" / name).write_text(with_own_imports(text), encoding="utf-8")
+    noise = [{"name": "clean"}, {"name": "steps", "perturb": [{"stereo_steps": {"severity": 4}}]}]
+    output = {"layout": "flat", "modalities": ["rgb", "depth", "facing"], "depth_scale_per_m": 2000}
+    write_world(folder / "made", frames=FRAMES, size=(32, 24), settings=noise, render=RENDER, output=output)
+    hall = [{"name": "hall", "corridor": {"width_m": 3, "frames": 1}}]
+    write_world(folder / "hall", size=(32, 24), scenes=hall, settings=noise[:1], render=RENDER)
+    said = run_python(["-c", COMMANDS], top, folder)
+    return top, folder, dict(re.findall(r"^> (.+)\n((?:(?!> ).*\n)*)", said, re.MULTILINE))
+
+
+def run_python(arguments, top, folder):
+    result = subprocess.run(
+        [sys.executable, *arguments],
+        capture_output=True,
+        text=True,
+        cwd=folder,
+        env=os.environ | {"PYTHONPATH": str(top / "addon")},
+        check=False,
+    )
+    assert result.returncode == 0, result.stdout + result.stderr
+    return result.stdout
+
+
+def test_a_file_of_ours_is_enough(copied):
+    _, folder, said = copied
+    for words, name in (
+        ("list layouts", "flat"),
+        ("list layouts", "phone"),
+        ("list formats", "odometer"),
+        ("list sources", "corridor"),
+        ("list metrics", "upward_max_m"),
+        ("list metrics", "map.accuracy_max_m"),
+        ("list cameras", "helmet"),
+        ("list channels", "facing"),
+        ("list perturbations", "stereo_steps"),
+    ):
+        line = re.search(rf"^ *{name} .*", said[words], re.MULTILINE)
+        assert line, (words, name)
+        assert "from my-lab" not in line[0]
+    assert len(said["holes flat"].splitlines()) == 2
+    assert sorted(file.name for file in (folder / "flat/steps/box/facing").iterdir())[0] == "000000.png"
+    depths = [depth_steps(folder / f"flat/{setting}/box/000001_depth.png") for setting in ("clean", "steps")]
+    assert len(np.unique(depths[1])) < len(np.unique(depths[0])) / 4
+    with (folder / "results/tables/runs.csv").open(newline="") as file:
+        assert all(float(row["upward_max_m"]) > 0 for row in csv.DictReader(file))
+
+
+def test_the_pages_tell_of_it_when_they_are_made(copied):
+    top, folder, _ = copied
+    pages = {path: path.read_text(encoding="utf-8") for path in (top / "docs").glob("*.md")}
+    run_python([str(top / "headless/tools/pages.py")], top, folder)
+    run_python([str(top / "headless/tools/pages.py"), "--check"], top, folder)
+    added = {path.name: told for path, text in pages.items() if (told := added_lines(text, path.read_text("utf-8")))}
+    for page, name in TOLD:
+        assert f"`{name}`" in added[page], (page, name)
+    preset = read_preset(top / "presets/perturbations/stereo_steps.yaml")
+    assert preset.spec.settings[1].sweep.perturb == ("stereo_steps",)
+
+
+TOLD = (("perturbations.md", "stereo_steps"), ("gallery.md", "stereo_steps"), ("channels.md", "facing"))
+
+
+def added_lines(before, after):
+    """The lines that a text has more than it had."""
+    known = set(before.splitlines())
+    return "\n".join(line for line in after.splitlines() if line not in known)
 
 
 # --- what is wrong ---

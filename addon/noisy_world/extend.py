@@ -3,52 +3,58 @@
 
     from noisy_world.extend import DepthPerturbation, FrameContext, key
 
-Each is one file with a `PERTURBATION`, a `SOURCE`, a `LAYOUT`, a `FORMAT` of trajectories, a `CHANNEL`, a `METRIC` or a
-`COMMAND`; an installed package brings it by an entry point of the group `noisy_world.perturbations`,
+Each is one file with a `PERTURBATION`, a `SOURCE`, a `LAYOUT`, a `FORMAT` of trajectories, a `CHANNEL`, a `METRIC`, a
+`CAMERA` or a `COMMAND`; an installed package brings it by an entry point of the group `noisy_world.perturbations`,
 `noisy_world.sources`, `noisy_world.layouts`, `noisy_world.trajectory_formats`, `noisy_world.channels`,
-`noisy_world.metrics`, `noisy_world.map_metrics` or `noisy_world.commands`. docs/extend.md has examples, and
-`noisy_world.testing` tells whether one keeps its contract. Importing this needs no Blender.
+`noisy_world.metrics`, `noisy_world.map_metrics`, `noisy_world.cameras` or `noisy_world.commands`. docs/extend.md has
+examples, and `noisy_world.testing` tells whether one keeps its contract. Importing this needs no Blender.
 """
 
-from .channels.channel import PairChannel, Surface, SurfaceChannel, View
-from .cli.command import Command
-from .cli.entry import Entry
-from .core.errors import InputError
-from .core.frame_request import FrameRequest, Shutter
-from .core.geometry import Intrinsics
-from .core.lens import PINHOLE, Optics
-from .core.node_graph import Graph, Socket
-from .core.schema import key
-from .core.trajectory import FrameStamps, Trajectory
-from .evaluate.map_metrics import ComparedMap, MapMetric
-from .evaluate.metrics import Compared, TrajectoryMetric
-from .layouts.association import PosePolicy, truth_file
-from .layouts.cam_params import CAM_PARAMS, cam_params_text, read_cam_params
-from .layouts.layout import Layout, RecordedLayout, SequenceFacts, lines, numbered
-from .layouts.numbered import NumberedPoses, folder_of_poses, numbered_frames, numbered_images
-from .layouts.stored_recording import StoredSequence, read_frame_times
-from .perturbations.about import About
-from .perturbations.groups import Canvas
-from .perturbations.kinds import (
-    ColourPerturbation,
-    DepthPerturbation,
-    ExposurePerturbation,
-    FrameContext,
-    MotionPerturbation,
-    PairingPerturbation,
-    SequenceContext,
-)
-from .preset.scene_keys import SceneKeys
-from .render.source import ComputedSource, RenderedFrame, SimpleSource, SourceCapabilities
-from .sources.scene_kinds import SceneEntry, SingleSceneKind
-from .trajectories.formats import read_trajectory
-from .trajectories.pose_files import FilePoses, PoseFile, ReadOptions, TrajectoryFormat
-from .trajectories.stamped_poses import tum_text
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from .channels.channel import PairChannel, Surface, SurfaceChannel, View
+    from .cli.command import Command
+    from .cli.entry import Entry
+    from .core.errors import InputError
+    from .core.frame_request import FrameRequest, Shutter
+    from .core.geometry import Intrinsics
+    from .core.lens import PINHOLE, Optics
+    from .core.node_graph import Graph, Socket
+    from .core.schema import key
+    from .core.trajectory import FrameStamps, Trajectory
+    from .evaluate.map_metrics import ComparedMap, MapMetric
+    from .evaluate.metrics import Compared, TrajectoryMetric
+    from .layouts.association import PosePolicy, truth_file
+    from .layouts.cam_params import CAM_PARAMS, cam_params_text, read_cam_params
+    from .layouts.layout import Layout, RecordedLayout, SequenceFacts, lines, numbered
+    from .layouts.numbered import NumberedPoses, folder_of_poses, numbered_frames, numbered_images
+    from .layouts.stored_recording import StoredSequence, read_frame_times
+    from .perturbations.about import About
+    from .perturbations.groups import Canvas
+    from .perturbations.kinds import (
+        ColourPerturbation,
+        DepthPerturbation,
+        ExposurePerturbation,
+        FrameContext,
+        MotionPerturbation,
+        PairingPerturbation,
+        SequenceContext,
+    )
+    from .preset.camera_devices import CameraDevice
+    from .preset.scene_keys import SceneKeys
+    from .render.source import ComputedSource, RenderedFrame, SimpleSource, SourceCapabilities
+    from .sources.scene_kinds import SceneEntry, SingleSceneKind
+    from .trajectories.formats import read_trajectory
+    from .trajectories.pose_files import FilePoses, PoseFile, ReadOptions, TrajectoryFormat
+    from .trajectories.stamped_poses import tum_text
 
 __all__ = [
     "CAM_PARAMS",
     "PINHOLE",
     "About",
+    "CameraDevice",
     "Canvas",
     "ColourPerturbation",
     "Command",
@@ -106,3 +112,44 @@ __all__ = [
     "truth_file",
     "tum_text",
 ]
+
+_NAMES = {
+    "channels.channel": "PairChannel Surface SurfaceChannel View",
+    "cli.command": "Command",
+    "cli.entry": "Entry",
+    "core.errors": "InputError",
+    "core.frame_request": "FrameRequest Shutter",
+    "core.geometry": "Intrinsics",
+    "core.lens": "Optics PINHOLE",
+    "core.node_graph": "Graph Socket",
+    "core.schema": "key",
+    "core.trajectory": "FrameStamps Trajectory",
+    "evaluate.map_metrics": "ComparedMap MapMetric",
+    "evaluate.metrics": "Compared TrajectoryMetric",
+    "layouts.association": "PosePolicy truth_file",
+    "layouts.cam_params": "CAM_PARAMS cam_params_text read_cam_params",
+    "layouts.layout": "Layout RecordedLayout SequenceFacts lines numbered",
+    "layouts.numbered": "NumberedPoses folder_of_poses numbered_frames numbered_images",
+    "layouts.stored_recording": "StoredSequence read_frame_times",
+    "perturbations.about": "About",
+    "perturbations.groups": "Canvas",
+    "perturbations.kinds": "ColourPerturbation DepthPerturbation ExposurePerturbation FrameContext "
+    "MotionPerturbation PairingPerturbation SequenceContext",
+    "preset.camera_devices": "CameraDevice",
+    "preset.scene_keys": "SceneKeys",
+    "render.source": "ComputedSource RenderedFrame SimpleSource SourceCapabilities",
+    "sources.scene_kinds": "SceneEntry SingleSceneKind",
+    "trajectories.formats": "read_trajectory",
+    "trajectories.pose_files": "FilePoses PoseFile ReadOptions TrajectoryFormat",
+    "trajectories.stamped_poses": "tum_text",
+}
+"""The names by the modules that have them, each of which is imported when one of its names is."""
+
+_HOMES = {name: module for module, names in _NAMES.items() for name in names.split()}
+
+
+def __getattr__(name: str) -> Any:
+    """Return a name of a module of ours: a package may be looked for while that of another name is being imported."""
+    if name not in _HOMES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(f"{__package__}.{_HOMES[name]}"), name)

@@ -100,7 +100,8 @@ def perturbation_table() -> str:
 
 def law_of(item: Perturbation) -> str:
     """Return what a perturbation is."""
-    return item.about.law if item.about.of_paper else f"our own: {item.about.law}"
+    law = item.about.law or f"{item.sentence[:1].lower()}{item.sentence[1:]}"
+    return law if item.about.of_paper else f"our own: {law}"
 
 
 def parameters_of(item: Perturbation) -> str:
@@ -119,7 +120,7 @@ def gallery() -> str:
         parts += [STAGE_NOTES[stage]] if stage in STAGE_NOTES else []
         for item in (item for item in every if item.stage == stage):
             about = item.about
-            caption = (about.caption or about.law).removesuffix(".")
+            caption = (about.caption or about.law or item.sentence).removesuffix(".")
             parts += [
                 f"### {item.label}",
                 wrapped(f"`{item.name}`{'' if about.of_paper else ', ours'}: {caption}."),

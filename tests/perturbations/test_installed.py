@@ -283,7 +283,7 @@ def test_in_the_extension_they_lead_to_the_modules_that_blender_loaded(site, tmp
     (repository / "noisy_world").symlink_to(ROOT / "addon" / "noisy_world")
     code = """
 import sys
-from bl_ext.user_default.noisy_world.core.perturbing import kinds
+from bl_ext.user_default.noisy_world.perturbations import kinds
 from bl_ext.user_default.noisy_world.other_name import take_other_names
 from bl_ext.user_default.noisy_world.perturbations import registry
 assert isinstance(registry()["lift"], kinds.MotionPerturbation)
@@ -292,7 +292,7 @@ assert noisy_world.extend.MotionPerturbation is kinds.MotionPerturbation
 assert noisy_world.perturbations.kinds is kinds
 take_other_names()
 assert not [name for name in sys.modules if name.partition(".")[0] == "noisy_world"]
-assert kinds.__name__ == "bl_ext.user_default.noisy_world.core.perturbing.kinds"
+assert kinds.__name__ == "bl_ext.user_default.noisy_world.perturbations.kinds"
 """
     environment = os.environ | {"PYTHONPATH": os.pathsep.join([str(site), str(tmp_path)])}
     result = subprocess.run(

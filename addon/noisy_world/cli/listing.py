@@ -70,7 +70,7 @@ def list_cameras() -> None:
     from ..preset.camera_devices import CAMERA_DEVICES
 
     for name, device in CAMERA_DEVICES.items():
-        print(f"{name}  {device.label}: {device.meaning}")
+        print(f"{name}  {device.label}: {device.meaning}{CAMERA_DEVICES.origin(name)}")
         print(f"    camera: {yaml_line(device.camera)}")
         print(f"        {device.sources['lens']}")
         for step, values in device.steps.items():

@@ -205,7 +205,7 @@ class NOISYWORLD_PT_cameras(bpy.types.Panel):
 
 def picture_of(name: str) -> int:
     """Return Blender's number of a camera's picture; 0, which draws none, before registration."""
-    return _loaded[0][name].icon_id if _loaded else 0
+    return _loaded[0][name].icon_id if _loaded and name in _loaded[0] else 0
 
 
 def draw_choice(layout: bpy.types.UILayout) -> None:
@@ -221,6 +221,8 @@ def register_real_cameras() -> None:
     """Load the pictures, and register the classes."""
     pictures = bpy.utils.previews.new()
     for name in CAMERA_DEVICES:
+        if not (PICTURES / f"{name}.jpg").is_file():  # a package's camera
+            continue
         pictures.load(name, utf8_name(PICTURES / f"{name}.jpg"), "IMAGE")
     _loaded.append(pictures)
     _register()

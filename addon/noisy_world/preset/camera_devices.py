@@ -7,10 +7,12 @@ Each figure has its source beside it, or is called assumed with the reason. One 
 others of the kind differ by a per cent or so in focal length and by some pixels in the principal point.
 """
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from ..core.entry_points import Door, Registry, held_in
 from ..core.geometry import Intrinsics
 from ..core.schema import ConfigPath, describe, unknown_name
 
@@ -28,11 +30,12 @@ _FRINGE = "assumed: a lens of plastic; less than a pixel where the lens is bette
 class CameraDevice:
     """A camera that can be bought.
 
-    label: its name in lists. meaning: what it is. intrinsics: of the image that it is taken for. distortion: keys of
-    `camera.distortion`; {} where its driver says that there is none. steps: parameters of perturbations by their names.
-    sources: for `lens` and each of the steps where the figures are from.
+    name: in presets. label: its name in lists. meaning: what it is. intrinsics: of the image that it is taken for.
+    distortion: keys of `camera.distortion`; {} where its driver says that there is none. steps: parameters of
+    perturbations by their names. sources: for `lens` and each of the steps where the figures are from.
     """
 
+    name: str
     label: str
     meaning: str
     intrinsics: Intrinsics
@@ -46,6 +49,13 @@ class CameraDevice:
         it = self.intrinsics
         keys = {"width": it.width_px, "height": it.height_px, "fx": it.fx_px, "fy": it.fy_px, "cx": it.cx_px}
         return keys | {"cy": it.cy_px} | ({"distortion": dict(self.distortion)} if self.distortion else {})
+
+
+def _problem(item: CameraDevice) -> str:
+    """Return what is wrong with the camera of a package, in a sentence, or ""."""
+    if not re.fullmatch(r"[a-z][a-z0-9_]*", item.name):
+        return f"{item.name!r} is no name of a camera: small letters, digits and underscores, a letter first"
+    return "" if item.label and item.meaning else f"its camera {item.name} needs a label and a meaning"
 
 
 def _sensor(
@@ -72,8 +82,9 @@ def _sources(lens: str, sensor: str, rolling: str = "") -> dict[str, str]:
     return found | {"vignetting": _SHADING, "chromatic_aberration": _FRINGE, "sensor_noise": f"{sensor}; {_WELL}"}
 
 
-CAMERA_DEVICES: Mapping[str, CameraDevice] = {
-    "realsense_d435": CameraDevice(
+_OURS = (
+    CameraDevice(
+        "realsense_d435",
         "RealSense D435",
         "colour camera of Intel's stereo camera: rows are read one by one, depth is of one moment",
         Intrinsics(1280, 720, 918.608, 915.973, 631.377, 356.666),
@@ -91,7 +102,8 @@ CAMERA_DEVICES: Mapping[str, CameraDevice] = {
             "(librealsense threads 7066, 12716)",
         ),
     ),
-    "realsense_d455": CameraDevice(
+    CameraDevice(
+        "realsense_d455",
         "RealSense D455",
         "colour camera of Intel's stereo camera with a longer baseline: all rows of one moment",
         Intrinsics(1280, 720, 632.4, 632.0, 639.8, 363.3),
@@ -103,7 +115,8 @@ CAMERA_DEVICES: Mapping[str, CameraDevice] = {
             "OV9782, 3 um pitch, from memory; gain assumed, of a lit room",
         ),
     ),
-    "azure_kinect": CameraDevice(
+    CameraDevice(
+        "azure_kinect",
         "Azure Kinect",
         "colour camera of Microsoft's time-of-flight camera: rows are read one by one, depth is of one moment",
         Intrinsics(1280, 720, 613.024, 612.935, 648.104, 373.494),
@@ -130,7 +143,8 @@ CAMERA_DEVICES: Mapping[str, CameraDevice] = {
             "trigger is not seen at 0.5 ms of exposure, one that goes out after 22 ms is",
         ),
     ),
-    "kinect_v1": CameraDevice(
+    CameraDevice(
+        "kinect_v1",
         "Kinect",
         "colour camera of Microsoft's first Kinect",
         Intrinsics(640, 480, 517.3, 516.5, 318.6, 255.3),
@@ -146,7 +160,8 @@ CAMERA_DEVICES: Mapping[str, CameraDevice] = {
             "assumed: cameras of 640 x 480 at 30 Hz of its time took 28 to 31 ms (Ringaby and Forssen, 2012)",
         ),
     ),
-    "phone": CameraDevice(
+    CameraDevice(
+        "phone",
         "Phone",
         "the camera of a telephone, held across, without stabilisation",
         Intrinsics(1280, 720, 1084.4, 1082.4, 643.308, 354.322),
@@ -163,7 +178,8 @@ CAMERA_DEVICES: Mapping[str, CameraDevice] = {
             "not published, the iPhone 4's was 32 ms (Ringaby and Forssen, 2012)",
         ),
     ),
-    "action_camera": CameraDevice(
+    CameraDevice(
+        "action_camera",
         "Action Camera",
         "a wide camera that is worn, without stabilisation: GoPro's HERO10",
         Intrinsics(1920, 1080, 898.16, 898.611, 959.436, 531.336),
@@ -185,7 +201,8 @@ CAMERA_DEVICES: Mapping[str, CameraDevice] = {
             "the HERO8 Black's in OpenDroneMap's table of readout times; the HERO10's is not there",
         ),
     ),
-    "webcam": CameraDevice(
+    CameraDevice(
+        "webcam",
         "Webcam",
         "a cheap camera on a screen: Logitech's C270",
         Intrinsics(640, 480, 822.317, 822.317, 319.495, 242.502),
@@ -201,7 +218,11 @@ CAMERA_DEVICES: Mapping[str, CameraDevice] = {
             "assumed: cameras of 640 x 480 at 30 Hz took 28 to 31 ms (Ringaby and Forssen, 2012)",
         ),
     ),
-}
+)
+
+DOOR = Door("noisy_world.cameras", "camera", "CAMERA", (CameraDevice,), _problem)
+
+CAMERA_DEVICES = Registry[CameraDevice](DOOR, lambda: (*_OURS, *held_in(__package__, DOOR.attribute, CameraDevice)))
 """The cameras, by the names that presets have for them."""
 
 
