@@ -362,7 +362,11 @@ def test_the_pages_tell_of_it_when_they_are_made(copied):
     assert preset.spec.settings[1].sweep.perturb == ("stereo_steps",)
 
 
-TOLD = (("perturbations.md", "stereo_steps"), ("gallery.md", "stereo_steps"), ("channels.md", "facing"))
+TOLD = (
+    *(("perturbations.md", "stereo_steps"), ("gallery.md", "stereo_steps"), ("channels.md", "facing")),
+    *(("layouts.md", "flat"), ("trajectories.md", "odometer"), ("generate.md", "corridor"), ("camera.md", "helmet")),
+    *(("metrics.md", "upward_max_m"), ("metrics.md", "accuracy_max_m"), ("systems.md", "still")),
+)
 
 
 def added_lines(before, after):

@@ -8,19 +8,37 @@ python headless/tools/pages.py
 """
 
 import argparse
+import math
 import re
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import fields
 from pathlib import Path
 from textwrap import fill
+from typing import TypeVar
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT / "addon")]
 
+import numpy as np
+from numpy.typing import NDArray
+
 from noisy_world.channels import CHANNELS, Channel
+from noisy_world.core.entry_points import Registry
+from noisy_world.core.lens import Distortion, straightened
+from noisy_world.core.schema import ConfigPath, parse
+from noisy_world.evaluate.map_metrics import MAP_METRICS
+from noisy_world.evaluate.metrics import METRICS, Metric
+from noisy_world.evaluate.systems import find_system, shipped_names
+from noisy_world.layouts import EVERY, Layout, RecordedLayout
 from noisy_world.perturbations import registry
 from noisy_world.perturbations.kinds import STAGES, Perturbation
+from noisy_world.preset.camera_devices import CAMERA_DEVICES, CameraDevice
+from noisy_world.preset.sensor_keys import DistortionSpec
+from noisy_world.sources import SOURCES
+from noisy_world.trajectories.formats import TRAJECTORY_FORMATS
+
+T = TypeVar("T")
 
 WIDTH = 120  # of a line of prose
 MOST_NAMED = 10  # parameters in a row of the table; of longer lists the first ones
@@ -159,10 +177,9 @@ def wrapped(text: str) -> str:
 
 def channel_table() -> str:
     """Return the table of the channels that come with Noisy World."""
-    own = (item for name, item in CHANNELS.items() if CHANNELS.distribution(name) is None)
     rows = (
         (quoted(item.name), item.meaning, item.convention, values_of(item), item.unit, listed(item.kinds))
-        for item in own
+        for item in ours(CHANNELS)
     )
     return table(("channel", "what it is", "what its files hold", "in memory", "unit", "files"), rows)
 
@@ -170,6 +187,121 @@ def channel_table() -> str:
 def values_of(item: Channel) -> str:
     """Return the shape and the type of a channel's values in memory."""
     return f"{'(H, W)' if item.components == 1 else f'(H, W, {item.components})'} {item.dtype}"
+
+
+# --- where clean frames come from, and how they are stored ---
+
+
+def format_table() -> str:
+    """Return the table of the formats of trajectories."""
+    rows = (
+        (quoted(item.name), item.looks_like or item.meaning, item.recognised_by, item.times)
+        for item in ours(TRAJECTORY_FORMATS)
+    )
+    return table(("format", "what it looks like", "recognised by", "times"), rows)
+
+
+def source_table() -> str:
+    """Return the table of the sources, by the keys of scenes."""
+    return table(("key", "what it is"), ((quoted(item.name), item.meaning) for item in ours(SOURCES)))
+
+
+def layout_table() -> str:
+    """Return the table of the layouts that are written and read."""
+    rows = (
+        (quoted(item.name), item.meaning, listed(item.images), listed(item.colours), f"{item.depth_scale_per_m:g}")
+        for item in ours(EVERY)
+        if isinstance(item, Layout)
+    )
+    return table(("`layout`", "what it is", "`image`", "`colour`", "`depth_scale_per_m`"), rows)
+
+
+def recorded_layout_table() -> str:
+    """Return the table of the layouts of recordings that are read alone."""
+    own = (item for item in ours(EVERY) if isinstance(item, RecordedLayout))
+    return table(
+        ("layout", "what it is", "its files"), ((item.label, item.meaning, quoted(item.files)) for item in own)
+    )
+
+
+def camera_table() -> str:
+    """Return the table of the real cameras."""
+    return table(
+        ("device", "image", "field of view, degrees", "lens", "rows", "the calibration is of"),
+        ((quoted(item.name), *camera_facts(item)) for item in ours(CAMERA_DEVICES)),
+    )
+
+
+def camera_facts(item: CameraDevice) -> tuple[str, ...]:
+    """Return size, field of view, lens, readout and origin of a real camera."""
+    it = item.intrinsics
+    rows = item.steps.get("rolling_shutter", {}).get("readout_ms")
+    return (
+        f"{it.width_px} x {it.height_px}",
+        " x ".join(f"{angle:.0f}" for angle in field_of_view_deg(item)),
+        str(item.distortion.get("model", "radial-tangential")) if item.distortion else "pinhole",
+        "of one moment" if rows is None else f"{rows:g} ms",
+        item.sources["lens"],
+    )
+
+
+# --- how systems are judged ---
+
+
+def metric_table() -> str:
+    """Return the table of the metrics of paths."""
+    return metrics_in(ours(METRICS))
+
+
+def map_metric_table() -> str:
+    """Return the table of the metrics of maps, without the paper's."""
+    return metrics_in(item for item in ours(MAP_METRICS) if item.group != "paper")
+
+
+def metrics_in(items: Iterable[Metric]) -> str:
+    """Return a table of metrics."""
+    rows = (
+        (quoted(item.name), item.unit, item.better, item.meaning.removesuffix("."), item.misleads) for item in items
+    )
+    return table(("name", "unit", "better", "what it is", "when it misleads"), rows)
+
+
+def system_table() -> str:
+    """Return the table of the systems, but for those that are installed beside the project."""
+    found = (find_system(name) for name in shipped_names())
+    rows = (
+        (
+            quoted(item.name),
+            item.about.removesuffix("."),
+            f"the environment `{item.environment}`" if item.environment else "nothing more",
+            "to the byte" if item.repeatable else "no",
+        )
+        for item in found
+        if item.environment or not item.remedy
+    )
+    return table(("system", "is", "needs", "the same twice"), rows)
+
+
+def field_of_view_deg(item: CameraDevice) -> tuple[float, float]:
+    """Return how wide and how high a real camera sees, through its optical axis."""
+    it = item.intrinsics
+    lens = parse(DistortionSpec, dict(item.distortion), ConfigPath(item.name)).lens if item.distortion else None
+    across = np.array([-0.5 - it.cx_px, it.width_px - 0.5 - it.cx_px]) / it.fx_px
+    down = np.array([-0.5 - it.cy_px, it.height_px - 0.5 - it.cy_px]) / it.fy_px
+    return angle_deg(lens, across, np.zeros(2)), angle_deg(lens, np.zeros(2), down)
+
+
+def angle_deg(lens: Distortion | None, x: NDArray[np.float64], y: NDArray[np.float64]) -> float:
+    """Return the angle between what two points of the image plane, focal length 1, see."""
+    plane = (x, y) if lens is None else straightened(lens, x, y)
+    seen = np.stack([*plane, np.ones(2)], axis=-1)
+    first, second = seen / np.linalg.norm(seen, axis=-1, keepdims=True)
+    return math.degrees(math.acos(first @ second))
+
+
+def ours(registry: Registry[T]) -> Iterator[T]:
+    """Yield what comes with Noisy World."""
+    return (item for name, item in registry.items() if registry.distribution(name) is None)
 
 
 def listed(words: Iterable[str]) -> str:
@@ -187,6 +319,14 @@ PARTS: dict[str, Callable[[], str]] = {
     "perturbation table": perturbation_table,
     "gallery": gallery,
     "channel table": channel_table,
+    "format table": format_table,
+    "source table": source_table,
+    "layout table": layout_table,
+    "recorded layout table": recorded_layout_table,
+    "camera table": camera_table,
+    "metric table": metric_table,
+    "map metric table": map_metric_table,
+    "system table": system_table,
 }
 
 if __name__ == "__main__":

@@ -286,6 +286,7 @@ _METRICS = (
         "lower",
         "the mean distance from the map's surface to the true surface.",
         lambda compared: _of(compared.accuracy_m, np.mean),
+        misleads="a map of one good wall is accurate",
     ),
     MapMetric(
         "accuracy_median_m",
@@ -294,6 +295,7 @@ _METRICS = (
         "lower",
         "the median of these distances.",
         lambda compared: _of(compared.accuracy_m, np.median),
+        misleads="a map of one good wall is accurate",
     ),
     MapMetric(
         "completion_m",
@@ -302,6 +304,7 @@ _METRICS = (
         "lower",
         "the mean distance from the true surface to the map's.",
         lambda compared: _of(compared.completion_m, np.mean),
+        misleads="a cloud is complete",
     ),
     MapMetric(
         "completion_median_m",
@@ -310,6 +313,7 @@ _METRICS = (
         "lower",
         "the median of these distances.",
         lambda compared: _of(compared.completion_m, np.median),
+        misleads="a cloud is complete",
     ),
     MapMetric(
         "completion_ratio_5cm",
@@ -318,6 +322,7 @@ _METRICS = (
         "higher",
         f"the share of the true surface that is less than {_CM} from the map; 0 without a map.",
         _complete,
+        misleads="with clean depth every map is near 1",
     ),
     MapMetric(
         "accuracy_ratio_5cm",
@@ -326,6 +331,7 @@ _METRICS = (
         "higher",
         f"the share of the map's surface that is less than {_CM} from the true one.",
         lambda compared: _near(compared.accuracy_m),
+        misleads="with clean depth every map is near 1",
     ),
     MapMetric(
         "f_score_5cm",
@@ -361,6 +367,7 @@ _METRICS = (
         "pixels where both see something.",
         _seen(lambda rendered: rendered.depth_l1_m),
         "renders",
+        misleads="holes cost nothing in it, so read the share too; edges rule it",
     ),
     MapMetric(
         "depth_share",
@@ -380,6 +387,7 @@ _METRICS = (
         "map lacks is black.",
         _seen(lambda rendered: rendered.psnr_db),
         "renders",
+        misleads="voxels blur: 2 cm give 21 dB with everything true",
     ),
     MapMetric(
         "ssim",
@@ -390,6 +398,7 @@ _METRICS = (
         "each channel by itself. Wang et al., IEEE TIP 2004.",
         _seen(lambda rendered: rendered.ssim),
         "renders",
+        misleads="voxels blur",
     ),
     MapMetric(
         "lpips",

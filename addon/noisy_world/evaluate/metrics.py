@@ -40,7 +40,8 @@ Compute: TypeAlias = Callable[[Compared], float | None]
 class Metric:
     """A number that is said of a run. unit: "" where it has none. better: "" where neither way is.
 
-    label: a heading. meaning: a sentence or two, with formula and source where they are not plain.
+    label: a heading. meaning: a sentence or two, with formula and source where they are not plain. misleads: when it
+    does, in a few words.
     """
 
     name: str
@@ -48,6 +49,7 @@ class Metric:
     unit: str
     better: Better
     meaning: str
+    misleads: str = field(default="", kw_only=True)
 
 
 @dataclass(frozen=True)
@@ -185,12 +187,18 @@ _STATISTICS = {
     "max": ("max", "the largest"),
     "std": ("std", "the standard deviation"),
 }
-_DELTAS: dict[Delta, tuple[str, str]] = {
-    "1frame": ("1 frame", "from one frame to the next"),
-    "1s": ("1 s", "of one second"),
-    "1m": ("1 m", "of one metre of the true path"),
+_DELTAS: dict[Delta, tuple[str, str, str]] = {
+    "1frame": (
+        "1 frame",
+        "from one frame to the next",
+        "trembling counts more than drift; a higher frame rate makes it smaller",
+    ),
+    "1s": ("1 s", "of one second", "faster motion makes it larger"),
+    "1m": ("1 m", "of one metre of the true path", "a camera that turns on the spot has no such pairs"),
 }
 _STURM = "Sturm et al., IROS 2012."
+_JUMPS = "it knows tracked frames alone: a system that gives up early looks good; one jump dominates it"
+_MIXED = "the mean is never more than the RMSE: a table may not mix them"
 
 
 def success_name(threshold_m: float) -> str:
@@ -211,6 +219,7 @@ def _of_ate() -> list[TrajectoryMetric]:
                 "lower",
                 f"{said} of {distance}.{source}",
                 lambda compared, key=key: getattr(compared.position, key),
+                misleads=_JUMPS if key == "rmse" else _MIXED,
             )
         )
     for key in ("rmse", "mean", "median", "max"):
@@ -229,6 +238,7 @@ def _of_ate() -> list[TrajectoryMetric]:
                 "lower",
                 f"{said} of {angle}.{line}",
                 lambda compared, key=key: getattr(compared.rotation, key),
+                misleads="a camera mounted or stated with other axes adds the same angle everywhere",
             )
         )
     return found
@@ -236,7 +246,7 @@ def _of_ate() -> list[TrajectoryMetric]:
 
 def _of_rpe() -> list[TrajectoryMetric]:
     found = []
-    for key, (label, said) in _DELTAS.items():
+    for key, (label, said, misleads) in _DELTAS.items():
         pairs = f"T^-1 E of true motions T and estimated E {said}, over all pairs of tracked frames"
         found.append(
             TrajectoryMetric(
@@ -246,6 +256,7 @@ def _of_rpe() -> list[TrajectoryMetric]:
                 "lower",
                 f"the RMSE of the lengths of {pairs}. {_STURM}",
                 lambda compared, key=key: _rmse(compared.motions[key].errors_m),
+                misleads=misleads,
             )
         )
         found.append(
@@ -256,6 +267,7 @@ def _of_rpe() -> list[TrajectoryMetric]:
                 "lower",
                 f"the RMSE of the angles of {pairs}.",
                 lambda compared, key=key: _rmse(compared.motions[key].errors_deg),
+                misleads=misleads,
             )
         )
     return found
@@ -283,6 +295,7 @@ _COVERAGE = [
         "the share of the true frames that have an estimated pose.",
         lambda compared: compared.tracked_share,
         of_failed=True,
+        misleads="a wrong pose counts as tracked; of a system that gives keyframes alone it is low",
     ),
     TrajectoryMetric(
         "path_share",
@@ -293,6 +306,7 @@ _COVERAGE = [
         "Above 1 where the estimate trembles or strays.",
         _scored(lambda compared: 0.0 if compared.failure else compared.path_share),
         of_failed=True,
+        misleads="trembling and straying lengthen it, up to and beyond 1",
     ),
     TrajectoryMetric(
         "initialisation_s",
@@ -311,6 +325,7 @@ _COVERAGE = [
         "how often tracking was lost after the first tracked frame.",
         lambda compared: float(_losses(compared).count),
         of_failed=True,
+        misleads="means nothing where a system gives keyframes alone",
     ),
     TrajectoryMetric(
         "longest_loss_s",
@@ -320,6 +335,7 @@ _COVERAGE = [
         "the longest time from a tracked frame to the next, or to the end.",
         lambda compared: _losses(compared).longest_s,
         of_failed=True,
+        misleads="means nothing where a system gives keyframes alone",
     ),
     TrajectoryMetric(
         "bad_pose_share",
@@ -329,6 +345,7 @@ _COVERAGE = [
         f"the share of the frames without a pose, or with one off by {BAD_POSE_M:g} m or more. Li et al., VRIH 2019.",
         _scored(lambda compared: bad_pose_share(compared.position_errors_m, len(compared.truth))),
         of_failed=True,
+        misleads="0.1 m is much on a table and little in a street",
     ),
     TrajectoryMetric(
         "scale",
@@ -337,6 +354,7 @@ _COVERAGE = [
         "",
         "true length over estimated length as Sim(3) alignment finds it; of a system with depth it should be 1.",
         lambda compared: None if compared.still or not compared.by else compared.by.scale * compared.remaining_scale,
+        misleads="of an estimate that is wrong altogether it means nothing",
     ),
     TrajectoryMetric(
         CONDITIONING,
@@ -346,6 +364,7 @@ _COVERAGE = [
         "the second extent of the true path, the standard deviation of its positions along its second principal axis, "
         f"over ate_rmse_m. Below {WELL_CONDITIONED:g} positions hardly say how the path is turned about itself.",
         lambda compared: compared.conditioning.ratio if compared.conditioning else None,
+        misleads="it is no error: a better system has a larger one on the same path",
     ),
 ]
 
@@ -363,6 +382,7 @@ _SUCCESS = [
                 )
             ),
             of_failed=True,
+            misleads=f"the share {LEAST_TRACKED:g} is chosen",
         )
         for threshold_m in THRESHOLDS_M
     ),
@@ -376,6 +396,7 @@ _SUCCESS = [
         "ranks; Schöps et al., CVPR 2019.",
         _scored(lambda compared: success_auc(compared.ate_m, compared.tracked_share)),
         of_failed=True,
+        misleads="below 1 cm all systems look alike",
     ),
     TrajectoryMetric(
         "f1_auc",
@@ -387,6 +408,7 @@ _SUCCESS = [
         "Zhao et al., SubT-MRS, CVPR 2024.",
         _scored(lambda compared: f1_auc(compared.motions["1s"].errors_m, compared.motions["1s"].true, LARGEST_RPE_M)),
         of_failed=True,
+        misleads="it sees drift within a second, no jump that loop closure would mend; faster motion lowers it",
     ),
     TrajectoryMetric(
         "f1_auc_rotation",
@@ -398,6 +420,7 @@ _SUCCESS = [
             lambda compared: f1_auc(compared.motions["1s"].errors_deg, compared.motions["1s"].true, LARGEST_RPE_DEG)
         ),
         of_failed=True,
+        misleads="it sees drift within a second, no jump that loop closure would mend; faster motion lowers it",
     ),
 ]
 
