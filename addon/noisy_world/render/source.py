@@ -217,12 +217,12 @@ class RenderOptions:
     instants: bool = False
     read_lines: bool = False
 
-    @property
+    @cached_property
     def rgb(self) -> bool:
         """Whether they give colour."""
         return "rgb" in self.channels
 
-    @property
+    @cached_property
     def depth(self) -> bool:
         """Whether they give depth."""
         return "depth" in self.channels
