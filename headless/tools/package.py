@@ -256,9 +256,8 @@ def make_library() -> None:
 def definitions_hash() -> str:
     """Return a hash of everything that decides the asset library's content."""
     package = ROOT / "addon/noisy_world"
-    rooms = [path for room in ("core", "perturbations") for path in (package / room).rglob("*")]
-    sources = [path for path in rooms if path.suffix in PACKAGE_FILES]
-    sources += [package / "blender" / name for name in ("kept_groups.py", "nodes.py", "typed.py")]
+    deciding = [path for name in ("core", "perturbations", "nodes") for path in (package / name).rglob("*")]
+    sources = [path for path in deciding if path.suffix in PACKAGE_FILES]
     sources += [*(ROOT / "headless" / name for name in LIBRARY_SCRIPTS)]
     total = hashlib.sha256()
     for path in sorted(sources):

@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from noisy_world.channels import CHANNELS, Channel
+from noisy_world.cli.command import COMMANDS
 from noisy_world.core.entry_points import Registry
 from noisy_world.core.lens import Distortion, straightened
 from noisy_world.core.schema import ConfigPath, parse
@@ -89,6 +90,15 @@ def table(columns: tuple[str, ...], rows: Iterator[tuple[str, ...]]) -> str:
     """Return a table of Markdown."""
     head, *body = (f"| {' | '.join(row)} |" for row in (columns, *rows))
     return "\n".join((head, f"|{'---|' * len(columns)}", *body))
+
+
+# --- subcommands ---
+
+
+def command_table() -> str:
+    """Return the table of subcommands, ours alone, in the order of --help."""
+    ours = (command for name, command in COMMANDS.items() if COMMANDS.distribution(name) is None)
+    return table(("subcommand", "what it does", "for"), ((f"`{c.name}`", c.help, c.group) for c in ours))
 
 
 # --- perturbations ---
@@ -315,6 +325,7 @@ def quoted(word: str) -> str:
 
 
 PARTS: dict[str, Callable[[], str]] = {
+    "subcommands": command_table,
     "perturbation counts": perturbation_counts,
     "perturbation table": perturbation_table,
     "gallery": gallery,

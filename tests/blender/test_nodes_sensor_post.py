@@ -2,17 +2,16 @@
 """Node groups of sensor noise, contrast and pixelate against closed forms, loops and distributions."""
 
 import math
-from fractions import Fraction
 from statistics import NormalDist
 
 import numpy as np
 import pytest
 from cases import cases
 from group_tools import by_nodes, by_reference, ks_bar, ks_distance, levels_apart, picture
+from pixelating import pixelated
 
 NOISES = ("gaussian_noise", "shot_noise", "impulse_noise", "speckle_noise")
 SHAPES = [(1, 1), (1, 7), (7, 1), (33, 41)]
-HALF = Fraction(1, 2)
 
 
 def flat(value, height=680, width=1200):
@@ -141,34 +140,11 @@ def test_contrast_scales_about_each_channels_mean(shape, factor):
 # --- pixelate ---
 
 
-def box_down(line, blocks):
-    """PIL's BOX along one axis: equal weights within half a block of the centre."""
-    scale = Fraction(len(line), blocks)
-    result = []
-    for block in range(blocks):
-        centre = (block + HALF) * scale
-        inside = [x for x in range(len(line)) if -HALF < (x + HALF - centre) / scale <= HALF]
-        result.append(np.mean([line[x] for x in inside], axis=0))
-    return np.array(result)
-
-
-def nearest_up(line, size):
-    places, centre, step = [], len(line) / size * 0.5, len(line) / size
-    for _ in range(size):
-        places.append(int(centre))
-        centre += step
-    return line[places]
-
-
 @cases("factor", [0.6, 0.5, 0.4, 0.3, 0.25])
 @cases("shape", [(20, 30), (100, 140), (39, 119)])
 def test_pixelate_is_pils_box_down_and_nearest_up(factor, shape):
     image = colours(*shape)
-    expected = image.astype(np.float64)
-    for axis in (0, 1):
-        line = np.moveaxis(expected, axis, 0)
-        expected = np.moveaxis(nearest_up(box_down(line, int(shape[axis] * factor)), shape[axis]), 0, axis)
-    assert levels_apart(by_nodes("pixelate", image, factor=factor)[0], expected)[0] < 0.1
+    assert levels_apart(by_nodes("pixelate", image, factor=factor)[0], pixelated(image, factor))[0] < 0.1
 
 
 @cases("severity", [1, 2, 3, 4, 5])

@@ -20,6 +20,7 @@ from worlds import HIGH, LOW, write_replica, write_world
 from written import run
 
 pytest.importorskip("embreex", reason="embreex is not installed: make .venv/.extras brings it")
+from steady_camera import poses_at
 
 from noisy_world import open as open_dataset
 from noisy_world.cli import command
@@ -37,17 +38,8 @@ COLOUR = Intrinsics(*SIZE, 32.0, 32.0, 31.5, 23.5)
 DEPTH = Intrinsics(40, 26, 30.0, 28.0, 18.0, 13.25)
 CAMERA = {"width": 40, "height": 26, "fx": 30.0, "fy": 28.0, "cx": 18.0, "cy": 13.25}
 PLACE = {"translation_m": [0.11, -0.02, 0.03], "rotation_euler_deg": [1.0, -3.0, 2.0]}
-START = look_at([-0.4, 0.1, 1.2], [1.0, 0.4, 1.0])
-TURN_RAD_S, SPEED_M_S = np.radians([25.0, -40.0, 30.0]), np.array([1.5, 0.6, 0.4])
 NOISY = {"name": "noisy", "perturb": [{"gaussian_noise": {"severity": 3}}]}
 FAST = {"name": "fast", "perturb": [{"faster_motion": {"factor": 2}}]}
-
-
-def poses_at(times_s):
-    """The colour camera at some times: a steady turn about its own axis and a steady speed."""
-    times_s = np.asarray(times_s, dtype=np.float64)
-    turned = Rotation.from_rotvec(times_s[..., None] * TURN_RAD_S).as_matrix()
-    return pose(START[:3, :3] @ turned, START[:3, 3] + times_s[..., None] * SPEED_M_S)
 
 
 def rgb_from_depth():

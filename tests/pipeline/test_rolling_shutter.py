@@ -11,17 +11,18 @@ import installed_package
 import numpy as np
 import pytest
 from refusals import refused
-from analytic import box_depth, look_at
+from analytic import box_depth
 from cases import cases
-from scipy.spatial.transform import Rotation
 from worlds import HIGH, LOW, write_replica, write_world
 from written import run, stored
 
 pytest.importorskip("embreex", reason="embreex is not installed: make .venv/.extras brings it")
 
 import noisy_world.dataset.plan
+from steady_camera import poses_at
+
 from noisy_world.core.errors import StorageError
-from noisy_world.core.geometry import Intrinsics, pose
+from noisy_world.core.geometry import Intrinsics
 from noisy_world.perturbations.kinds import MotionPerturbation
 from noisy_world.preset.keys import read_preset
 from noisy_world.perturbations import registry
@@ -31,8 +32,6 @@ from noisy_world.dataset.plan import make_plan
 COUNT, RATE_HZ, SCALE = 6, 20.0, 6553.5
 SIZE = (32, 24)
 CAMERA = Intrinsics(*SIZE, 16.0, 16.0, 15.5, 11.5)
-START = look_at([-0.4, 0.1, 1.2], [1.0, 0.4, 1.0])
-TURN_RAD_S, SPEED_M_S = np.radians([25.0, -40.0, 30.0]), np.array([1.5, 0.6, 0.4])
 
 ROLLING = '''
 """Rows are seen one after another."""
@@ -84,13 +83,6 @@ def rolling(tmp_path_factory):
         registry.cache_clear()
         yield
     registry.cache_clear()
-
-
-def poses_at(times_s):
-    """The camera at some times: a steady turn about its own axis and a steady speed."""
-    times_s = np.asarray(times_s, dtype=np.float64)
-    turned = Rotation.from_rotvec(times_s[..., None] * TURN_RAD_S).as_matrix()
-    return pose(START[:3, :3] @ turned, START[:3, 3] + times_s[..., None] * SPEED_M_S)
 
 
 def world(folder, settings, *, count=COUNT, **keys):

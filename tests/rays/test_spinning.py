@@ -6,12 +6,11 @@ import re
 import numpy as np
 import pytest
 import yaml
-from analytic import look_at
 from cases import cases
-from scipy.spatial.transform import Rotation
 from worlds import HIGH, LOW, WALLS, write_replica, write_world
 
 pytest.importorskip("embreex", reason="embreex is not installed: make .venv/.extras brings it")
+from steady_camera import poses_at
 
 from noisy_world.cli import command
 from noisy_world.cli.entry import Entry
@@ -19,16 +18,7 @@ from noisy_world.layouts.robot_files import CV_FROM_LIDAR
 from noisy_world.core.geometry import pose
 
 RATE_HZ, COUNT = 20.0, 9  # four turns of 0.1 s
-START = look_at([-0.4, 0.1, 1.2], [1.0, 0.4, 1.0])
-TURN_RAD_S, SPEED_M_S = np.radians([25.0, -40.0, 30.0]), np.array([1.5, 0.6, 0.4])
 POINT = np.dtype([("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("i", "<f4"), ("t", "<f8"), ("ring", "<u2")])
-
-
-def poses_at(times_s):
-    """The camera at some times: a steady turn about its own axis and a steady speed."""
-    times_s = np.asarray(times_s, dtype=np.float64)
-    turned = Rotation.from_rotvec(times_s[..., None] * TURN_RAD_S).as_matrix()
-    return pose(START[:3, :3] @ turned, START[:3, 3] + times_s[..., None] * SPEED_M_S)
 
 
 def world(folder, **keys):

@@ -9,12 +9,11 @@ import cv2
 import numpy as np
 import pytest
 from refusals import refused
-from analytic import box_depth, look_at
+from analytic import box_depth, dense_box, look_at
 from worlds import write_world
 
 from noisy_world.core.geometry import Intrinsics
 from noisy_world.preset.keys import read_preset
-from noisy_world.scenes.polygon_mesh import Mesh
 from noisy_world.core.frame_request import FrameRequest
 from noisy_world.dataset.plan import make_plan
 from noisy_world.sources.rendered_mesh import OpenMesh, forget_rooms_and_meshes, load_mesh
@@ -25,22 +24,12 @@ COLOUR_EYE = look_at([0.4, 0.2, 1.1], [2.0, 1.0, 0.7])
 DEPTH_EYE = look_at([-0.9, -0.4, 1.5], [-2.0, -0.2, 1.2])
 
 
-def dense_box():
-    """A box's walls as scattered vertices; the check looks at nothing else."""
-    rng = np.random.default_rng(0)
-    points = rng.uniform(LOW, HIGH, (60_000, 3))
-    axis = rng.integers(0, 3, len(points))
-    points[np.arange(len(points)), axis] = np.where(rng.integers(0, 2, len(points)), HIGH[axis], LOW[axis])
-    corners = np.arange(len(points), dtype=np.int32)
-    return Mesh(points, None, corners, corners[::3])
-
-
 def notes_of_the_first_frame(depth_c2w):
     """What is noted of a frame whose depth was rendered from this pose."""
     depth_m, _ = box_depth(CAMERA, depth_c2w, LOW, HIGH)
     session = SimpleNamespace(frame=lambda request: SimpleNamespace(rgb=None, depth_m=depth_m.astype(np.float32)))
     notes = []
-    opened = OpenMesh(session, [dense_box()], CAMERA, notes.append)
+    opened = OpenMesh(session, [dense_box(LOW, HIGH)], CAMERA, notes.append)
     opened.frame(FrameRequest(3, 0.15, rgb_c2w=COLOUR_EYE, depth_c2w=DEPTH_EYE))
     return notes
 

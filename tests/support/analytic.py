@@ -141,3 +141,13 @@ def grid_mesh(vertices_m):
     quads = np.stack([index[:-1, :-1], index[:-1, 1:], index[1:, 1:], index[1:, :-1]], axis=-1).reshape(-1, 4)
     starts = np.arange(0, quads.size, 4, dtype=np.int32)
     return Mesh(vertices_m.reshape(-1, 3), None, quads.ravel().astype(np.int32), starts)
+
+
+def dense_box(low, high):
+    """A box's walls as scattered vertices, for checks that look at nothing else."""
+    rng = np.random.default_rng(0)
+    points = rng.uniform(low, high, (60_000, 3))
+    axis, side = rng.integers(0, 3, len(points)), rng.integers(0, 2, len(points))
+    points[np.arange(len(points)), axis] = np.where(side, np.asarray(high)[axis], np.asarray(low)[axis])
+    corners = np.arange(len(points), dtype=np.int32)
+    return Mesh(points, None, corners, corners[::3])
