@@ -1,12 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a start does not load: modules that most uses do without. What images are given: memory that is there."""
+"""What is imported is what is used, by the library and each subcommand. Images are given memory that is there."""
 
+import json
+import os
 import subprocess
 import sys
 from importlib.util import find_spec
 
 import pytest
-from worlds import GENERATE, ROOT, write_world
+from worlds import GENERATE, ROOT, generate_here, write_world
 
 OTHERS = (  # other sources than a PLY and a path, other places than a folder
     "bpy", "tarfile", "urllib.request", "noisy_world.rooms", "noisy_world.scenes.gltf",
@@ -33,6 +35,20 @@ if platform.libc_ver()[0] == "glibc":  # whose freed memory is kept: no page of 
 """
 
 
+PROGRAM = """
+import json, sys
+from noisy_world.cli.command import main
+try:
+    main(sys.argv[1:])
+except SystemExit:
+    pass
+print()
+print(json.dumps([name.removeprefix("noisy_world.") for name in sys.modules]))
+"""
+ARRAYS = ["numpy", "cv2", "yaml", "OpenEXR", "scipy", "pandas"]
+PARTS = ["perturbations", "layouts", "channels", "preset", "scenes", "images", "sources", "dataset", "render", "nodes"]
+
+
 def python_without(modules, code):
     """Run code in a process in which to import one of the modules is an error."""
     assert [name for name in modules if name.startswith("noisy_world") and not find_spec(name)] == []
@@ -52,3 +68,42 @@ def test_a_run_loads_the_sources_that_it_has(tmp_path):
     preset = write_world(tmp_path / "world", frames=1, size=size, render=render, settings=[{"name": "clean"}])
     words = [str(GENERATE), str(preset), "--out", str(tmp_path / "out")]
     python_without(OTHERS, f"import runpy\nsys.argv = {words!r}\nrunpy.run_path(sys.argv[0], run_name='__main__')")
+
+
+def loaded(*words):
+    """The names of the modules that a command line loads, ours without the package's name."""
+    environment = {**os.environ, "PYTHONPATH": str(ROOT / "addon")}
+    command = [sys.executable, "-c", PROGRAM, *map(str, words)]
+    done = subprocess.run(command, capture_output=True, text=True, check=True, env=environment)
+    return json.loads(done.stdout.splitlines()[-1])
+
+
+@pytest.mark.parametrize(
+    "words",
+    [["--version"], ["--help"], ["score", "--help"], ["generate", "nowhere.yaml"], ["list", "presets"]],
+    ids=" ".join,
+)
+def test_what_needs_no_arrays_loads_none(words):
+    modules = loaded(*words)
+    assert not {*ARRAYS, *PARTS} & set(modules)
+
+
+def test_a_subcommand_loads_no_other():
+    ours = {name for name in loaded("--version") if name.startswith("cli.")}
+    assert ours == {"cli.arguments", "cli.command", "cli.entry", "cli.system_libraries"}
+
+
+def test_status_loads_no_perturbation_no_plan_and_no_source(tmp_path):
+    pytest.importorskip("embreex", reason="embreex is not installed: pip install '.[embree]'")
+    noisy = {"name": "fog", "perturb": [{"fog": {"severity": 3}}]}
+    render = {"engine": "embree", "backend": "reference"}
+    preset = write_world(
+        tmp_path / "world", frames=2, size=(16, 12), settings=[{"name": "clean"}, noisy], render=render
+    )
+    generate_here(preset, "--out", tmp_path / "out")
+    modules = loaded("status", tmp_path / "out")
+    assert "dataset.status" in modules
+    assert not [
+        name for name in modules if name.split(".")[0] in ("perturbations", "sources", "render", "nodes", "rooms")
+    ]
+    assert not {"dataset.plan", "dataset.estimate", "preset.keys", "cv2", "yaml", "bpy"} & set(modules)

@@ -98,6 +98,7 @@ def test_the_add_on_takes_its_groups_from_the_shelf(library, tmp_path, monkeypat
     node_trees._shelf.cache_clear()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "program",
     [

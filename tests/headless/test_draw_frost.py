@@ -14,6 +14,8 @@ sys.path.insert(0, str(ROOT / "headless"))
 
 from pictures import draw_frost
 
+pytestmark = pytest.mark.long  # of the film set and of what is drawn once; rarely changed
+
 WIDTH_PX = 384  # enough for plumes to fill it
 
 

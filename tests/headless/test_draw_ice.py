@@ -15,6 +15,7 @@ sys.path.insert(0, str(ROOT / "headless"))
 from pictures import draw_ice
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["sheet", "needles", "rime", "ferns"])
 def test_a_picture_is_what_its_seed_draws(name):
     drawn = draw_ice.draw(name).astype(int)

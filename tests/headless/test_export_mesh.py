@@ -13,6 +13,7 @@ from worlds import ROOT, write_box_ply
 from noisy_world.cli import command
 from noisy_world.cli.entry import Entry
 from noisy_world.scenes.ply import read_ply
+from noisy_world.scenes.polygon_mesh import EMBEDDED_ROOM, ROOMS
 
 
 def export(*arguments):
@@ -123,3 +124,9 @@ def test_mistakes_are_one_line(tmp_path):
     assert len(result.stderr.splitlines()) == 1
     assert "none.ply" in result.stderr
     assert not (tmp_path / "out.ply").exists()
+
+
+def test_help_names_every_room(capsys):
+    with pytest.raises(SystemExit):
+        command.main(["export", "--help"])
+    assert f"{EMBEDDED_ROOM}?seed=0 to {ROOMS - 1}" in " ".join(capsys.readouterr().out.split())

@@ -147,25 +147,32 @@ def test_every_script_that_generate_imports_is_staged():
 # --- the scripts in the extension ---
 
 
-def test_the_scripts_use_the_package_that_blender_loaded(tmp_path):
-    extension = lay_out_extension(tmp_path)
+@pytest.fixture(scope="module")
+def extension(tmp_path_factory):
+    """The extension as it lies where Blender would put it, without wheels."""
+    folder = tmp_path_factory.mktemp("blender") / "extensions/user_default/noisy_world"
+    package.stage(folder, "linux-x64", [])
+    return folder
+
+
+def test_the_scripts_use_the_package_that_blender_loaded(extension, tmp_path):
     code = f"""
         import sys, importlib
-        sys.path[:0] = [{str(tmp_path / "extensions")!r}, {str(extension / "headless")!r}]
+        sys.path[:0] = [{str(extension.parents[1])!r}, {str(extension / "headless")!r}]
         sys.modules["bl_ext"] = importlib.import_module("user_default")  # any parent will do
         loaded = importlib.import_module("user_default.noisy_world")
         import user_default.noisy_world.core.errors
         import installation
         installation.prepare_imports()
         from noisy_world.core.errors import NoisyWorldError
-        from noisy_world.core.trajectories import trajectory
-        import noisy_world.perturbations.fog as fog
+        from noisy_world.core import trajectory
+        import noisy_world.perturbations.shipped.fog as fog
         assert NoisyWorldError is sys.modules["user_default.noisy_world.core.errors"].NoisyWorldError
         files = [getattr(module, "__file__", None) or "" for module in set(sys.modules.values())]
         files = [file for file in files if "noisy_world" in file]
         assert len(files) == len(set(files)), files
         assert sys.modules["noisy_world"] is loaded
-        assert fog.__name__ == fog.__spec__.name == "user_default.noisy_world.perturbations.fog"
+        assert fog.__name__ == fog.__spec__.name == "user_default.noisy_world.perturbations.shipped.fog"
         try:
             import noisy_world.nothing
         except ModuleNotFoundError as error:
@@ -174,8 +181,7 @@ def test_the_scripts_use_the_package_that_blender_loaded(tmp_path):
     assert "noisy_world.nothing" in python(code, tmp_path)
 
 
-def test_the_scripts_load_the_package_that_nobody_loaded(tmp_path):
-    extension = lay_out_extension(tmp_path)
+def test_the_scripts_load_the_package_that_nobody_loaded(extension, tmp_path):
     world = write_world(tmp_path / "world", frames=2)
     command = [sys.executable, str(extension / "headless/generate.py"), str(world), "--list"]
     done = subprocess.run(command, capture_output=True, text=True, check=True, cwd=tmp_path)
@@ -185,7 +191,7 @@ def test_the_scripts_load_the_package_that_nobody_loaded(tmp_path):
         sys.path.insert(0, {str(extension / "headless")!r})
         import installation
         installation.prepare_imports()
-        import noisy_world.core.shipped as shipped
+        import noisy_world.core.dependencies as shipped
         print(shipped.__file__, shipped.package_version())
     """
     said = python(code, tmp_path).split()
@@ -195,13 +201,6 @@ def test_the_scripts_load_the_package_that_nobody_loaded(tmp_path):
 
 def test_a_checkout_is_not_an_extension():
     assert not installation.INSTALLED
-
-
-def lay_out_extension(folder):
-    """Lay the extension out where Blender would, without wheels."""
-    extension = folder / "extensions/user_default/noisy_world"
-    package.stage(extension, "linux-x64", [])
-    return extension
 
 
 def python(code, folder):

@@ -16,6 +16,8 @@ from pictures.street import LitFrame, StreetCamera, read_frame, write_frame
 from pictures.street import Street, intrinsics_of, path_c2w
 from tools.assets import SIDE_PX, thumbnail
 
+pytestmark = pytest.mark.long  # of the film set and of what is drawn once; rarely changed
+
 SIZE = (48, 28)
 
 

@@ -16,6 +16,8 @@ from pictures.street import LitFrame, write_frame
 from pictures.street import path_c2w
 from pictures.street import write_cameras
 
+pytestmark = pytest.mark.long  # of the film set and of what is drawn once; rarely changed
+
 SIZE = (64, 36)
 
 

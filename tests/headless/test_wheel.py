@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The wheel: what it holds, and the command that it installs, started from another folder."""
+"""The command, and the wheel that installs it: what that holds, and what it makes when it is started from elsewhere."""
 
 import os
 import signal
@@ -15,8 +15,6 @@ from worlds import ROOT, content, write_world
 from noisy_world.cli import command
 from noisy_world.cli.entry import exit_status
 from noisy_world.cli.arguments import found_preset
-
-pytestmark = pytest.mark.long
 
 VERSION = tomllib.loads((ROOT / "blender_manifest.toml").read_text())["version"]
 
@@ -45,6 +43,7 @@ def installed(wheel, tmp_path_factory):
     return folder, {**os.environ, "PYTHONPATH": str(folder)}
 
 
+@pytest.mark.long
 def test_what_the_wheel_holds(wheel):
     assert wheel.name == f"noisy_world-{VERSION}-py3-none-any.whl"
     with zipfile.ZipFile(wheel) as packed:
@@ -69,6 +68,7 @@ def test_what_the_wheel_holds(wheel):
     assert not [name for name in names if "__pycache__" in name or "/assets/" in name or name.endswith("ruff.toml")]
 
 
+@pytest.mark.long
 def test_the_installed_command_from_another_folder(installed, tmp_path):
     site, environment = installed
     script = site / "bin" / "noisy-world"
@@ -87,6 +87,7 @@ def test_the_installed_command_from_another_folder(installed, tmp_path):
     )
 
 
+@pytest.mark.long
 def test_the_installed_command_and_its_workers_write_what_the_script_writes(installed, tmp_path):
     _, environment = installed
     preset = write_world(tmp_path / "world", frames=4)
@@ -156,6 +157,7 @@ def test_the_command(words, status, said, capsys):
         ),
         (["verify", "a", "b", "c"], 2, "error: 'c' is one word too many; 'noisy-world verify --help' tells more\n"),
         (["generate", "a.yaml", "--workr"], 2, "unknown option --workr"),
+        (["list", "settings"], 2, "noisy-world list: error: settings: name a preset"),
     ],
 )
 def test_words_that_the_parser_ends_with(words, status, said, capsys):
@@ -168,6 +170,7 @@ def test_words_that_the_parser_ends_with(words, status, said, capsys):
     assert "--worker" not in err  # is for the program itself
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "start", [["-m", "noisy_world"], [str(ROOT / "headless/generate.py")]], ids=["module", "script"]
 )
@@ -219,9 +222,3 @@ def test_every_subcommand_has_help(capsys):
             command.main([name, "--help"])
         assert ended.value.code == 0
         assert f"usage: noisy-world {name}" in capsys.readouterr().out
-
-
-def test_list_asks_for_the_preset_that_it_needs(capsys):
-    with pytest.raises(SystemExit):
-        command.main(["list", "settings"])
-    assert "noisy-world list: error: settings: name a preset" in capsys.readouterr().err

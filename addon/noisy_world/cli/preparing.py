@@ -309,10 +309,8 @@ ENDING = ".ply"
 
 
 def _export_options(parser: Parser) -> None:
-    from ..scenes.polygon_mesh import EMBEDDED_ROOM, ROOMS
-
-    known = f"a PLY, glTF, OBJ, USD, FBX or STL file, or {EMBEDDED_ROOM}?seed=0 to {ROOMS - 1}"
-    parser.option("mesh MESH", known, type=path)
+    # Without numpy the help is shown too, so a test holds the numbers of rooms.
+    parser.option("mesh MESH", "a PLY, glTF, OBJ, USD, FBX or STL file, or embedded:room?seed=0 to 7", type=path)
     parser.option("out OUT.ply", "the file to write; one that is there is replaced", type=out_path)
     up = "the axis of the file that points up, where that is not what the file declares; y is turned to Z up"
     parser.option("--up", up, choices=("y", "z"))

@@ -18,8 +18,7 @@ from ..perturbations.execution import split_motion
 from ..perturbations.kinds import SEQUENCE_KINDS, ColourPerturbation, DepthPerturbation
 from ..perturbations.parsing import Registry, parse_steps
 from ..perturbations.steps import Setting
-from .identity import RecordedSetting, RecordedStep
-from .inventory import Described
+from .identity import Described, RecordedSetting, RecordedStep
 from .plan import Plan, Render
 from .sequence import Numbers, array_of, lay_out
 

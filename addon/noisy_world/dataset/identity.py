@@ -11,7 +11,7 @@ import hashlib
 import json
 import platform
 import sys
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import asdict, dataclass, field, fields
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
@@ -193,6 +193,25 @@ def setting_problem(name: str, content: Any) -> str:
     except ValueError as error:
         return f"settings.{name}: {error}"
     return ""
+
+
+@dataclass(frozen=True)
+class Described:
+    """A sequence that an identity describes.
+
+    frames: their numbers, of those that were asked for; None where a perturbation that decides them is not known here.
+    seconds_each: what a frame costs by the estimate, on two cores; a render's cost is shared by those that show it.
+    """
+
+    setting: str
+    scene: str
+    frames: Collection[int] | None
+    seconds_each: float
+
+    @property
+    def folder(self) -> str:
+        """The sequence's folder inside the dataset, with forward slashes."""
+        return f"{self.setting}/{self.scene}"
 
 
 FORMAT = 2  # version of the identity and the manifest; raised when their keys change

@@ -8,7 +8,7 @@ import contextlib
 import os
 import threading
 from collections import Counter, deque
-from collections.abc import Callable, Collection, Container, Iterable, Iterator, Mapping, Set
+from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Set
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeAlias
@@ -22,25 +22,6 @@ from .folder_state import MANIFEST, OVERVIEW, RUN, WORK_FOLDER, read_dataset_sta
 from .tar_files import TarContent, tar_contents
 
 RECENT = 200  # records of a journal, the last ones, of which it is asked when they were written
-
-
-@dataclass(frozen=True)
-class Described:
-    """A sequence that an identity describes.
-
-    frames: their numbers, of those that were asked for; None where a perturbation that decides them is not known here.
-    seconds_each: what a frame costs by the estimate, on two cores; a render's cost is shared by those that show it.
-    """
-
-    setting: str
-    scene: str
-    frames: Collection[int] | None
-    seconds_each: float
-
-    @property
-    def folder(self) -> str:
-        """The sequence's folder inside the dataset, with forward slashes."""
-        return f"{self.setting}/{self.scene}"
 
 
 @dataclass(frozen=True)

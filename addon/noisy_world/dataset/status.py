@@ -33,9 +33,8 @@ from .folder_state import (
     merged_identity,
     read_dataset_state,
 )
-from .identity import FORMAT
+from .identity import FORMAT, Described
 from .inventory import (
-    Described,
     FileInventory,
     FolderPart,
     HashedPart,
