@@ -3,8 +3,6 @@
 
 import json
 import math
-import sys
-import threading
 
 import numpy as np
 import pytest
@@ -13,17 +11,12 @@ bpy = pytest.importorskip("bpy", reason="bpy is not installed")
 
 from cases import cases
 from own_scenes import new_scene, save
+from runs import files_made, opened_render, planned
 from shard_workers import workers_here
 
 from noisy_world.render.engines import bands_of
 from noisy_world.core.errors import InputError
-from noisy_world.dataset.rendering import open_render, render_options
-from noisy_world.dataset.rendering import source_paths
-from noisy_world.preset.keys import read_preset
-from noisy_world.core.progress import PlainProgress
 from noisy_world.core.frame_request import Shutter
-from noisy_world.dataset.run import Run
-from noisy_world.dataset.plan import make_plan
 
 BLUR = {"camera_motion_blur": {"shutter_ms": 40}}
 
@@ -66,26 +59,19 @@ def plan_path(hall, *perturb, **keys):
 
 
 def plan_of(hall, *perturb, **keys):
-    return make_plan(read_preset(plan_path(hall, *perturb, **keys)))
+    return planned(plan_path(hall, *perturb, **keys))
 
 
 def exposed(hall, *perturb, index=1, **keys):
     """A frame of a setting, and how it was said to be made."""
-    plan, notes = plan_of(hall, *perturb, **keys), []
-    (render,) = plan.renders
-    sensors = source_paths(plan, render)
-    with render.scene.source.prepare(render.camera, notes.append) as prepared:
-        opened = open_render(prepared, render, sensors, render_options(plan, render), notes.append)
+    notes = []
+    with opened_render(plan_of(hall, *perturb, **keys), notes.append, exposing=True) as (opened, sensors):
         return opened.frame(sensors.request(index)), notes
 
 
 def exposed_after(hall, seconds, *perturb, **keys):
     """What a setting's exposure is some seconds after the second frame."""
-    plan = plan_of(hall, *perturb, **keys)
-    (render,) = plan.renders
-    sensors = source_paths(plan, render)
-    with render.scene.source.prepare(render.camera, print) as prepared:
-        opened = open_render(prepared, render, sensors, render_options(plan, render), print)
+    with opened_render(plan_of(hall, *perturb, **keys), exposing=True) as (opened, sensors):
         return opened.frame(sensors.request(1).after(seconds))
 
 
@@ -94,11 +80,7 @@ def instants(hall, times_s, exposure=BLUR, *, index=1, **keys):
 
     exposure: of a setting, whose samples these have.
     """
-    plan = plan_of(hall, exposure, **keys)
-    (render,) = plan.renders
-    sensors = source_paths(plan, render)
-    with render.scene.source.prepare(render.camera, print) as prepared:
-        opened = prepared.open(sensors, render_options(plan, render), print)
+    with opened_render(plan_of(hall, exposure, **keys)) as (opened, sensors):
         for time_s in times_s:
             frame = opened.frame(sensors.request(index).after(float(time_s)))
             yield frame, bpy.data.scenes["Scene"].frame_current_final
@@ -274,8 +256,7 @@ def test_a_dataset_is_the_same_by_shards_in_any_order_and_of_a_frame_alone(hall,
     assert {name: one[name.replace("000000", "000002")] for name in alone} == alone
 
 
-def images_made(path, out, *, frames=None, **several):
+def images_made(path, out, **several):
     """The bytes of the images of a dataset that is made, by name."""
-    plan = make_plan(read_preset(path), frames)
-    Run(plan, out, progress=PlainProgress(sys.stderr), stop=threading.Event(), **several).make_dataset()
-    return {image.name: image.read_bytes() for image in (out / "exposed" / "hall").glob("results/*.png")}
+    files = files_made(path, out, **several)
+    return {name.rpartition("/")[2]: data for name, data in files.items() if "/results/" in name}

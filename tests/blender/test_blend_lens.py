@@ -2,8 +2,6 @@
 """A scene of a .blend through a lens that distorts: against OpenCV and rays in float64, and as a dataset."""
 
 import json
-import sys
-import threading
 from types import SimpleNamespace
 
 import cv2
@@ -14,18 +12,13 @@ bpy = pytest.importorskip("bpy", reason="bpy is not installed")
 
 from cases import cases
 from own_scenes import cast, evaluated_triangles, new_scene, relative_errors, save
+from runs import files_made, opened_render, planned
 from shard_workers import workers_here
 
 from noisy_world.core.lens import overscanned
 from noisy_world.core.errors import InputError
 from noisy_world.core.lens import lens_rays
 from noisy_world.core.lens import Distortion
-from noisy_world.preset.keys import read_preset
-from noisy_world.core.progress import PlainProgress
-from noisy_world.dataset.rendering import render_options
-from noisy_world.dataset.run import Run
-from noisy_world.dataset.plan import make_plan
-from noisy_world.dataset.rendering import source_paths
 
 CAMERA = {"width": 48, "height": 36, "fx": 50.0, "fy": 50.0, "cx": 22.5, "cy": 18.0}
 LENS = {"k1": -0.3, "k2": 0.05, "p1": 0.002, "p2": -0.001}
@@ -55,12 +48,10 @@ def preset(hall, name="lens", *, camera=CAMERA, distortion=LENS, settings=({"nam
 
 
 def frame_of(path, index=1):
-    plan = make_plan(read_preset(path))
-    (render,) = plan.renders
-    sensors = source_paths(plan, render)
-    with render.scene.source.prepare(render.camera, print) as prepared:
-        frame = prepared.open(sensors, render_options(plan, render), print).frame(sensors.request(index))
-        return frame, frame.light.show(frame.light.rgb), sensors.rgb.c2w[index], render.camera
+    plan = planned(path)
+    with opened_render(plan) as (opened, sensors):
+        frame = opened.frame(sensors.request(index))
+        return frame, frame.light.show(frame.light.rgb), sensors.rgb.c2w[index], plan.renders[0].camera
 
 
 def test_light_is_a_wider_pinholes_resampled_and_depth_that_of_the_lens_rays(hall):
@@ -94,36 +85,21 @@ def test_what_is_out_of_focus_is_so_by_the_same_aperture(hall):
     """The lens's length in millimetres, which with the f-number is the aperture, is that without distortion."""
     found = []
     for distortion in (None, LENS):
-        plan = make_plan(read_preset(preset(hall, distortion=distortion)))
-        (render,) = plan.renders
-        sensors = source_paths(plan, render)
-        with render.scene.source.prepare(render.camera, print) as prepared:
-            prepared.open(sensors, render_options(plan, render), print).frame(sensors.request(0))
+        with opened_render(planned(preset(hall, distortion=distortion))) as (opened, sensors):
+            opened.frame(sensors.request(0))
             found.append(bpy.data.scenes["Scene"].camera.data.lens)
     assert found[1] == pytest.approx(found[0], rel=1e-6)
     assert found[0] == pytest.approx(50.0 * 36.0 / 48, rel=1e-6)
-
-
-def made(path, out, **several):
-    run = Run(make_plan(read_preset(path)), out, progress=PlainProgress(sys.stderr), stop=threading.Event())
-    run.make_dataset(**several)
-    files = (file for file in sorted(out.rglob("*")) if file.is_file() and file.name != "run.json")
-    return {str(file.relative_to(out)): file.read_bytes() for file in files}
 
 
 def test_a_dataset_of_it_is_the_same_in_any_order(hall, tmp_path):
     blur = {"camera_motion_blur": {"shutter_ms": 20, "most_moments": 3}}
     settings = [{"name": "clean"}, {"name": "blurred", "perturb": [blur]}]
     path = preset(hall, settings=settings)
-    alone = made(path, tmp_path / "alone")
+    alone = files_made(path, tmp_path / "alone")
     assert json.loads(alone["manifest.json"])["camera"]["distortion"] == MODEL.content()
     workers = workers_here(path, tmp_path / "two", order=lambda shards: shards[::-1])
-    run = Run(
-        make_plan(read_preset(path)), tmp_path / "two", progress=PlainProgress(sys.stderr), stop=threading.Event(),
-        jobs=2, workers=workers,
-    )  # fmt: skip
-    run.make_dataset()
-    assert all((tmp_path / "two" / name).read_bytes() == data for name, data in alone.items())
+    assert files_made(path, tmp_path / "two", jobs=2, workers=workers) == alone
 
 
 @cases(
@@ -136,4 +112,4 @@ def test_a_dataset_of_it_is_the_same_in_any_order(hall, tmp_path):
 )
 def test_what_cannot_be_done_is_one_line(hall, keys, said):
     with pytest.raises(InputError, match=said):
-        make_plan(read_preset(preset(hall, "wrong", **keys)))
+        planned(preset(hall, "wrong", **keys))

@@ -2,8 +2,6 @@
 """A .blend in a preset: its files and what of them is hashed, and the same dataset in whatever order it is made."""
 
 import json
-import sys
-import threading
 
 import numpy as np
 import pytest
@@ -11,14 +9,11 @@ import pytest
 bpy = pytest.importorskip("bpy", reason="bpy is not installed")
 
 from own_scenes import new_scene, save
+from runs import files_made, planned
 from shard_workers import workers_here
 
 from noisy_world.render.engines import RenderFile
 from noisy_world.core.errors import InputError
-from noisy_world.preset.keys import read_preset
-from noisy_world.core.progress import PlainProgress
-from noisy_world.dataset.run import Run
-from noisy_world.dataset.plan import make_plan
 
 
 @pytest.fixture(scope="module")
@@ -53,15 +48,6 @@ def hall(tmp_path_factory):
     return folder
 
 
-def made(preset, out, **several):
-    run = Run(
-        make_plan(read_preset(preset)), out, progress=PlainProgress(sys.stderr), stop=threading.Event(), **several
-    )
-    run.make_dataset()
-    files = (path for path in sorted(out.rglob("*")) if path.is_file() and path.name != "run.json")
-    return {str(path.relative_to(out)): path.read_bytes() for path in files}
-
-
 def test_shards_in_any_order_make_the_same_dataset_and_each_frame_is_rendered_once(hall, tmp_path, monkeypatch):
     rendered = []
     operator = RenderFile.render
@@ -69,10 +55,10 @@ def test_shards_in_any_order_make_the_same_dataset_and_each_frame_is_rendered_on
         RenderFile, "render", lambda self, layer, **more: rendered.append(layer) or operator(self, layer, **more)
     )
     preset = hall / "hall.yaml"
-    alone = made(preset, tmp_path / "alone")
+    alone = files_made(preset, tmp_path / "alone")
     assert len(rendered) == 2  # of two frames in three settings, colour and depth together
     backwards = workers_here(preset, tmp_path / "two", order=lambda shards: shards[::-1])
-    assert made(preset, tmp_path / "two", jobs=2, workers=backwards) == alone
+    assert files_made(preset, tmp_path / "two", jobs=2, workers=backwards) == alone
     assert not (hall / "ran").exists()
     camera = json.loads(alone["manifest.json"])["camera"]
     assert (camera["width_px"], camera["near_m"], camera["far_m"]) == (48, pytest.approx(0.1), 1000)
@@ -82,7 +68,7 @@ def test_instances_have_their_objects_names_those_of_libraries_too(hall, tmp_pat
     preset = hall / "objects.yaml"
     output = "output: {layout: tum, modalities: [instance, normal], formats: {instance: npy}}"
     preset.write_text((hall / "hall.yaml").read_text().replace("output: {image: png}", output))
-    files = made(preset, tmp_path / "out")
+    files = files_made(preset, tmp_path / "out")
     told = [{"id": 1, "name": "Ball [shelf.blend]", "pass_index": 0}, {"id": 2, "name": "Wall", "pass_index": 0}]
     assert json.loads(files["fog/hall/instance.json"]) == {"void": 0, "objects": told}
     ids = np.load(tmp_path / "out/clean/hall/instance/000001.npy")
@@ -96,7 +82,7 @@ def test_flow_of_whole_runs_and_of_shards_and_of_faster_motion(hall, tmp_path):
         "settings: [{name: clean}, {name: fast, perturb: [{faster_motion: {factor: 2}}]}]\n"
         "render: {backend: reference}\noutput: {image: png, modalities: [depth, flow], formats: {flow: npy}}\n"
     )
-    alone = made(preset, tmp_path / "alone")
+    alone = files_made(preset, tmp_path / "alone")
     flows = {
         name: [np.load(file) for file in sorted((tmp_path / f"alone/{name}/hall/flow").iterdir())]
         for name in ("clean", "fast")
@@ -111,7 +97,7 @@ def test_flow_of_whole_runs_and_of_shards_and_of_faster_motion(hall, tmp_path):
     assert np.median(np.abs(first[y, x, :2] + rest - both[y, x, :2])) < 0.1
     assert np.median(np.abs(both[y, x, :2])) > 1
     backwards = workers_here(preset, tmp_path / "two", order=lambda shards: shards[::-1])
-    assert made(preset, tmp_path / "two", jobs=2, workers=backwards) == alone
+    assert files_made(preset, tmp_path / "two", jobs=2, workers=backwards) == alone
 
 
 def test_a_single_frame_takes_motion_and_shutters(hall, tmp_path):
@@ -122,7 +108,7 @@ def test_a_single_frame_takes_motion_and_shutters(hall, tmp_path):
         "  {name: blur, perturb: [{camera_motion_blur: {shutter_ms: 10}}]}]\n"
         "render: {backend: reference}\noutput: {image: png}\n"
     )
-    files = made(hall / "still.yaml", tmp_path / "out")
+    files = files_made(hall / "still.yaml", tmp_path / "out")
     for setting in ("fast", "rolling", "blur"):
         assert sum(name.startswith(f"{setting}/hall/results/") for name in files) == 2
         assert files[f"{setting}/hall/traj.txt"] == files["clean/hall/traj.txt"]
@@ -131,7 +117,7 @@ def test_a_single_frame_takes_motion_and_shutters(hall, tmp_path):
 def plan_of(hall, **keys):
     path = hall / "other.yaml"
     path.write_text(json.dumps({"scenes": [{"name": "hall", "blend": "hall.blend", "frames": "1:2", **keys}]}))
-    return make_plan(read_preset(path))
+    return planned(path)
 
 
 def test_files_are_hashed_and_named_where_missing(hall):
@@ -172,8 +158,8 @@ def test_a_preset_says_engine_and_samples_only_where_it_gives_them(hall):
         ({"engine": "eevee", "samples": 3}, ("eevee", 3)),
     ):
         path.write_text(json.dumps({"scenes": scenes, "render": render}))
-        own = make_plan(read_preset(path)).scenes[0].source.capabilities.own
+        own = planned(path).scenes[0].source.capabilities.own
         assert (own.engine, own.samples) == found
     path.write_text(json.dumps({"scenes": scenes, "render": {"engine": "embree"}}))
     with pytest.raises(InputError, match=r"render\.engine: is embree, which knows no lights or materials"):
-        make_plan(read_preset(path))
+        planned(path)

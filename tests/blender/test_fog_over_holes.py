@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 import pytest
 from made_recordings import CAMERA, SIZE_PX, write_tum
-from written import run
+from runs import run
 
 pytest.importorskip("bpy", reason="Blender's package is not installed")
 

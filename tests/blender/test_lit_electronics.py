@@ -2,8 +2,6 @@
 """The camera's electronics on lit frames: light before the view transform, with what is brighter than white."""
 
 import json
-import sys
-import threading
 
 import cv2
 import numpy as np
@@ -12,11 +10,8 @@ import pytest
 bpy = pytest.importorskip("bpy", reason="bpy is not installed")
 
 from own_scenes import new_scene, save
+from runs import run
 
-from noisy_world.preset.keys import read_preset
-from noisy_world.core.progress import PlainProgress
-from noisy_world.dataset.run import Run
-from noisy_world.dataset.plan import make_plan
 
 STOPS = -5
 EXPOSED = {"light_stops": STOPS, "min_ms": 10.0, "max_ms": 10.0, "max_gain_db": 0.0}  # nothing makes up for it
@@ -52,8 +47,7 @@ def images(tmp_path_factory):
         f"settings: {json.dumps(SETTINGS)}\n"
         "render: {backend: reference}\noutput: {image: png, modalities: [rgb]}\n"
     )
-    plan = make_plan(read_preset(folder / "lit.yaml"))
-    Run(plan, folder / "out", progress=PlainProgress(sys.stderr), stop=threading.Event()).make_dataset()
+    run(folder / "lit.yaml", folder / "out")
     return {
         setting["name"]: cv2.imread(str(folder / f"out/{setting['name']}/hall/results/frame000001.png"))[..., ::-1]
         for setting in SETTINGS

@@ -9,6 +9,7 @@ bpy = pytest.importorskip("bpy", reason="bpy is not installed")
 import rooms_in_formats as rooms
 from analytic import look_at
 from importing import import_here
+from runs import opened_render
 
 import srgb
 from noisy_world.render.own_scene import OwnSceneFile, OwnSceneSession
@@ -125,16 +126,14 @@ def lit_preset(tmp_path, distortion, *perturb, speed_m=0.0, samples=64):
 
 def test_through_a_lens_it_follows_lamberts_law_and_no_border_is_missing(tmp_path):
     plan = make_plan(lit_preset(tmp_path, LENS))
-    (render,) = plan.renders
-    sensors = source_paths(plan, render)
-    with render.scene.source.prepare(render.camera, print) as prepared:
-        frame = prepared.open(sensors, render_options(plan, render), print).frame(sensors.request(0))
+    with opened_render(plan) as (opened, sensors):
+        frame = opened.frame(sensors.request(0))
         shown = frame.light.show(frame.light.rgb)
     assert np.abs(frame.depth_m - 3.0).max() < 1e-5
     assert (frame.image("instance") == 1).all()
     assert np.abs(frame.image("normal") - [0, 0, -1]).max() < 1e-4
     np.testing.assert_array_equal(shown, frame.rgb)
-    rays = lens_rays(render.camera, Distortion("radial-tangential", (-0.3, 0.05, 0.002, -0.001)))
+    rays = lens_rays(plan.renders[0].camera, Distortion("radial-tangential", (-0.3, 0.05, 0.002, -0.001)))
     points = 3.0 * (EYE[:3, 0] * rays.right[..., None] + EYE[:3, 1] * rays.down[..., None])
     away_m = np.linalg.norm(points * (1, 1, 0) - np.array([0.5, -0.25, HEIGHT_M]), axis=-1)
     ratio = frame.light.rgb[..., 1] / (0.8 / np.pi * 2000.0 / 683.0 * HEIGHT_M / away_m**3)

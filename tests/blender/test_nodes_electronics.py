@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from cases import cases
 from group_tools import IDENTIFIERS, by_groups, keep_written, levels_apart, picture, step_of
-from many_settings import image, records, run
+from runs import run
+from many_settings import image, records
 from worlds import write_world
 
 from noisy_world.nodes.compositor import Compositor

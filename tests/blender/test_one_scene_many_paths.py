@@ -2,19 +2,16 @@
 """A scene is built once for all its renders, and their frames are those of a scene built for each."""
 
 import itertools
-import sys
-import threading
 from dataclasses import replace
 
 import pytest
+from runs import files_made
 from worlds import write_world
 
 from noisy_world.render import mesh_session as blender_session
 from noisy_world.dataset.rendering import source_paths
 from noisy_world.preset.keys import read_preset
-from noisy_world.core.progress import PlainProgress
 from noisy_world.dataset.rendering import render_options
-from noisy_world.dataset.run import Run
 from noisy_world.dataset.plan import make_plan
 
 CLEAN = {"name": "clean", "perturb": [{"fog": {"severity": 3}}]}
@@ -29,10 +26,8 @@ def files_of(folder, settings, shift_m):
     render = {"backend": "reference", "allow_empty": True}
     keys = {"shift_m": shift_m, "settings": settings, "render": render}
     world = write_world(folder / "world", frames=3, size=(24, 18), **keys)
-    run = Run(make_plan(read_preset(world)), folder / "out", progress=PlainProgress(sys.stderr), stop=threading.Event())
-    run.make_dataset()
-    found = (folder / "out").glob("*/box/results/*")
-    return {path.relative_to(folder / "out").as_posix(): path.read_bytes() for path in found}
+    files = files_made(world, folder / "out")
+    return {name: data for name, data in files.items() if "/box/results/" in name}
 
 
 # The middle of the second path lies between whole metres, so deviations move the origin.

@@ -11,7 +11,8 @@ import time
 import fake_session
 import pytest
 from worlds import content, generate_here
-from written import run, world
+from runs import run
+from written import world
 
 from noisy_world.executors import ray_cluster
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from packed import write_preset
 from worlds import write_world
-from written import run
+from runs import run
 
 from noisy_world.core.errors import NoisyWorldError
 from noisy_world.perturbations import registry

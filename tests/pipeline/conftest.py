@@ -5,7 +5,8 @@ import sys
 
 import fake_session
 import pytest
-from many_settings import COUNT, SETTINGS, run
+from runs import run
+from many_settings import COUNT, SETTINGS
 from worlds import write_world
 
 

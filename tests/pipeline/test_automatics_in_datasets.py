@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 import yaml
 from cases import cases
-from many_settings import image, records, run
+from runs import run
+from many_settings import image, records
 from recipes_made import make
 from recorded_presets import preset_of
 from shard_workers import workers_here

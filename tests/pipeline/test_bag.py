@@ -6,7 +6,8 @@ import pytest
 import yaml
 from cases import cases
 from inertial_paths import GRAVITY_M_S2
-from written import RIG, rows_of, run, world
+from runs import run
+from written import RIG, rows_of, world
 
 from noisy_world.cli import command
 from noisy_world.cli.entry import Entry

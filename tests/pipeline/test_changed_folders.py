@@ -13,7 +13,7 @@ from refusals import refused
 from cases import cases
 from growing import CLEAN, FOG, change, marks, stopped, world
 from worlds import content
-from written import run
+from runs import run
 
 from noisy_world.layouts import LAYOUTS
 from noisy_world.core.errors import StorageError

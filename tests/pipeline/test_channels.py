@@ -13,7 +13,7 @@ pytest.importorskip("embreex", reason="embreex is not installed: pip install '.[
 
 from cases import cases
 from worlds import path_poses, with_objects, write_world
-from written import run
+from runs import run
 
 from noisy_world.layouts import LAYOUTS
 from noisy_world.core.errors import NoisyWorldError, StorageError

@@ -6,7 +6,8 @@ from collections import Counter
 
 import numpy as np
 import pytest
-from many_settings import image, records, run
+from runs import run
+from many_settings import image, records
 from worlds import content, write_world
 
 from noisy_world.perturbations.kinds import FrameContext

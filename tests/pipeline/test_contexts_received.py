@@ -15,7 +15,8 @@ import pytest
 from probes import BOTH_PROBES, COLOUR, DEPTH, Probes
 from scipy.spatial.transform import Rotation
 from worlds import write_world
-from written import replica_poses, run
+from runs import run
+from written import replica_poses
 
 from noisy_world.perturbations.kinds import MotionPerturbation
 from noisy_world.dataset.rendering import source_paths

@@ -13,7 +13,7 @@ import pytest
 from analytic import box_depth
 from shard_workers import workers_here
 from worlds import generate_here, path_poses, write_world
-from written import run
+from runs import run
 from written import stored
 
 from noisy_world.images.pixels import encode_png

@@ -17,7 +17,7 @@ from scipy.spatial.transform import Rotation
 from lit_scenes import make
 from shard_workers import workers_here
 from worlds import HIGH, LOW, write_replica, write_world
-from written import run
+from runs import run
 
 pytest.importorskip("embreex", reason="embreex is not installed: make .venv/.extras brings it")
 from steady_camera import poses_at

@@ -10,6 +10,7 @@ import pytest
 from refusals import refused
 import yaml
 from worlds import content, path_poses
+from runs import run
 from written import (
     COUNT,
     RIG,
@@ -21,7 +22,6 @@ from written import (
     read,
     replica_poses,
     rows_of,
-    run,
     states,
     world,
     write_tum_path,

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from test_rolling_shutter import poses_at
 from worlds import write_replica, write_world
-from written import run
+from runs import run
 
 pytest.importorskip("embreex", reason="embreex is not installed: make .venv/.extras brings it")
 

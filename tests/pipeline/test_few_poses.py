@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 from cases import cases
 from worlds import write_world
-from written import read, rows_of, run
+from runs import run
+from written import read, rows_of
 
 pytest.importorskip("embreex", reason="embreex is not installed: make .venv/.extras brings it")
 

@@ -13,7 +13,7 @@ from analytic import box_depth, rays
 from cases import cases
 from many_settings import make_shard
 from worlds import HIGH, LOW, path_poses, write_replica, write_world
-from written import run
+from runs import run
 
 from noisy_world.core.errors import StorageError
 from noisy_world.core.geometry import Intrinsics

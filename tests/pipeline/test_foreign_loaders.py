@@ -5,7 +5,8 @@ import foreign_loaders
 import numpy as np
 import pytest
 from worlds import path_poses
-from written import COUNT, RIG, SHAKY, fake_depth_m, fake_rgb, read, run, world, write_tum_path
+from runs import run
+from written import COUNT, RIG, SHAKY, fake_depth_m, fake_rgb, read, world, write_tum_path
 
 LOADERS = {
     "tum": ("slam_tum", "associate_py", "orb_slam_rgbd_tum", "orb_slam_mono_tum"),

@@ -11,7 +11,7 @@ from refusals import refused
 from cases import cases
 from growing import CLEAN, FAST, FOG, NOISE, PATH, SHAKY, THREE, at_once, change, marks, world
 from worlds import content, path_poses, write_box_ply, write_replica
-from written import run
+from runs import run
 
 from noisy_world.core.errors import StorageError
 

@@ -13,7 +13,7 @@ from cases import cases
 from growing import stopped, CLEAN, FOG, LATE, NOISE, PATH, THREE, at_once, change, marks, world
 from shard_workers import workers_here
 from worlds import content, write_world
-from written import run
+from runs import run
 
 from noisy_world.preset.keys import read_preset
 from noisy_world.dataset.plan import make_plan

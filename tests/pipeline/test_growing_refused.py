@@ -12,7 +12,7 @@ from refusals import refused
 from cases import cases
 from growing import CLEAN, FOG, PATH, change, marks, world
 from worlds import write_world
-from written import run
+from runs import run
 
 from noisy_world.core.errors import StorageError
 from noisy_world.dataset.estimate import size_text

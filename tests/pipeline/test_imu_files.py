@@ -10,7 +10,8 @@ import yaml
 from cases import cases
 from inertial_paths import GRAVITY_M_S2
 from worlds import path_poses
-from written import RIG, SHAKY, extrinsics, matrix_of, names_in, replica_poses, rows_of, run, states, world
+from runs import run
+from written import RIG, SHAKY, extrinsics, matrix_of, names_in, replica_poses, rows_of, states, world
 
 from noisy_world.layouts import find_sequence
 from noisy_world.core.errors import StorageError

@@ -7,7 +7,8 @@ import pytest
 import yaml
 from cases import cases
 from test_imu_files import IMU, RIG, felt
-from written import extrinsics, run
+from runs import run
+from written import extrinsics
 
 from noisy_world.layouts.estimator_settings import settings_texts
 from noisy_world.core.geometry import Intrinsics

@@ -9,7 +9,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from test_imu_files import felt
-from written import rows_of, run
+from runs import run
+from written import rows_of
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "docs" / "examples"
 TURN = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])

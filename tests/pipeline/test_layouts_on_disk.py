@@ -9,18 +9,8 @@ import numpy as np
 import pytest
 from refusals import refused
 from worlds import content
-from written import (
-    RIG,
-    SHAKY,
-    fake_depth_m,
-    names_in,
-    read,
-    run,
-    states,
-    stored,
-    world,
-    write_tum_path,
-)
+from runs import run
+from written import RIG, SHAKY, fake_depth_m, names_in, read, states, stored, world, write_tum_path
 
 from noisy_world.layouts import LAYOUTS, find_sequence
 

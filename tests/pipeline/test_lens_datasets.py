@@ -14,7 +14,7 @@ from analytic import box_depth, look_at
 from cases import cases
 from packed import pack_to
 from worlds import HIGH, LOW, write_replica, write_world
-from written import run
+from runs import run
 
 pytest.importorskip("embreex", reason="embreex is not installed: make .venv/.extras brings it")
 

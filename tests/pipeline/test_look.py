@@ -10,7 +10,8 @@ import cv2
 import numpy as np
 import pytest
 from cases import cases
-from written import RIG, SIZE, read, rows_of, run, world
+from runs import run
+from written import RIG, SIZE, read, rows_of, world
 
 import noisy_world
 from noisy_world.cli import command

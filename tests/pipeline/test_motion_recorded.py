@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 from worlds import write_world
-from written import RIG
+from written import RIG, states
 
 import noisy_world.dataset.plan
 from noisy_world.core.errors import NoisyWorldError
@@ -15,7 +15,7 @@ from noisy_world.perturbations.kinds import MotionPerturbation
 from noisy_world.core.schema import key
 from noisy_world.core.trajectory import Trajectory
 from noisy_world.perturbations import registry
-from written import run, states
+from runs import run
 
 COUNT = 9
 

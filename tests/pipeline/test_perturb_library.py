@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from refusals import refused
 from worlds import ROOT, write_world
-from written import run
+from runs import run
 
 from noisy_world.perturbations.kinds import ColourPerturbation, DepthPerturbation
 from noisy_world.core.geometry import Intrinsics

@@ -9,7 +9,8 @@ import cv2
 import fake_session
 import numpy as np
 import pytest
-from many_settings import COUNT, image, numbers, records, run
+from runs import run
+from many_settings import COUNT, image, numbers, records
 from shard_workers import workers_here
 from worlds import content, write_world
 

@@ -9,7 +9,8 @@ import cv2
 import numpy as np
 import pytest
 from refusals import refused
-from many_settings import COUNT, SETTINGS, image, records, run
+from runs import run
+from many_settings import COUNT, SETTINGS, image, records
 from worlds import ROOT
 
 

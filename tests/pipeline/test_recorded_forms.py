@@ -10,7 +10,7 @@ from refusals import refused
 from analytic import box_depth
 from probes import BOTH_PROBES, COLOUR, Probes
 from recorded_layouts import HALF_M, WRITERS, box_depth_m, image, poses
-from written import run
+from runs import run
 
 from noisy_world.layouts import LAYOUTS, find_sequence
 from noisy_world.images.measured_depth import Registration

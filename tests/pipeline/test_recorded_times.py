@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from refusals import refused
 from probes import BOTH_PROBES, COLOUR, DEPTH, Probes
-from written import read, run, states
+from runs import run
+from written import read, states
 
 from noisy_world.layouts import find_sequence
 from noisy_world.core.errors import StorageError

@@ -12,7 +12,8 @@ from refusals import refused
 import yaml
 from made_recordings import write_tum
 from worlds import generate_here
-from written import names_in, run
+from runs import run
+from written import names_in
 
 from noisy_world.layouts import LAYOUTS, find_sequence
 from noisy_world.core.errors import StorageError

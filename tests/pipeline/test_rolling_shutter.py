@@ -14,7 +14,8 @@ from refusals import refused
 from analytic import box_depth
 from cases import cases
 from worlds import HIGH, LOW, write_replica, write_world
-from written import run, stored
+from runs import run
+from written import stored
 
 pytest.importorskip("embreex", reason="embreex is not installed: make .venv/.extras brings it")
 

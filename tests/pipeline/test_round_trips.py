@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from foreign_readers import READERS
 from stored_sequences import write_euroc
-from written import run, world, write_tum_path
+from runs import run
+from written import world, write_tum_path
 
 CAMERA = {"width": 8, "height": 6, "fx": 4.123456789012345, "fy": 3.9, "cx": 1e-5, "cy": -7.25}
 # Irregular, on a real clock, in whole microseconds.

@@ -4,7 +4,8 @@
 import numpy as np
 import pytest
 from worlds import path_poses, write_replica, write_world
-from written import RIG, run
+from runs import run
+from written import RIG
 
 pytest.importorskip("embreex", reason="embreex is not installed: make .venv/.extras brings it")
 

@@ -19,7 +19,7 @@ import yaml
 from cases import cases
 from many_settings import make_shard
 from worlds import content, write_world
-from written import run
+from runs import run
 
 from noisy_world.cli import command, entry, sharding
 from noisy_world.cli.sharding import missing_shards

@@ -6,7 +6,8 @@ from dataclasses import fields
 
 import numpy as np
 import pytest
-from many_settings import image, records, run
+from runs import run
+from many_settings import image, records
 from worlds import write_world
 
 from noisy_world.perturbations.kinds import ColourPerturbation, FrameContext

@@ -7,7 +7,8 @@ import threading
 import fake_session
 import pytest
 from asked_status import as_json, status
-from many_settings import COUNT, SETTINGS, make_shard, run
+from runs import run
+from many_settings import COUNT, SETTINGS, make_shard
 from worlds import write_world
 
 from noisy_world.cli.listing import cell, family_of

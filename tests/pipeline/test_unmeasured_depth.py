@@ -10,7 +10,7 @@ from refusals import refused
 import scipy.ndimage
 from made_recordings import CAMERA, SIZE_PX, write_tum
 from recipes_made import progress
-from written import run
+from runs import run
 
 import noisy_world
 from noisy_world.images.measured_depth import completed_m

@@ -5,11 +5,8 @@ import cv2
 import numpy as np
 import pytest
 import yaml
+from runs import opened_render, planned
 
-from noisy_world.dataset.rendering import source_paths
-from noisy_world.preset.keys import read_preset
-from noisy_world.dataset.rendering import render_options
-from noisy_world.dataset.plan import make_plan
 
 pytest.importorskip("embreex", reason="embreex is not installed: pip install '.[embree]'")
 
@@ -23,20 +20,16 @@ def preset_of(folder, mesh):
     scenes = [{"mesh": mesh, "trajectory": trajectory}]
     content = {"scenes": scenes, "camera": CAMERA, "render": {"engine": "embree"}}
     path.write_text(yaml.safe_dump(content), encoding="utf-8")
-    return read_preset(path)
+    return path
 
 
 # The corridor, which has the fewest features; the rooms joined by a doorway; the largest.
 @pytest.mark.parametrize("seed", [3, 4, 5])
 def test_no_void_and_many_features_in_view(tmp_path, seed):
-    plan = make_plan(preset_of(tmp_path, f"embedded:room?seed={seed}"))
-    (render,) = plan.renders
-    paths = source_paths(plan, render)
     orb = cv2.ORB_create(nfeatures=2000)
-    with render.scene.source.prepare(render.camera, print) as prepared:
-        source = prepared.open(paths, render_options(plan, render), print)
+    with opened_render(planned(preset_of(tmp_path, f"embedded:room?seed={seed}"))) as (opened, sensors):
         for index in range(3):
-            frame = source.frame(paths.request(index))
+            frame = opened.frame(sensors.request(index))
             assert (frame.depth_m > 0.2).all()
             assert frame.depth_m.max() < 12.0
             grey = cv2.cvtColor(np.rint(np.asarray(frame.rgb) * 255).astype(np.uint8), cv2.COLOR_RGB2GRAY)

@@ -10,7 +10,7 @@ import threading
 import pytest
 from recipes_made import frames_from_arithmetic
 from worlds import write_world
-from written import run
+from runs import run
 
 from noisy_world.core.errors import NoisyWorldError
 from noisy_world.core.progress import PlainProgress

@@ -11,7 +11,7 @@ from made_recordings import write_tum
 from scipy.spatial.transform import Rotation
 from textured_room import look, textures
 from worlds import generate_here
-from written import run
+from runs import run
 
 from noisy_world.layouts import find_sequence
 from noisy_world.core.errors import InputError

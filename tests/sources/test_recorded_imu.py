@@ -7,7 +7,7 @@ import yaml
 from recorded_layouts import WRITTEN
 from recorded_presets import preset_of
 from refusals import refused
-from written import run
+from runs import run
 
 from noisy_world.layouts import find_sequence
 

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from refusals import refused
 from worlds import ROOT
-from written import run
+from runs import run
 
 from noisy_world.cli.command import main
 from noisy_world.layouts import find_sequence

@@ -8,7 +8,7 @@ import os
 import pytest
 from refusals import refused
 from packed import pack_to, write_preset
-from written import run
+from runs import run
 
 from noisy_world.core.errors import BusyError, StorageError
 from noisy_world.dataset.store import open_store

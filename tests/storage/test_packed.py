@@ -12,7 +12,7 @@ import fake_session
 import numpy as np
 import pyarrow.parquet
 import pytest
-from many_settings import run
+from runs import run
 from packed import pack_to
 from worlds import content, path_poses
 from written import world

@@ -7,7 +7,7 @@ import fake_session
 import pytest
 import yaml
 from worlds import content, write_world
-from written import run
+from runs import run
 
 from noisy_world.core.errors import InterruptedRunError
 

@@ -1,16 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A lit scene whose lamps are brighter than white, and datasets of it."""
 
-import sys
-import threading
-
 import bpy
 from own_scenes import new_scene, save
+from runs import run
 
-from noisy_world.preset.keys import read_preset
-from noisy_world.core.progress import PlainProgress
-from noisy_world.dataset.run import Run
-from noisy_world.dataset.plan import make_plan
 
 LAMPS = (4.0, 20.0, 100.0)
 
@@ -47,7 +41,6 @@ def write_preset(folder, settings, *, backend="reference", output="image: png, m
 
 
 def make(preset, out, **several):
-    """Make the dataset of a preset."""
-    plan = make_plan(read_preset(preset))
-    Run(plan, out, progress=PlainProgress(sys.stderr), stop=threading.Event(), **several).make_dataset()
+    """Make the dataset of a preset; return its folder."""
+    run(preset, out, **several)
     return out

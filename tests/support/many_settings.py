@@ -5,8 +5,6 @@ import json
 import sys
 import threading
 
-from written import run  # noqa: F401 - of those who take settings from here
-
 from noisy_world.core.progress import PlainProgress
 from noisy_world.dataset.run import ShardMaker
 

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import fake_session
 import pytest
-from written import run
+from runs import run
 from worlds import write_world
 
 from noisy_world.cli import command

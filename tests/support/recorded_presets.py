@@ -3,7 +3,8 @@
 
 import json
 
-from written import run, world
+from runs import run
+from written import world
 
 
 def camera(width=8, height=6, **values):

@@ -3,18 +3,12 @@
 
 import csv
 import json
-import sys
-import threading
 
 import cv2
 import numpy as np
 import yaml
 from worlds import write_world
 
-from noisy_world.preset.keys import read_preset
-from noisy_world.core.progress import PlainProgress
-from noisy_world.dataset.run import Run
-from noisy_world.dataset.plan import Plan, make_plan
 
 SIZE = (8, 6)
 COUNT = 4
@@ -23,13 +17,6 @@ RIG = {
     "rgb": {"translation_m": [0.1, 0.0, 0.2], "rotation_euler_deg": [-90.0, 0.0, -90.0]},
     "depth": {"translation_m": [0.1, 0.05, 0.2], "rotation_euler_deg": [-90.0, 10.0, -90.0]},
 }
-
-
-def run(preset, out, *, frames=None, overrides=(), progress=None, stop=None, **options):
-    """Make the dataset of a preset, or of a plan; return the report. options: of the run."""
-    plan = preset if isinstance(preset, Plan) else make_plan(read_preset(preset, overrides), frames)
-    listener = progress or PlainProgress(sys.stderr)
-    return Run(plan, out, progress=listener, stop=stop or threading.Event(), **options).make_dataset()
 
 
 def world(folder, layout, *, frames=COUNT, output=None, **keys):

@@ -5,7 +5,7 @@ import cv2
 import numpy as np
 import pytest
 from worlds import write_world
-from written import run
+from runs import run
 
 from noisy_world.cli.command import main
 from noisy_world.core.errors import OutOfMemoryError, memory_errors

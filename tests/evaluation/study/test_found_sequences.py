@@ -7,7 +7,7 @@ import shutil
 
 import pytest
 from study_tools import SETTINGS, TIMES, evaluate, rows_of, small_world, write_systems
-from written import run
+from runs import run
 
 pytest.importorskip("embreex", reason="embreex comes with an extra")
 pytest.importorskip("tabulate", reason="tabulate comes with an extra")

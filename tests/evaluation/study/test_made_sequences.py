@@ -14,7 +14,7 @@ import pytest
 from refusals import refused
 from slam_systems import write_recording
 from study_tools import FRAMES, small_world
-from written import run
+from runs import run
 
 from noisy_world.cli.study_workers import _fitting
 from noisy_world.dataset.identity import RecordedSetting
