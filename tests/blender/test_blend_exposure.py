@@ -4,10 +4,9 @@
 import json
 import math
 
+import bpy
 import numpy as np
 import pytest
-
-bpy = pytest.importorskip("bpy", reason="bpy is not installed")
 
 from cases import cases
 from own_scenes import new_scene, save

@@ -4,11 +4,10 @@
 import json
 from types import SimpleNamespace
 
+import bpy
 import cv2
 import numpy as np
 import pytest
-
-bpy = pytest.importorskip("bpy", reason="bpy is not installed")
 
 from cases import cases
 from own_scenes import cast, evaluated_triangles, new_scene, relative_errors, save

@@ -10,8 +10,6 @@ from pathlib import Path
 
 import pytest
 
-pytest.importorskip("bpy", reason="bpy is not installed")
-
 import bpy
 from own_scenes import new_scene
 

@@ -1,11 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A scene of one's own as it is rendered: its depth, its colour, its camera, against what is calculated without it."""
 
+import bpy
 import cv2
 import numpy as np
 import pytest
-
-bpy = pytest.importorskip("bpy", reason="bpy is not installed")
 
 from bpy_extras.object_utils import world_to_camera_view
 from mathutils import Matrix, Vector

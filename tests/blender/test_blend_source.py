@@ -3,10 +3,9 @@
 
 import json
 
+import bpy
 import numpy as np
 import pytest
-
-bpy = pytest.importorskip("bpy", reason="bpy is not installed")
 
 from own_scenes import new_scene, save
 from runs import files_made, planned

@@ -3,10 +3,9 @@
 
 from dataclasses import replace
 
+import bpy
 import numpy as np
 import pytest
-
-bpy = pytest.importorskip("bpy", reason="bpy is not installed")
 
 from analytic import look_at, quads_mesh, rays
 

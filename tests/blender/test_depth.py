@@ -6,8 +6,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-pytest.importorskip("bpy", reason="bpy is not installed")
-
 from analytic import (
     CAMERAS,
     box_depth,

@@ -3,10 +3,9 @@
 
 from dataclasses import replace
 
+import bpy
 import numpy as np
 import pytest
-
-bpy = pytest.importorskip("bpy", reason="bpy is not installed")
 
 from analytic import box_mesh, look_at, plane_depth, plane_mesh, quads_mesh
 from engines import gl_engines, need_gl

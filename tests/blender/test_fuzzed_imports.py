@@ -1,10 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Meshes that are changed by structure are imported, or refused in a line; `tests/fuzz_inputs.py` tries thousands."""
 
-import pytest
-
-pytest.importorskip("bpy", reason="bpy is not installed")
-
 from fuzz.cases import run_case
 
 

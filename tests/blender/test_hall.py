@@ -11,7 +11,6 @@ from worlds import generate_here, path_poses, write_world
 
 from noisy_world.core.geometry import Intrinsics
 
-pytest.importorskip("bpy", reason="bpy is not installed")
 
 LOW, HIGH = np.array([-20.0, -15.0, 0.0]), np.array([20.0, 15.0, 6.0])
 

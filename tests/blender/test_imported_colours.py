@@ -4,7 +4,6 @@
 import numpy as np
 import pytest
 
-bpy = pytest.importorskip("bpy", reason="bpy is not installed")
 pytest.importorskip("embreex", reason="embreex is not installed")
 
 from analytic import look_at

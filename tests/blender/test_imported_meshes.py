@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """One room in every format is the same room: files written by hand, and by Blender's own exporters."""
 
+import bpy
 import numpy as np
 import pytest
 
-bpy = pytest.importorskip("bpy", reason="bpy is not installed")
 pytest.importorskip("embreex", reason="embreex is not installed")
 
 import rooms_in_formats as rooms

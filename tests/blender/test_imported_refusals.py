@@ -11,8 +11,6 @@ from functools import partial
 import numpy as np
 import pytest
 
-bpy = pytest.importorskip("bpy", reason="bpy is not installed")
-
 import refusals
 import rooms_in_formats as rooms
 from cases import cases

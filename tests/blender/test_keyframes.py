@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Trajectories as keyframes: from a file to Blender and back, and what the evaluated camera does."""
 
+import bpy
 import numpy as np
 import pytest
-
-bpy = pytest.importorskip("bpy", reason="bpy is not installed")
 
 from calls import calls_made
 from keyed_poses import keyed_poses

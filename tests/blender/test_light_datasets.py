@@ -6,11 +6,10 @@ import shutil
 import sys
 import threading
 
+import bpy
 import numpy as np
 import OpenEXR
 import pytest
-
-bpy = pytest.importorskip("bpy", reason="bpy is not installed")
 
 from lit_scenes import LAMPS, lit_hall, make, write_preset
 from packed import pack_to
@@ -24,7 +23,7 @@ from noisy_world.core.errors import InputError, StorageError
 from noisy_world.render.source import DRAWN, PERTURBED
 from noisy_world.preset.keys import read_preset
 from noisy_world.core.progress import PlainProgress
-from noisy_world.evaluate.system_input import given_sequence
+from noisy_world.evaluate.system_input import sequence_input
 from noisy_world.dataset.plan import make_plan
 from noisy_world.dataset.recipe import recipe_of
 from noisy_world.dataset.recipe import read_recipe
@@ -118,7 +117,7 @@ def test_what_reads_it(hall, tmp_path):
     with pytest.raises(InputError, match=r"of storm/hall is light before the view .* 'noisy-world remake' makes"):
         _ = noisy_world.open(recipe)["storm/hall"][0].rgb
     with pytest.raises(InputError, match="its colour is EXR, scene-linear light, which systems do not read"):
-        given_sequence(hall / "reference/storm/hall")
+        sequence_input(hall / "reference/storm/hall")
     again = tmp_path / "again.yaml"
     again.write_text(
         f"scenes: [{{name: again, sequence: {hall / 'reference/storm/hall'}}}]\nsettings: [{{name: clean}}]\n"

@@ -3,11 +3,10 @@
 
 import json
 
+import bpy
 import cv2
 import numpy as np
 import pytest
-
-bpy = pytest.importorskip("bpy", reason="bpy is not installed")
 
 from group_tools import IDENTIFIERS, by_groups, step_of
 from lit_scenes import LAMPS, lit_hall, make, write_preset

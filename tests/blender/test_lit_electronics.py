@@ -3,11 +3,10 @@
 
 import json
 
+import bpy
 import cv2
 import numpy as np
 import pytest
-
-bpy = pytest.importorskip("bpy", reason="bpy is not installed")
 
 from own_scenes import new_scene, save
 from runs import run

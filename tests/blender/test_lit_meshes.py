@@ -4,8 +4,6 @@
 import numpy as np
 import pytest
 
-bpy = pytest.importorskip("bpy", reason="bpy is not installed")
-
 import rooms_in_formats as rooms
 from analytic import look_at
 from importing import import_here

@@ -4,10 +4,9 @@
 import math
 from contextlib import closing
 
+import bpy
 import numpy as np
 import pytest
-
-bpy = pytest.importorskip("bpy", reason="bpy is not installed")
 
 from own_scenes import LAST, key, new_scene, save
 

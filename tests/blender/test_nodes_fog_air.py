@@ -2,9 +2,6 @@
 """The node groups of haze and of fog that is no even layer, beside the execution on arrays."""
 
 import numpy as np
-import pytest
-
-pytest.importorskip("bpy", reason="bpy is not installed")
 
 import bpy
 from cases import cases

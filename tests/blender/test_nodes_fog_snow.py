@@ -6,8 +6,6 @@ import math
 import numpy as np
 import pytest
 
-pytest.importorskip("bpy", reason="bpy is not installed")
-
 from cases import cases
 from group_tools import by_nodes, by_reference, ks_distance, levels_apart, picture, spectrum_ratios
 from srgb import encoded, linear

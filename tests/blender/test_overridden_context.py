@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What renders does so whatever members of the context a script has overridden around it."""
 
+import bpy
 import numpy as np
 import pytest
-
-bpy = pytest.importorskip("bpy", reason="bpy is not installed")
 
 from group_tools import IDENTIFIERS, step_of
 from own_scenes import new_scene, save

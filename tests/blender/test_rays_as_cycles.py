@@ -3,11 +3,11 @@
 
 from dataclasses import replace
 
+import bpy
 import cv2
 import numpy as np
 import pytest
 
-bpy = pytest.importorskip("bpy", reason="bpy is not installed")
 pytest.importorskip("embreex", reason="embreex is not installed: pip install '.[embree]'")
 
 from analytic import look_at

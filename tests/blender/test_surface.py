@@ -4,9 +4,6 @@
 from dataclasses import replace
 
 import numpy as np
-import pytest
-
-pytest.importorskip("bpy", reason="bpy is not installed")
 
 from cases import cases
 from surface_views import SURFACES, along, box, check_instances, worst_normal

@@ -6,8 +6,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-bpy = pytest.importorskip("bpy", reason="bpy is not installed")
-
 from analytic import interpolated, look_at, quads_mesh
 from engines import each_engine, need_gl, other_engines_at_length
 from ply_files import INDICES, XYZ, ply, vertex

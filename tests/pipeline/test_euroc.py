@@ -27,7 +27,7 @@ from written import (
     write_tum_path,
 )
 
-from noisy_world.evaluate.system_input import given_sequence
+from noisy_world.evaluate.system_input import sequence_input
 from noisy_world.layouts import find_sequence
 from noisy_world.core.errors import InterruptedRunError
 from noisy_world.preset.keys import read_preset
@@ -122,7 +122,7 @@ def test_a_robot_is_the_body(tmp_path):
         folder / "mav0/depth0/sensor.yaml"
     )
     assert np.allclose(found.optics.depth.matrix, between, atol=1e-12)
-    refused(given_sequence, tmp_path / "out/clean/box", names=["clean/box", "depth has a camera of its own"])
+    refused(sequence_input, tmp_path / "out/clean/box", names=["clean/box", "depth has a camera of its own"])
 
 
 def test_the_nominal_path_has_a_file_of_its_own(tmp_path):

@@ -27,7 +27,7 @@ from noisy_world.core.lens import Distortion
 from noisy_world.core.travel import travel_px
 from noisy_world.core.progress import PlainProgress
 from noisy_world.evaluate.run_maps import read_sequence
-from noisy_world.evaluate.system_input import given_sequence
+from noisy_world.evaluate.system_input import sequence_input
 from noisy_world.dataset.recipe import recipe_of
 
 SIZE = (64, 48)
@@ -295,5 +295,5 @@ def test_those_who_open_it_are_told_the_lens(made, tmp_path):
 
 def test_systems_and_maps_refuse_a_lens_that_they_would_ignore(made):
     folder = made[1] / "clean/box"
-    refused(given_sequence, folder, names=[str(folder), "undistort: true"])
+    refused(sequence_input, folder, names=[str(folder), "undistort: true"])
     refused(read_sequence, folder, names=[str(folder), "lens"])

@@ -17,7 +17,7 @@ from noisy_world.images.measured_depth import Registration
 from noisy_world.core.geometry import Intrinsics
 from noisy_world.core.lens import DepthCamera, Distortion, Optics
 from noisy_world.preset.keys import read_preset
-from noisy_world.evaluate.system_input import given_sequence
+from noisy_world.evaluate.system_input import sequence_input
 from noisy_world.perturb import frames
 from noisy_world.dataset.plan import make_plan
 from noisy_world.sources.renderers import Rectification
@@ -221,14 +221,14 @@ def test_a_lens_is_carried_or_taken_out(tmp_path):
 def test_what_systems_cannot_read_is_one_line(keys, told, tmp_path):
     source, _ = recording(tmp_path, "nerfstudio")
     run(preset_of(tmp_path / "p", source, layout="euroc"), tmp_path / "out", overrides=keys)
-    refused(given_sequence, tmp_path / "out/clean/box", names=[str(tmp_path / "out/clean/box"), *told])
+    refused(sequence_input, tmp_path / "out/clean/box", names=[str(tmp_path / "out/clean/box"), *told])
 
 
 def test_systems_read_a_treated_recording(tmp_path):
     source, _ = recording(tmp_path, "nerfstudio")
     keys = ["scenes.0.register=true", "scenes.0.undistort=true"]
     run(preset_of(tmp_path / "p", source, layout="euroc"), tmp_path / "out", overrides=keys)
-    given = given_sequence(tmp_path / "out/noisy/box")
+    given = sequence_input(tmp_path / "out/noisy/box")
     assert given.camera == find_sequence(source).known_camera
     assert len(given.stored.trajectory) == 4
 

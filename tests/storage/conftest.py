@@ -10,7 +10,7 @@ pytest.importorskip("pyarrow", reason="the extra 'cloud' is not installed: pyarr
 @pytest.fixture(scope="session")
 def dataset(tmp_path_factory):
     """Make the dataset of packed.SETTINGS of two recordings."""
-    from many_settings import run
+    from runs import run
     from packed import write_preset
 
     folder = tmp_path_factory.mktemp("recorded")

@@ -92,7 +92,7 @@ def test_any_cutting_and_order_of_shards(preset, packed, place):
 
 
 def test_a_run_goes_on_from_shards_and_overview_is_the_folder_s(tmp_path, place):
-    from many_settings import run
+    from runs import run
 
     folder, address, scratch = place
     preset = write_preset(tmp_path / "world", overview=True, licence="cc-by-4.0")

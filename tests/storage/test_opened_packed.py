@@ -71,7 +71,7 @@ def test_frames_are_the_folder_s_in_any_order(dataset, packed, way):
 
 
 def test_a_packed_part_has_its_own_numbers(tmp_path):
-    from many_settings import run
+    from runs import run
 
     run(write_preset(tmp_path), tmp_path / "out", frames=slice(2, 5))
     pack_to(tmp_path / "out", f"file://{tmp_path}/packed")
@@ -134,7 +134,7 @@ def test_workers_read_from_a_store(store, dataset, forked):
 )
 def test_recipes_and_frames_of_other_layouts(layout, modalities, tmp_path, monkeypatch):
     import fake_session
-    from many_settings import run
+    from runs import run
     from written import world
 
     monkeypatch.setitem(sys.modules, "noisy_world.render.mesh_session", fake_session)
