@@ -74,12 +74,6 @@ def test_each_camera_is_a_preset_with_a_sound_lens_and_sources(name):
         }
 
 
-def test_only_the_d455_has_no_rolling_shutter():
-    assert [name for name, device in CAMERA_DEVICES.items() if "rolling_shutter" not in device.steps] == [
-        "realsense_d455"
-    ]
-
-
 def test_what_is_given_stays():
     camera = read({"device": "webcam", "fx": 800.0, "distortion": None, "near_m": 0.1}).camera
     assert (camera.fx, camera.fy, camera.distortion, camera.near_m) == (800.0, 822.317, None, 0.1)

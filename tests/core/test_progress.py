@@ -43,7 +43,7 @@ def test_a_bar_says_how_long_it_takes_once_that_is_known():
     assert stream.getvalue().endswith("100/1000 [00:00, 12.38 frames/s, 73 s left]\n")
 
 
-def test_a_task_that_is_done_has_no_time_left():
+def test_a_task_that_is_done_has_no_time_left_and_nothing_to_do_divides_by_nothing():
     now = [0.0]
     stream = io.StringIO()
     progress = PlainProgress(stream, clock=lambda: now[0])
@@ -52,41 +52,29 @@ def test_a_task_that_is_done_has_no_time_left():
         progress.advance()
         now[0] += 1.0
     progress.finish()
-    assert stream.getvalue().splitlines()[-1] == "rendering: 10/10 frames, 0.90 frames/s"
-
-
-def test_nothing_to_do_divides_by_nothing():
-    stream = io.StringIO()
-    progress = PlainProgress(stream, clock=lambda: 1.0)
     progress.start("rendering", 0)
     progress.finish()
-    assert "0/0 frames" in stream.getvalue()
+    assert stream.getvalue().splitlines()[-3:] == [
+        "rendering: 10/10 frames, 0.90 frames/s",
+        "rendering: 0 frames",
+        "rendering: 0/0 frames",
+    ]
 
 
-def test_a_terminal_has_a_bar():
-    stream = io.StringIO()
-    progress = TerminalProgress(stream)
-    progress.start("rendering", 4, done=1)
-    progress.advance(2)
-    progress.note("a note")
-    progress.finish()
-    text = stream.getvalue()
-    assert "\r" in text
-    assert "3/4" in text
-    assert "a note\n" in text
-
-
-def test_a_terminal_without_a_task_takes_notes_and_a_new_task_ends_the_last():
+def test_a_terminal_has_a_bar_and_takes_notes_where_there_is_none():
     stream = io.StringIO()
     progress = TerminalProgress(stream)
     progress.advance()
     progress.note("early")
     progress.finish()
     assert stream.getvalue() == "early\n"
-    progress.start("first", 2)
+    progress.start("first", 4, done=1)
+    progress.advance(2)
+    progress.note("a note")
     progress.start("second", 3)
     progress.finish()
-    assert stream.getvalue().index("first") < stream.getvalue().index("second")
+    text = stream.getvalue()
+    assert text.index("\r") < text.index("a note\n") < text.index("3/4") < text.index("second")
 
 
 def test_messages_for_a_program_come_back_as_they_were_told():

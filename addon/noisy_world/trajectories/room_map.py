@@ -368,7 +368,7 @@ def largest_part(mask: Mask) -> Mask:
 
 
 STEP_M = 0.02  # between the places that are looked at: a tenth of the smallest radius
-AT_ONCE = 256  # places, and all points of the mesh beside each
+AT_ONCE = 64  # places that are looked at together, among the points around them
 
 
 @dataclass(frozen=True)
@@ -401,7 +401,7 @@ def first_narrow(mesh: Mesh, path: Trajectory, body: CarryingBody) -> Narrow | N
     near = np.flatnonzero(distance_m(occupied, near_m, grid.cell_m)[grid.cells(places_m[:, :2])] < near_m)
     for first in range(0, len(near), AT_ONCE):
         rows = near[first : first + AT_ONCE]
-        gaps_m = _gaps_m(places_m[rows], low_m[rows], high_m[rows], beside_m)
+        gaps_m = _gaps_m(places_m[rows], low_m[rows], high_m[rows], beside_m, near_m)
         if (narrow := np.flatnonzero(gaps_m < body.radius_m)).size:
             row = rows[narrow[0]]
             x, y, z = places_m[row].tolist()
@@ -419,12 +419,13 @@ def _places(path: Trajectory) -> tuple[Float64, Float64]:
     return times_s, path.continuous.pose_at(times_s)[:, :3, 3]
 
 
-def _gaps_m(places_m: Float64, low_m: Float64, high_m: Float64, points_m: Float64) -> Float64:
-    """Return (N,): how far the nearest point between two heights is from each place, level; inf where there is none."""
-    around = np.all(
-        np.abs(points_m[:, :2] - places_m[:, :2].mean(axis=0)) <= np.ptp(places_m[:, :2], axis=0) + 1.0, axis=1
-    )
-    points_m = points_m[around]
+def _gaps_m(places_m: Float64, low_m: Float64, high_m: Float64, points_m: Float64, near_m: float) -> Float64:
+    """Return (N,): how far the nearest point between two heights is from each place, level.
+
+    Points farther than near_m need not count; inf where there is none.
+    """
+    least_m, most_m = places_m[:, :2].min(axis=0) - near_m, places_m[:, :2].max(axis=0) + near_m
+    points_m = points_m[np.all((points_m[:, :2] >= least_m) & (points_m[:, :2] <= most_m), axis=1)]
     found = np.full(len(places_m), np.inf)
     for row, place_m in enumerate(places_m):
         level = points_m[(points_m[:, 2] >= low_m[row]) & (points_m[:, 2] <= high_m[row]), :2]

@@ -176,10 +176,10 @@ def box_room():
     return boxes(((0.0, 0.0, 0.0), (6.0, 4.0, 2.6)), ((2.5, 0.0, 0.0), (3.0, 1.2, 2.6)))
 
 
-ROOM = ((-1.0, -4.0, 0.0), (9.0, 4.0, 2.6))
+ROOM = ((-0.8, -0.8, 0.0), (6.4, 0.8, 2.6))
 TABLE = ((4.0, -0.6, 0.68), (5.0, 0.6, 0.7))  # its top alone
 LAMP = ((4.0, -0.1, 1.5), (4.2, 0.1, 1.6))
-SILL = ((4.0, -4.0, 0.0), (4.1, 4.0, 0.04))
+SILL = ((4.0, -0.8, 0.0), (4.1, 0.8, 0.04))
 
 
 @pytest.mark.parametrize(
@@ -192,7 +192,7 @@ SILL = ((4.0, -4.0, 0.0), (4.1, 4.0, 0.04))
 )
 def test_what_stands_in_the_way(thing, stopped):
     for kind, body in BODIES.items():
-        route = straight(1.0, seconds=8, height_m=body.height_m, turn_deg=0.0)
+        route = straight(1.0, seconds=5, height_m=body.height_m, turn_deg=0.0)
         narrow = first_narrow(boxes(ROOM, thing), embodied(route, kind, seed=0, motion=0.0), body)
         assert (narrow is not None) == (kind in stopped), kind
         if narrow is not None:
@@ -201,15 +201,14 @@ def test_what_stands_in_the_way(thing, stopped):
             assert 0 <= body.radius_m - narrow.gap_m < 0.05
 
 
-@pytest.mark.parametrize("seed", [0, 1])
-@pytest.mark.parametrize("kind", BODIES)
-def test_ten_routes_in_the_embedded_room_touch_nothing(room, kind, seed):
+@pytest.mark.parametrize(("seed", "kind"), [*enumerate(BODIES)])
+def test_routes_in_the_embedded_room_touch_nothing(room, seed, kind):
     body = BODIES[kind]
     route = handheld_path(room, seed=seed, frames=400, speed_m_s=0.8, **body.route)
     path = embodied(route, kind, seed=seed)
     assert first_narrow(room, path, body) is None
     # And by the mesh's vertices, which lie close: none between the knees and the head is nearer than the shoulders.
-    places_m = path.poses_at(np.arange(0.0, path.stamps_s[-1], 0.2))[:, :3, 3]
+    places_m = path.poses_at(np.arange(0.0, path.stamps_s[-1], 0.5))[:, :3, 3]
     floor_m = np.median(room.vertices_m[room.vertices_m[:, 2] < 0.05, 2])
     low_m = floor_m + 0.15 if body.stands else places_m[:, 2].min() - 0.1
     vertices_m = room.vertices_m[(room.vertices_m[:, 2] > low_m) & (room.vertices_m[:, 2] < places_m[:, 2].min() + 0.1)]
