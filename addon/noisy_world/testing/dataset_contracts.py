@@ -466,7 +466,7 @@ def check_trajectory_format(item: TrajectoryFormat, file: Path, folder: Path) ->
     _check_poses(item, poses)
     require(np.array_equal(poses.poses, again.poses), name, "reads something else the second time")
     if file.is_file():
-        _check_cut(item, file.read_bytes(), folder / f"cut{file.suffix}")
+        _check_cut(item, read_bytes(file), folder / f"cut{file.suffix}")
     if item.write is not None:
         _trajectory_formats_check_written(item, folder / f"written{file.suffix}")
 
