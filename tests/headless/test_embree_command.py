@@ -49,9 +49,6 @@ def test_a_dataset_without_blender(world, tmp_path):
     assert identity["render"] == {"engine": "embree", "device": "cpu", "samples": 1}
     assert "embreex" in identity["versions"]
     assert "blender" not in identity["versions"]
-    shared = without(["bpy"], world, "--out", tmp_path / "shared", "--jobs", 2)
-    assert shared.returncode == 0, shared.stderr
-    assert content(tmp_path / "shared") == content(tmp_path / "out")
     other = generate_here(world, "--out", tmp_path / "out", "--set", "render.engine=cycles", check=False)
     assert other.returncode == 1
     assert "engine" in other.stderr.splitlines()[-1]
