@@ -427,7 +427,7 @@ def seen_through_lit_sheets(
         }
         for number, sizes in enumerate(LIT_SIZES, start=1):
             blown_m_s = graph.vector(given["wind_m_s"], 0.0, speed_m_s[sizes] * -1.0)
-            own = _lit_sheet_nodes_of_sizes(canvas, blown_m_s, shared, sizes)
+            own = _lit_of_sizes(canvas, blown_m_s, shared, sizes)
             passing = graph.math("SUBTRACT", blown_m_s, camera.velocity)
             own["Passing"] = passing * graph.vector(spread_px, spread_px, spread_px)
             own["Key"] = canvas.random_value(FIRST_PURPOSE + number - 1) * LIT_KEYS
@@ -435,7 +435,7 @@ def seen_through_lit_sheets(
         return graph.group(_sheets_graph(), inputs, name="Round Streaks").out("Seen", "float")
 
 
-def _lit_sheet_nodes_of_sizes(
+def _lit_of_sizes(
     canvas: Canvas, blown_m_s: Socket, shared: Mapping[str, Socket], sizes: Sizes
 ) -> dict[str, Socket | float]:
     """Return what the group is told of these sizes, each one number or one vector for the frame."""
@@ -532,7 +532,7 @@ _INPUTS_OF_A_SHEET = {
     "Low": "The least size, of the mean diameter's",
     "Held": "Share of the sizes above the least that are below the greatest",
 }
-_LIT_SHEET_NODES_SHARED = ("Sweep right", "Sweep down", "Half size", "Half blur", "Focus", "Least", "Lean", "Longest")
+_LIT_SHARED = ("Sweep right", "Sweep down", "Half size", "Half blur", "Focus", "Least", "Lean", "Longest")
 
 
 def _sheets_graph() -> Graph:
@@ -545,12 +545,12 @@ def _sheets_graph() -> Graph:
         name: graph.input(GroupInput(name, kind, 1.0 if kind == "float" else (0.0, 0.0, 0.0), text))
         for name, (kind, text) in items.items()
     }
-    part, seen = _lit_sheet_nodes_sheet_graph(), graph.math("MULTIPLY", 1.0, 1.0)
+    part, seen = _lit_sheet_graph(), graph.math("MULTIPLY", 1.0, 1.0)
     with graph.section("Where pixels look"):
         zones = _zones(graph, taken)
         # Of what is nearer than a camera's hood nothing is seen.
         middle = graph.math("MULTIPLY_ADD", taken["Nearness"], 0.5, 0.5 / NEAR_M)
-        shared = {name: taken[name] for name in _LIT_SHEET_NODES_SHARED} | {
+        shared = {name: taken[name] for name in _LIT_SHARED} | {
             "Middle": middle,
             "Range": 1 / NEAR_M - middle,
         }
@@ -577,7 +577,7 @@ def _zones(graph: Graph, taken: Mapping[str, Socket]) -> _Zones:
     along_z = graph.math("GREATER_THAN", sizes[2], graph.math("MAXIMUM", sizes[0], sizes[1]))
     along_x = graph.math("GREATER_THAN", sizes[0], graph.math("MAXIMUM", sizes[1], sizes[2]))
     ray, right, down = (
-        _lit_sheet_nodes_turned(graph, along_x, along_z, item)
+        _lit_turned(graph, along_x, along_z, item)
         for item in ((rays[0], rays[1], rays[2]), right_of, down_of)
     )
     return _Zones(along_x, along_z, ray, right, down, right_of, down_of, graph.math("SIGN", ray[2]))
@@ -590,7 +590,7 @@ def _steps(graph: Graph, own: list[Socket], forward: list[Socket], at: Socket) -
     return x, y, z
 
 
-def _lit_sheet_nodes_turned(graph: Graph, along_x: Socket, along_z: Socket, parts: Parts) -> Parts:
+def _lit_turned(graph: Graph, along_x: Socket, along_z: Socket, parts: Parts) -> Parts:
     """Return a vector of the world across a sheet, along its other side, and through it."""
     x, y, z = parts
     through = graph.math("MULTIPLY_ADD", along_x, x - y, y)
@@ -604,8 +604,8 @@ def _lit_sheet_nodes_turned(graph: Graph, along_x: Socket, along_z: Socket, part
 def _at_pixels(graph: Graph, taken: Mapping[str, Socket], zones: _Zones, sizes: Sizes) -> dict[str, Socket | float]:
     """Return what all sheets of these sizes are given."""
     place = taken["Place"]
-    place_m = _lit_sheet_nodes_turned(graph, zones.x, zones.z, (place.x, place.y, place.z))
-    through_m, ray = (_lit_sheet_nodes_sheared(graph, parts, sizes) for parts in (place_m, zones.ray))
+    place_m = _lit_turned(graph, zones.x, zones.z, (place.x, place.y, place.z))
+    through_m, ray = (_lit_sheared(graph, parts, sizes) for parts in (place_m, zones.ray))
     slabs = through_m * (zones.sense * graph.math("DIVIDE", 1.0, taken["Spacing"]))
     following = graph.math("FLOOR", slabs) + 1.0
     step_m = graph.math("DIVIDE", taken["Spacing"], graph.math("ABSOLUTE", ray))
@@ -635,7 +635,7 @@ def _at_pixels(graph: Graph, taken: Mapping[str, Socket], zones: _Zones, sizes: 
     return found
 
 
-def _lit_sheet_nodes_sheared(graph: Graph, parts: Parts, sizes: Sizes) -> Socket:
+def _lit_sheared(graph: Graph, parts: Parts, sizes: Sizes) -> Socket:
     """Return how far a vector goes through tilted sheets."""
     across = graph.math("MULTIPLY_ADD", parts[1], sizes.tilt[1], parts[2])
     return graph.math("MULTIPLY_ADD", parts[0], sizes.tilt[0], across)
@@ -651,10 +651,10 @@ def _dot(graph: Graph, vector: Socket, parts: Parts) -> Socket:
     return graph.math("MULTIPLY_ADD", parts[0], vector.x, across)
 
 
-def _lit_sheet_nodes_sheet_graph() -> Graph:
+def _lit_sheet_graph() -> Graph:
     """Describe one sheet: how much of the light behind passes each pixel."""
     graph = Graph("Sheet of Round Streaks", "How much light passes the particles in one sheet of the air", alone=True)
-    texts = _INPUTS_OF_A_SHEET | {name: _LIT_SHEET_NODES_INPUTS[name][1] for name in _LIT_SHEET_NODES_SHARED}
+    texts = _INPUTS_OF_A_SHEET | {name: _LIT_SHEET_NODES_INPUTS[name][1] for name in _LIT_SHARED}
     taken = {name: graph.input(GroupInput(name, "float", 1.0, text)) for name, text in texts.items()}
     sides, ways = ("across", "along"), ("right", "down")
     with graph.section("Where the ray meets the sheet"):
