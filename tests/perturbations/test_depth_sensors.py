@@ -376,17 +376,6 @@ def test_void_and_odd_images_stay_what_they_are(name):
                 assert not found[depth == 0].any()
 
 
-@cases("name", SENSORS)
-def test_frames_draw_their_own_numbers_and_a_fixed_pattern_stays(name):
-    depth = np.fromfunction(lambda y, x: 1.5 + 0.003 * x + 0.002 * y, (60, 90))
-    first, again, other = (measured(name, depth, 60.0, frame=frame) for frame in (4, 4, 5))
-    np.testing.assert_array_equal(first, again)
-    assert (first != other).any()
-    kept = [measured(name, depth, 60.0, frame=frame, temporal="fixed") for frame in (4, 5)]
-    np.testing.assert_array_equal(*kept)
-    assert (measured(name, depth, 60.0, noise=0) != first).any()
-
-
 @cases("name", [name for name in SENSORS if name != "redwood"])
 def test_without_intrinsics_the_sensor_says_what_it_needs(name):
     item = registry()[name]

@@ -110,17 +110,6 @@ def test_dirt_stays_where_it_is():
     )
 
 
-@cases("shape", [(1, 1), (1, 9), (9, 1), (2, 3), (31, 47)])
-def test_dirt_before_images_of_any_size(shape):
-    rgb = np.full((*shape, 3), 0.25, np.float32)
-    for values in ({}, {"severity": 5, "size": 0.25, "reach_px": 2000.0, "streaks": 1.0}, {"reach_px": 8.0, "size": 8}):
-        found = seen(rgb, **values)
-        assert found.shape == rgb.shape
-        assert found.dtype == np.float32
-        assert np.isfinite(found).all()
-    assert (rgb == np.float32(0.25)).all()
-
-
 def test_more_dirt_at_each_severity():
     rgb = np.random.default_rng(3).random((80, 120, 3), dtype=np.float32)
     changed = [np.abs(seen(rgb, severity=severity) - rgb).mean() for severity in range(1, 6)]

@@ -205,18 +205,6 @@ def test_no_drops_change_no_bit_and_drops_none_beside_them():
     assert 0.3 < untouched.mean() < 1
 
 
-@cases("shape", [(1, 1), (1, 9), (9, 1), (2, 3), (31, 47)])
-def test_images_of_any_size(shape):
-    rgb = np.full((*shape, 3), 0.25, np.float32)
-    before = rgb.copy()
-    for values in ({}, {"focus_px": 60.0, "severity": 5}, {"focus_px": 0.0, "size_px": 4.0, "severity": 5}):
-        found = seen(rgb, 3, **values)
-        assert found.shape == rgb.shape
-        assert found.dtype == np.float32
-        assert np.isfinite(found).all()
-    assert np.array_equal(rgb, before)
-
-
 def test_a_narrow_camera_sees_less_of_the_scene_in_a_drop():
     rgb = picture()
     wide, narrow = Intrinsics(90, 60, 45.0, 45.0, 44.5, 29.5), Intrinsics(90, 60, 150.0, 150.0, 44.5, 29.5)

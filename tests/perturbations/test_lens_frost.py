@@ -140,14 +140,6 @@ def test_it_grows_and_thaws_by_the_frames_time_alone():
         assert np.abs(drifted - still).max() < 1e-5
 
 
-def test_fixed_stays_fresh_changes_and_seeds_differ():
-    rgb = picture((50, 70))
-    assert np.array_equal(frosted(rgb, where=context(0, "fixed")), frosted(rgb, where=context(99, "fixed")))
-    made = [frosted(rgb, where=context(index)) for index in range(3)] + [frosted(rgb, where=context(0, seed=4))]
-    for number, image in enumerate(made):
-        assert all(np.abs(image - other).mean() > 0.01 for other in made[:number])
-
-
 @cases("factor", [4.0, 20.0, 100.0])
 def test_in_proportion_to_the_scene_s_light(factor):
     light = linear(picture((60, 80)))

@@ -54,16 +54,6 @@ def test_without_intrinsics_the_axis_and_the_view_are_as_given():
     assert np.array_equal(gain(given, context(known), (80, 60)), gain(given, context(None), (80, 60)))
 
 
-@cases("size", [(1, 1), (1, 7), (5, 1), (2, 3)])
-def test_small_images_keep_their_size(size):
-    rgb = np.random.default_rng(1).random((*size, 3), dtype=np.float32)
-    for name in ("vignetting", "chromatic_aberration", "bloom"):
-        perturbation = registry()[name]
-        made = perturbation.apply(rgb, perturbation.at_severity(5), context(None))
-        assert made.shape == rgb.shape
-        assert np.isfinite(made).all()
-
-
 @cases(("red", "blue"), [(2.0, -2.0), (-1.25, 0.75), (0.0, 3.0)])
 def test_colours_of_a_slope_are_magnified_about_the_axis(red, blue):
     # A plane's values are linear in the place, so interpolation is exact away from the repeated border.

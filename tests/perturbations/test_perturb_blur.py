@@ -227,25 +227,6 @@ def test_no_light_is_lost(name):
     )
 
 
-@cases("name", ["glass_blur", "motion_blur"])
-def test_fresh_patterns_differ_and_fixed_ones_stay(name):
-    rgb = picture((40, 50))
-    fresh = [run(name, rgb, where=frame(index)) for index in range(2)]
-    fixed = [run(name, rgb, where=frame(index, "fixed")) for index in (0, 1, 1234)]
-    other = run(name, rgb, where=frame(0, "fixed", seed=2))
-    assert not np.array_equal(*fresh)
-    assert not np.array_equal(fixed[0], other)
-    assert np.array_equal(fixed[0], fixed[1])
-    assert np.array_equal(fixed[0], fixed[2])
-
-
-@cases("name", ["defocus_blur", "gaussian_blur"])
-def test_what_is_not_random_is_the_same_in_every_frame(name):
-    rgb = picture((40, 50))
-    assert MODULES[name].PERTURBATION.temporals == ()
-    assert np.array_equal(run(name, rgb, where=frame(0)), run(name, rgb, where=frame(9, seed=4)))
-
-
 def test_without_a_shuffle_glass_is_two_blurs():
     rgb = picture((20, 30))
     parameters = replace(glass_blur.PERTURBATION.at_severity(3), max_delta_px=0)

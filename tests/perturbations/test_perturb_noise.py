@@ -2,7 +2,6 @@
 """The sensor's noises against their closed forms."""
 
 import math
-from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -191,15 +190,6 @@ def test_frames_are_uncorrelated_over_lags_0_to_64(name, value):
     assert abs(np.mean(lags)) < 4 / math.sqrt(n * len(lags))
 
 
-@cases("name", NOISES)
-def test_fixed_keeps_one_pattern_and_fresh_redraws(name):
-    rgb = constant(0.31, 30)
-    fixed = [perturbed(name, rgb, frame=k, temporal="fixed") for k in (0, 5)]
-    np.testing.assert_array_equal(*fixed)
-    fresh = [perturbed(name, rgb, frame=k) for k in (0, 5)]
-    assert np.mean(fresh[0] != fresh[1]) > 0.1
-
-
 @pytest.mark.one_python
 @cases(("name", "module"), [("gaussian_noise", gaussian_noise), ("speckle_noise", speckle_noise)])
 @cases("std", [0.0137, 0.18, 2.0])
@@ -212,44 +202,10 @@ def test_bytes_are_the_rounded_floats_for_every_byte_and_every_code(monkeypatch,
         np.testing.assert_array_equal(perturbed(name, rgb, std=std), rgb_bytes(floats))
 
 
-@cases("name", NOISES)
-@cases("severity", [1, 2, 3, 4, 5, 1.37])
-def test_bytes_are_the_rounded_floats(name, severity):
-    rgb = np.random.default_rng(1).integers(0, 256, (120, 97, 3), np.uint8)
-    for image in (rgb, rgb[:, ::-1], rgb[3::2, 1::3], rgb[..., ::-1], np.asfortranarray(rgb)):
-        floats = perturbed(name, image / np.float32(255), severity)
-        np.testing.assert_array_equal(perturbed(name, image, severity), rgb_bytes(floats))
-
-
-@cases("name", NOISES)
-@cases("shape", [(1, 1), (1, 7), (7, 1), (4, 1), (3, 4), (33, 41), (1081, 1921)])
-def test_every_size_and_every_colour(name, shape):
-    for value in (0, 1, 0.4) if shape[0] < 1000 else (0.4,):
-        noisy = perturbed(name, np.full((*shape, 3), value, np.float32), 5)
-        assert np.isfinite(noisy).all()
-        assert perturbed(name, np.full((*shape, 3), round(value * 255), np.uint8), 5).dtype == np.uint8
-
-
 @cases("name", [name for name in NOISES if name != "shot_noise"])  # photons come singly at any number
 def test_nothing_asked_for_is_the_identity(name):
     rgb = np.random.default_rng(2).random((31, 17, 3), np.float32)
     np.testing.assert_array_equal(perturbed(name, rgb, **{TABLES[name][0]: 0.0}), rgb)
-
-
-@cases("name", NOISES)
-def test_threads_change_no_byte(name):
-    import cv2
-
-    rgb = np.random.default_rng(3).random((200, 300, 3), np.float32)
-    alone = [perturbed(name, rgb, frame=k) for k in range(8)]
-    before = cv2.getNumThreads()
-    try:
-        cv2.setNumThreads(1)
-        with ThreadPoolExecutor(4) as pool:
-            together = list(pool.map(lambda k: perturbed(name, rgb, frame=k), reversed(range(8))))
-    finally:
-        cv2.setNumThreads(before)
-    np.testing.assert_array_equal(alone, together[::-1])
 
 
 def test_tables_do_not_pile_up():

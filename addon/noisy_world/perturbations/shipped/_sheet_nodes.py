@@ -577,8 +577,7 @@ def _zones(graph: Graph, taken: Mapping[str, Socket]) -> _Zones:
     along_z = graph.math("GREATER_THAN", sizes[2], graph.math("MAXIMUM", sizes[0], sizes[1]))
     along_x = graph.math("GREATER_THAN", sizes[0], graph.math("MAXIMUM", sizes[1], sizes[2]))
     ray, right, down = (
-        _lit_turned(graph, along_x, along_z, item)
-        for item in ((rays[0], rays[1], rays[2]), right_of, down_of)
+        _lit_turned(graph, along_x, along_z, item) for item in ((rays[0], rays[1], rays[2]), right_of, down_of)
     )
     return _Zones(along_x, along_z, ray, right, down, right_of, down_of, graph.math("SIGN", ray[2]))
 
