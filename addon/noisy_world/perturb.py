@@ -14,7 +14,7 @@ import math
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache, lru_cache, partial
+from functools import cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, get_args, overload
 
@@ -435,17 +435,10 @@ def _perturbed_frames(
     between = None if seen is None or known is None else Registration(known, seen, optics.distortion)
     keep_freed_memory()
 
-    @lru_cache(maxsize=2)  # a frame's colour and its depth
     def clean(source: int) -> CleanFrame:
         return CleanFrame(source, RecordedFrame(stored.frame(source)), between, unmeasured_m=unmeasured_m)
 
     clean_frames = CleanFrames(colour, depth, clean)
     for index in sequence.frames:
         made = sequence.frame(index, clean_frames)
-        yield PerturbedFrame(
-            index,
-            float(path.stamps_s[index]),
-            path.c2w[index],
-            made.rgb,
-            made.depth_m,
-        )
+        yield PerturbedFrame(index, float(path.stamps_s[index]), path.c2w[index], made.rgb, made.depth_m)

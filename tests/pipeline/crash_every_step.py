@@ -26,9 +26,8 @@ from noisy_world.dataset.plan import make_plan
 from noisy_world.preset.keys import read_preset
 from noisy_world.core.progress import PlainProgress
 from noisy_world.dataset.shards import Shard
-from noisy_world.dataset.run import Run
+from noisy_world.dataset.run import Run, ShardMaker
 from noisy_world.dataset.shard_folders import shard_folder
-from noisy_world.dataset.run import ShardMaker
 
 sys.modules["noisy_world.render.mesh_session"] = fake_session
 

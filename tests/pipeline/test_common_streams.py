@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from runs import run
 from many_settings import image, records
+from recipes_made import frames_from_arithmetic
 from worlds import content, write_world
 
 from noisy_world.perturbations.kinds import FrameContext
@@ -41,10 +42,12 @@ def world_of(folder, settings, **keys):
     return write_world(folder, frames=COUNT, size=(24, 16), settings=settings, **keys)
 
 
-@pytest.fixture
-def out(no_blender, tmp_path):
-    run(world_of(tmp_path / "world", SETTINGS), tmp_path / "out")
-    return tmp_path / "out"
+@pytest.fixture(scope="module")
+def out(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("streams")
+    with frames_from_arithmetic():
+        run(world_of(folder / "world", SETTINGS), folder / "out")
+    return folder / "out"
 
 
 def levels_of(out, setting, modality):

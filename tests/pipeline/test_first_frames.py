@@ -31,8 +31,8 @@ def run(path, out, *, frames=None, jobs=1):
     return written.run(path, out, frames=frames, jobs=jobs, workers=workers)
 
 
-@cases("jobs", [1, 2, 3, 8])
-@cases("modalities", [["rgb", "depth"], ["rgb"], ["depth"]])
+@cases("jobs", [1, 3])
+@cases("modalities", [["rgb"], ["depth"]])
 def test_a_path_elsewhere_ends_the_run(tmp_path, see_nothing, jobs, modalities):
     see_nothing(range(8))
     output = {"layout": "replica", "image": "png", "modalities": modalities}
@@ -42,8 +42,8 @@ def test_a_path_elsewhere_ends_the_run(tmp_path, see_nothing, jobs, modalities):
     assert not (tmp_path / "out").exists()
 
 
-@cases("jobs", [1, 2, 8])
-@cases("empty", [{3, 4, 5, 6, 7}, {0, 1}, {1, 2}, {0, 1, 3, 4, 5, 6, 7}, {0, 2}])
+@cases("jobs", [1, 8])
+@cases("empty", [{3, 4, 5, 6, 7}, {0, 1}, {0, 1, 3, 4, 5, 6, 7}, {0, 2}])
 def test_void_later_or_in_between_goes_on(tmp_path, see_nothing, jobs, empty):
     see_nothing(empty)
     out = tmp_path / f"out {jobs} {sorted(empty)}"

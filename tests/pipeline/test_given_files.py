@@ -27,8 +27,7 @@ from noisy_world.preset.keys import read_preset
 from noisy_world.core.progress import PlainProgress
 from noisy_world.dataset.plan import make_plan
 from noisy_world.dataset.remaking import plan_of
-from noisy_world.dataset.recipe import recipe_of
-from noisy_world.dataset.recipe import read_recipe
+from noisy_world.dataset.recipe import read_recipe, recipe_of
 
 SIZE = (64, 48)
 CAMERA = Intrinsics(*SIZE, 32.0, 32.0, 31.5, 23.5)

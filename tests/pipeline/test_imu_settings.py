@@ -12,8 +12,7 @@ from written import extrinsics
 
 from noisy_world.layouts.estimator_settings import settings_texts
 from noisy_world.core.geometry import Intrinsics
-from noisy_world.trajectories.rig import ImuModel
-from noisy_world.trajectories.rig import Imu
+from noisy_world.trajectories.rig import Imu, ImuModel
 from noisy_world.core.lens import Distortion
 
 pytestmark = pytest.mark.usefixtures("no_blender")

@@ -4,6 +4,7 @@
 import os
 import re
 import sys
+from functools import cache
 from pathlib import Path
 
 import cv2
@@ -12,14 +13,13 @@ import pytest
 from cases import cases
 from runs import run
 from written import RIG, SIZE, read, rows_of, world
+from recipes_made import frames_from_arithmetic
 
 import noisy_world
 from noisy_world.cli import command
 from noisy_world.cli.entry import Entry
 from noisy_world.cli.frame_views import clean_beside, planned_pose, words_of
 from noisy_world.layouts import LAYOUTS
-
-pytestmark = pytest.mark.usefixtures("no_blender")
 
 VIEW = Entry("noisy-world view", ("noisy-world", "view"))
 VIDEO = Entry("noisy-world video", ("noisy-world", "video"))
@@ -33,11 +33,20 @@ SETTINGS = [
 WRITTEN = [name for name, layout in LAYOUTS.items() if layout.images]
 
 
-def dataset(folder, layout="euroc", **keys):
-    keys = {"rig": {**RIG, "imu": IMU}, "settings": SETTINGS, **keys}
-    scenes = [{"name": "box", "mesh": "mesh.ply", "trajectory": {"file": "traj.txt", "axes": "robot"}}]
-    run(world(folder / "w", layout, frames=FRAMES, scenes=scenes, **keys), folder / "out")
-    return folder / "out"
+@pytest.fixture(scope="module")
+def dataset(tmp_path_factory):
+    @cache
+    def made(layout="euroc", width=SIZE[0]):
+        folder = tmp_path_factory.mktemp("look")
+        camera = {"width": width, "height": width * 3 // 4, "fx": width / 2, "fy": width / 2}
+        keys = {"camera": camera | {"cx": (width - 1) / 2, "cy": (width * 3 // 4 - 1) / 2}}
+        keys |= {"rig": {**RIG, "imu": IMU}, "settings": SETTINGS, "frames": FRAMES}
+        scenes = [{"name": "box", "mesh": "mesh.ply", "trajectory": {"file": "traj.txt", "axes": "robot"}}]
+        with frames_from_arithmetic():
+            run(world(folder / "w", layout, scenes=scenes, **keys), folder / "out")
+        return folder / "out"
+
+    return made
 
 
 def values(store, path, component):
@@ -59,10 +68,10 @@ def recorded(out, *words):
 
 
 @cases("layout", WRITTEN)
-def test_a_recording_holds_the_dataset(tmp_path, layout):
+def test_a_recording_holds_the_dataset(dataset, tmp_path, layout):
     pytest.importorskip("rerun", reason="rerun is not installed")
-    out = dataset(tmp_path / layout, layout)
-    store = recorded(tmp_path / layout / "seen.rrd", out)
+    out = dataset(layout)
+    store = recorded(tmp_path / f"{layout}.rrd", out)
     opened = noisy_world.open(out)
     for name, sequence in opened.items():
         setting, scene = name.split("/")
@@ -88,9 +97,9 @@ def test_a_recording_holds_the_dataset(tmp_path, layout):
         assert said == ["; ".join(words_of(frame.done)) for frame in frames if frame.done]
 
 
-def test_a_recording_holds_the_rig_and_the_imu(tmp_path):
-    store = recorded(tmp_path / "seen.rrd", dataset(tmp_path), "--only", "noisy/box", "--every", "4")
-    rows = rows_of(tmp_path / "out/noisy/box/mav0/imu0/data.csv")
+def test_a_recording_holds_the_rig_and_the_imu(dataset, tmp_path):
+    store = recorded(tmp_path / "seen.rrd", dataset(), "--only", "noisy/box", "--every", "4")
+    rows = rows_of(dataset() / "noisy/box/mav0/imu0/data.csv")
     for column, part in enumerate(["gyro/x", "gyro/y", "gyro/z", "accel/x", "accel/y", "accel/z"]):
         found = values(store, f"/box/noisy/imu/{part}", "Scalars:scalars")
         np.testing.assert_array_equal([value[0] for value in found], [float(row[1 + column]) for row in rows])
@@ -102,9 +111,9 @@ def test_a_recording_holds_the_rig_and_the_imu(tmp_path):
     assert not values(store, "/box/clean/camera", "Transform3D:translation")
 
 
-def test_packed_datasets_give_the_same(tmp_path):
+def test_packed_datasets_give_the_same(dataset, tmp_path):
     pytest.importorskip("pyarrow", reason="pyarrow is not installed")
-    out, packed = dataset(tmp_path), tmp_path / "packed"
+    out, packed = dataset(), tmp_path / "packed"
     assert command.run("publish", [str(out), str(packed)]) == 0
     opened = noisy_world.open(packed)
     for name, sequence in noisy_world.open(out).items():
@@ -131,14 +140,13 @@ def frames_of(path):
 
 
 @cases("layout", WRITTEN)
-def test_videos_of_each_layout(tmp_path, capsys, layout):
-    folder = tmp_path / layout
-    out = dataset(folder, layout)
-    assert command.run("video", [str(out), str(folder / "seen.avi")], VIDEO) == 0
+def test_videos_of_each_layout(dataset, tmp_path, capsys, layout):
+    out = dataset(layout)
+    assert command.run("video", [str(out), str(tmp_path / f"{layout}.avi")], VIDEO) == 0
     said = capsys.readouterr().out
     assert "Motion JPEG (MJPG)" in said
     for name, sequence in noisy_world.open(out).items():
-        rate_hz, found = frames_of(folder / f"seen-{name.replace('/', '-')}.avi")
+        rate_hz, found = frames_of(tmp_path / f"{layout}-{name.replace('/', '-')}.avi")
         stamps_s = [frame.stamp_s for frame in sequence]
         assert rate_hz == pytest.approx(1 / np.median(np.diff(stamps_s)), rel=1e-3)
         assert len(found) == len(sequence)
@@ -150,8 +158,8 @@ def test_videos_of_each_layout(tmp_path, capsys, layout):
             assert abs(shown.mean() - np.asarray(frame.rgb).mean()) < 12
 
 
-def test_mp4_of_one_sequence_and_a_sheet(tmp_path, capsys):
-    out = dataset(tmp_path, "replica", camera={"width": 64, "height": 48, "fx": 32, "fy": 32, "cx": 31.5, "cy": 23.5})
+def test_mp4_of_one_sequence_and_a_sheet(dataset, tmp_path, capsys):
+    out = dataset("replica", width=64)
     words = [str(out), str(tmp_path / "walk.mp4"), "--only", "noisy/box", "--frames", "1:4"]
     assert command.run("video", words, VIDEO) == 0
     assert re.search(r"wrote .*walk.mp4: 3 frames of noisy/box, .*, MPEG-4 part 2 \(mp4v\)", capsys.readouterr().out)
@@ -164,8 +172,8 @@ def test_mp4_of_one_sequence_and_a_sheet(tmp_path, capsys):
     np.testing.assert_array_equal(sheet[26:206, :240], shown)
 
 
-def test_the_clean_frame_beside_is_that_of_the_same_pose(tmp_path):
-    opened = noisy_world.open(dataset(tmp_path, "replica"))
+def test_the_clean_frame_beside_is_that_of_the_same_pose(dataset, tmp_path):
+    opened = noisy_world.open(dataset("replica"))
     assert clean_beside(opened, "clean/box") is None
     beside = clean_beside(opened, "walked/box")
     assert beside is not None
@@ -173,8 +181,8 @@ def test_the_clean_frame_beside_is_that_of_the_same_pose(tmp_path):
         np.testing.assert_allclose(planned_pose(frame), beside[2 * frame.index].c2w, atol=1e-6)
 
 
-def test_what_cannot_be_is_refused_in_a_line(tmp_path, capsys, monkeypatch):
-    out = dataset(tmp_path, "replica")
+def test_what_cannot_be_is_refused_in_a_line(dataset, tmp_path, capsys, monkeypatch):
+    out = dataset("replica")
     (tmp_path / "there.rrd").write_bytes(b"mine")
     for words, line in (
         ([out, tmp_path / "walk.gif"], "walk.gif: ends in .gif; name a file that ends in"),
@@ -202,9 +210,9 @@ def test_what_cannot_be_is_refused_in_a_line(tmp_path, capsys, monkeypatch):
     assert not list(tmp_path.glob("*.mp4"))
 
 
-def test_what_cannot_be_written_is_refused_in_a_line(tmp_path, capsys):
+def test_what_cannot_be_written_is_refused_in_a_line(dataset, tmp_path, capsys):
     pytest.importorskip("rerun", reason="rerun is not installed")
-    out = dataset(tmp_path, "replica")
+    out = dataset("replica")
     (tmp_path / "file").write_text("mine")
     capsys.readouterr()
     before = sorted(tmp_path.rglob("*"))
@@ -220,9 +228,9 @@ def test_what_cannot_be_written_is_refused_in_a_line(tmp_path, capsys):
     assert sorted(tmp_path.rglob("*")) == before
 
 
-def test_a_viewer_needs_a_display_and_is_found_beside_this_python(tmp_path, capsys, monkeypatch):
+def test_a_viewer_needs_a_display_and_is_found_beside_this_python(dataset, tmp_path, capsys, monkeypatch):
     rerun = pytest.importorskip("rerun", reason="rerun is not installed")
-    out = dataset(tmp_path, "replica")
+    out = dataset("replica")
     monkeypatch.setattr(sys, "platform", "linux")
     for name in ("DISPLAY", "WAYLAND_DISPLAY"):
         monkeypatch.delenv(name, raising=False)

@@ -26,7 +26,8 @@ from noisy_world.dataset.making import colour_of
 pytestmark = pytest.mark.usefixtures("no_blender")
 
 
-def test_each_frame_is_rendered_once_for_all(out):
+def test_each_frame_is_rendered_once_for_all(world, tmp_path):
+    run(world, tmp_path / "out")
     # Once for all settings that leave the path alone, once for the one that does not.
     assert sorted(fake_session.Session.rendered) == sorted([*range(COUNT), *range(COUNT)])
 

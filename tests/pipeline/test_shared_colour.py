@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from runs import run
 from many_settings import image, records
+from recipes_made import frames_from_arithmetic
 from worlds import write_world
 
 from noisy_world.perturbations.kinds import ColourPerturbation, FrameContext
 from noisy_world.perturbations import registry
 
-pytestmark = pytest.mark.usefixtures("no_blender")
 COUNT = 24
 REPEATABLE = ["brightness", "contrast", "jpeg_compression", "pixelate", "gaussian_blur", "defocus_blur"]
 ALSO_REPEATABLE = {"haze", "fog_depth", "defocus_depth", "vignetting", "chromatic_aberration", "bloom"}
@@ -28,10 +28,12 @@ SETTINGS = [
 ]
 
 
-@pytest.fixture
-def out(no_blender, tmp_path):
-    run(write_world(tmp_path / "world", frames=COUNT, size=(16, 12), settings=SETTINGS), tmp_path / "out")
-    return tmp_path / "out"
+@pytest.fixture(scope="module")
+def out(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("shared")
+    with frames_from_arithmetic():
+        run(write_world(folder / "world", frames=COUNT, size=(16, 12), settings=SETTINGS), folder / "out")
+    return folder / "out"
 
 
 def test_equal_work_is_one_file(out):

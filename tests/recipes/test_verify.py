@@ -14,9 +14,7 @@ from recipes_made import progress
 from refusals import refused
 from recipes_made import noisy_world as command
 
-from noisy_world.dataset.recipe import FrameNumbers
-from noisy_world.dataset.recipe import recipe_of
-from noisy_world.dataset.recipe import read_recipe
+from noisy_world.dataset.recipe import FrameNumbers, read_recipe, recipe_of
 from noisy_world.dataset.verifying import verify
 
 LATE = "late/box/results"

@@ -73,6 +73,7 @@ class Frame:
         self.index = index
         self.shown = sequence.shown(index)
         self._from = clean
+        self._clean_frames: dict[int, CleanFrame] = {}  # by the source frame: colour's, and depth's
         self._changed: dict[str, NDArray[Any] | None] = {}  # by the steps that a channel has
 
     # --- what is done to it ---
@@ -186,9 +187,11 @@ class Frame:
     # --- its images ---
 
     def _clean(self, source: int) -> "CleanFrame":
-        assert self._from is not None, "it has clean frames"
-        assert self._from.frame is not None, "it has clean frames"
-        return self._from.frame(source)
+        if source not in self._clean_frames:
+            assert self._from is not None, "it has clean frames"
+            assert self._from.frame is not None, "it has clean frames"
+            self._clean_frames[source] = self._from.frame(source)
+        return self._clean_frames[source]
 
     def _clean_of(self, channel: Modality) -> "CleanFrame":
         return self._clean(self.shown.depth_source if CHANNELS[channel].paired else self.shown.rgb_source)
