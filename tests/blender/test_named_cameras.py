@@ -2,23 +2,16 @@
 """A camera of a .blend that is named, wherever it lies: its path against closed forms, and its blur against its own."""
 
 import math
-from contextlib import closing
 
 import bpy
 import numpy as np
 import pytest
 
-from own_scenes import LAST, key, new_scene, save
+from own_scenes import LAST, key, new_scene, opened, save
 
-from noisy_world.render.own_scene import OwnSceneFile, OwnSceneSession
 from noisy_world.render.own_view import sampled_camera
 from noisy_world.render.scene_inspection import inspect_scene, open_file
 from noisy_world.core.geometry import rotation_from_euler_deg
-from noisy_world.render.source import RenderOptions
-from noisy_world.core.schema import ConfigPath
-from noisy_world.core.frame_request import SensorPaths
-from noisy_world.core.trajectory import Trajectory
-from noisy_world.sources.lit_scene import rigid_c2w
 
 FRAMES = range(1, LAST + 1)
 ALONG = (np.array(FRAMES) - 1) / (LAST - 1)
@@ -143,18 +136,7 @@ def test_motion_blur_is_that_of_a_camera_that_the_view_layer_leaves_out(tmp_path
         if excluded:
             hide("excluded", second)
         path = save(tmp_path, f"blurred_{excluded}")
-        open_file(str(path))
-        found = inspect_scene(bpy.context.scene, "Second", None, alone=True)
-        paths = SensorPaths(Trajectory(rigid_c2w(found.camera.matrices, ConfigPath("p")), np.arange(LAST) / found.fps))
-        seen = found.camera_parameters
-        file = OwnSceneFile(
-            path=path, scene=found.scene, frames=found.camera.frames, stamps_s=tuple(paths.rgb.stamps_s.tolist()),
-            fps=found.fps, cameras=("Second",) * LAST, follows=True, lens_given=False, sampled=False,
-            keep_compositor=False, depth_alpha=0.5,
-        )  # fmt: skip
-        channels = frozenset({"rgb"})
-        options = RenderOptions(near_m=seen.near_m, far_m=seen.far_m, samples=2, seed=0, channels=channels)
-        with closing(OwnSceneSession(file, paths, seen.intrinsics, options)) as session:
+        with opened(path, depth=False, camera="Second") as (session, paths, _):
             images.append(session.frame(paths.request(2)).rgb)
     assert images[0].std() > 0.05
     assert np.abs(images[0] - images[1]).max() < 1e-3

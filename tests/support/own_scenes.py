@@ -74,13 +74,24 @@ def save(folder, name="hall"):
 
 
 @contextmanager
-def opened(path, *, rgb=True, depth=True, others=(), stamps_s=None, depth_alpha=0.5, keep=False, through_glass=False):
-    """The session of a .blend along its own camera's path; also the path and the intrinsics.
+def opened(
+    path,
+    *,
+    rgb=True,
+    depth=True,
+    others=(),
+    stamps_s=None,
+    depth_alpha=0.5,
+    keep=False,
+    through_glass=False,
+    camera=None,
+):
+    """The session of a .blend along its own camera's path, or a named one's; also the path and the intrinsics.
 
     stamps_s: instead of the scene's frames, moments after the first one.
     """
     open_file(str(path))
-    found = inspect_scene(bpy.context.scene, None, None, alone=True)
+    found = inspect_scene(bpy.context.scene, camera, None, alone=True)
     assert not found.problems
     sampled, parameters = found.camera, found.camera_parameters
     c2w, frames = rigid_c2w(sampled.matrices, ConfigPath("preset.yaml")), np.array(sampled.frames)
