@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from ..core.dependencies import shipped
-from ..core.errors import StorageError, nearest, one_line
+from ..core.errors import InputError, NoisyWorldError, StorageError, nearest, one_line
 from ..core.file_access import RENAME, is_utf8, with_home
 from .entry import say
 
@@ -73,7 +73,7 @@ def _shown_options(action: argparse.Action) -> Sequence[str]:
     return () if action.help == argparse.SUPPRESS else action.option_strings
 
 
-# Places that a user names for a dataset: a folder, or an address such as s3://bucket/name.
+# --- places: a folder, or an address such as s3://bucket/name ---
 
 
 def path(text: str) -> Path:
@@ -103,7 +103,7 @@ def folder(text: str) -> Path:
     return path(text)
 
 
-# The presets that come with Noisy World.
+# --- presets ---
 
 
 ENDINGS = (".yaml", ".yml")
@@ -125,8 +125,6 @@ def found_preset(path: Path) -> Path:
 
 def no_such_preset(path: Path) -> "InputError":
     """Return the error for a preset that is not there, with the one that is near it: in its folder, or shipped."""
-    from ..core.errors import InputError
-
     beside = sorted(path.parent.iterdir()) if path.parent.is_dir() else []
     known = {Path(name).name: name for name in shipped_presets()}
     known |= {item.name: str(item) for item in beside if item.suffix in ENDINGS}
@@ -135,7 +133,7 @@ def no_such_preset(path: Path) -> "InputError":
     return InputError(path, "no such preset", remedy=f"did you mean {known[near]!r}?" if near else listed)
 
 
-# The options that say where a preset's data lie and which part of it is meant: the same for every subcommand.
+# --- where a preset's data lie, and which part of it is meant ---
 
 
 EXAMPLES = {"scenes": "'room*,office0'", "settings": "'clean,fog*'"}
@@ -186,8 +184,6 @@ def recipe_part(recipe: "Recipe", options: argparse.Namespace) -> "Plan":
 
 def data_folder(options: argparse.Namespace) -> Path | None:
     """Return the folder that --data names, None without it."""
-    from ..core.errors import NoisyWorldError
-
     try:
         return None if options.data is None else with_home(options.data)
     except LookupError as error:
@@ -207,7 +203,7 @@ def part_words(options: argparse.Namespace, *, anywhere: bool = False) -> list[s
     return words
 
 
-# The options that subcommands share, and the words that repeat them.
+# --- options that subcommands share, and the words that repeat them ---
 
 
 def add_preset_options(parser: Parser) -> None:

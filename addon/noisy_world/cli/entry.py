@@ -60,7 +60,7 @@ def say(text: str) -> None:
     print(text, file=sys.stderr, flush=True)
 
 
-# Checks for packages and libraries that this Python or machine lacks, and says how to install them.
+# --- packages and libraries that are missing ---
 
 
 # What Blender warns of on standard output when it is imported, which is of use only to its windows: that /etc/mtab is
@@ -119,7 +119,7 @@ def _relevant_output() -> Iterator[None]:
             os.write(1, b"".join(line for line in held if not any(text in line for text in OF_NO_USE_HERE)))
 
 
-# How a command ends: what its user can mend is one line and an exit status; a bug keeps its traceback.
+# --- how a command ends: what its user can mend is one line; a bug keeps its traceback ---
 
 
 CONTINUES = "finished frames stay, and the same command continues from there"
@@ -236,7 +236,7 @@ def _reader_is_gone(number: int) -> bool:
     return any(event & select.POLLERR for _, event in poll.poll(0))
 
 
-# What long commands share: progress, stopping by a signal, and the executor of their tasks.
+# --- long commands: progress, and stopping by a signal ---
 
 
 def listener(form: str) -> tuple[Progress, threading.Event]:

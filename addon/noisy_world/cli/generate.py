@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..core.dependencies import need
-from ..core.errors import StorageError
+from ..core.errors import MissingDependencyError, StorageError
 from .arguments import (
     Parser,
     add_executor_options,
@@ -23,7 +23,7 @@ from .arguments import (
     settled,
 )
 from .command import Command
-from .entry import Entry, blender_lacks, blender_problem, work_on
+from .entry import Entry, blender_lacks, blender_problem, listener, machine_listener, work_on
 from .listing import HELD, KNOWN, list_known, list_plan, print_plan
 
 if TYPE_CHECKING:
@@ -43,8 +43,6 @@ if TYPE_CHECKING:
 
 def tell_outcome(report: "Report", options: argparse.Namespace) -> None:
     """Print the figures of a run, and send them to a program that listens."""
-    from .entry import machine_listener
-
     print(figures(report))
     if options.progress == "json":
         machine_listener().tell({"result": figures(report)})
@@ -115,7 +113,6 @@ def _generate(options: argparse.Namespace, entry: Entry) -> int:
 
 def generate(plan: "Plan", options: argparse.Namespace, entry: Entry) -> int:
     """Make the dataset, and print the outcome."""
-    from .entry import listener
     from .shard_workers import make_dataset
 
     progress, stop = listener(options.progress)
@@ -157,8 +154,6 @@ def generate_videos(
 
 def need_blender(plan: "Plan", entry: Entry) -> None:
     """Raise MissingDependencyError where a plan's frames cannot be made for want of Blender."""
-    from ..core.errors import MissingDependencyError
-
     if plan.needs_blender and (problem := blender_problem(entry)):
         raise MissingDependencyError(problem + _without_blender(plan))
 
@@ -178,7 +173,6 @@ def _without_blender(plan: "Plan") -> str:
 
 def need_packages(plan: "Plan", options: argparse.Namespace, entry: Entry) -> None:
     """Raise NoisyWorldError where a package, a library or memory that a run needs is missing. Starts nothing."""
-    from ..core.errors import MissingDependencyError
     from ..dataset.estimate import check_memory
 
     if options.ray is None:

@@ -12,10 +12,11 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..core.progress import duration_text
+from ..core.progress import SilentProgress, duration_text
+from ..core.schema import list_keys, yaml_line
 from .arguments import Parser, add_part_options, frame_slice, part_words, place, shipped_presets
 from .command import Command, run
-from .entry import Entry
+from .entry import Entry, text_listener
 
 if TYPE_CHECKING:
     from ..dataset.plan import Plan, Render
@@ -45,7 +46,6 @@ def list_preset_keys() -> None:
 
 def list_sources() -> None:
     """List where a preset's scenes may come from, and the keys of each: its own, and whether it has a trajectory."""
-    from ..core.schema import list_keys
     from ..sources import SOURCES
 
     for name, kind in SOURCES.items():
@@ -66,7 +66,6 @@ def list_channels() -> None:
 
 def list_cameras() -> None:
     """List the real cameras that a preset may name as `device`: what they stand for, and where the figures are from."""
-    from ..core.schema import yaml_line
     from ..preset.camera_devices import CAMERA_DEVICES
 
     for name, device in CAMERA_DEVICES.items():
@@ -124,7 +123,6 @@ def list_perturbations() -> None:
 
     Parameters are listed with their ranges and their values at severities 1 to 5.
     """
-    from ..core.schema import list_keys
     from ..perturbations import registry
     from ..perturbations.kinds import kind_name
 
@@ -232,7 +230,7 @@ def enumerated(settings: list[str]) -> str:
     return f"{len(settings)} settings {', '.join(settings[:4])}, ... {settings[-1]}"
 
 
-# `list`: the keys of presets and what is shipped, or what a preset holds; the same as `generate --list`.
+# --- `list` ---
 
 
 def _list_options(parser: Parser) -> None:
@@ -268,7 +266,7 @@ LIST = Command(
 )
 
 
-# What `status` prints: a table of settings and scenes, and lines on what is wrong and how long the rest takes.
+# --- `status` ---
 
 
 LONGEST_TABLE = 40  # rows; with more settings than that, the severities of one share a row
@@ -434,7 +432,7 @@ def _of_pace(pace: "Pace") -> str:
     return f"{left} at the present pace, {rate}; {last}"
 
 
-# `status`: how far a dataset has come, what is missing or damaged, and how long the rest will take.
+# --- `status` ---
 
 
 def _status_options(parser: Parser) -> None:
@@ -449,9 +447,7 @@ def _status_options(parser: Parser) -> None:
 
 def _tell_status(options: argparse.Namespace, _: Entry) -> int:
     """Print it; return 0, or 1 where files are lost or damaged."""
-    from ..core.progress import SilentProgress
     from ..dataset.status import read_status
-    from .entry import text_listener
 
     listener = text_listener(sys.stderr) if options.check else SilentProgress()  # without it, looking takes seconds
     status = read_status(options.out, listener, chosen=options.frames, check=options.check)

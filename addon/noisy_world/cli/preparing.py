@@ -7,6 +7,8 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, get_args, get_type_hints
 
+from ..core.dependencies import need
+from ..core.errors import InputError, NoisyWorldError, StorageError, did_you_mean
 from .arguments import Parser, add_part_options, add_set_option, number, out_path, path, planned, settled
 from .command import Command
 from .entry import Entry
@@ -40,8 +42,6 @@ def _simulate_options(parser: Parser) -> None:
 def _simulate(options: argparse.Namespace, _: Entry) -> int:
     """Simulate, and write the file."""
     from ..core.atomic_files import made_beside
-    from ..core.dependencies import need
-    from ..core.errors import NoisyWorldError
     from ..sources.rendered_mesh import MeshSource
     from ..trajectories.bodies import BODIES
     from ..trajectories.simulation import MOST_M_S, simulate
@@ -99,7 +99,7 @@ SIMULATE = Command(
 )
 
 
-# `scan`: spin a lidar along the paths of a preset's meshes, and write its point clouds.
+# --- `scan` ---
 
 
 LARGEST_HZ = 100.0
@@ -130,7 +130,6 @@ def _scan_options(parser: Parser) -> None:
 def _scan(options: argparse.Namespace, _: Entry) -> int:
     """Write the scans beside their place, and move them there when they are whole."""
     from ..core.atomic_files import made_beside
-    from ..core.errors import NoisyWorldError, StorageError, did_you_mean
     from ..perturbations.shipped.lidar import Lidar
 
     devices = get_args(get_type_hints(Lidar)["device"])
@@ -238,7 +237,7 @@ SCAN = Command(
 )
 
 
-# `bag`: write a sequence of the layout euroc as a bag of ROS 2, without ROS.
+# --- `bag` ---
 
 
 STORAGES = ("mcap", "sqlite3")
@@ -253,8 +252,6 @@ def _bag_options(parser: Parser) -> None:
 def _write_bag(options: argparse.Namespace, _: Entry) -> int:
     """Write the bag beside its place, and move it there when it is whole."""
     from ..core.atomic_files import made_beside
-    from ..core.dependencies import need
-    from ..core.errors import StorageError
 
     need(("rosbags",), "ros")
     if options.out.exists():
@@ -319,7 +316,6 @@ def _export_options(parser: Parser) -> None:
 
 def _export(options: argparse.Namespace, _: Entry) -> int:
     """Write the mesh, and print what was written."""
-    from ..core.errors import InputError
     from ..rooms import build_room
     from ..scenes.ply import read_header
     from ..scenes.ply_writer import write_ply, write_textured_ply
@@ -349,7 +345,6 @@ def _export(options: argparse.Namespace, _: Entry) -> int:
 
 
 def _one_room(mesh: str) -> int:
-    from ..core.errors import NoisyWorldError
     from ..scenes.polygon_mesh import MEANT, room_seeds
 
     try:

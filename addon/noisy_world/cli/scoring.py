@@ -8,6 +8,9 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ..core.dependencies import need
+from ..core.errors import InputError, NoisyWorldError
+from ..core.file_access import with_home
 from .arguments import Parser, number, path
 from .command import Command
 from .entry import Entry, say
@@ -41,7 +44,7 @@ def _number(value: float | None) -> str:
     return f"{value:.0f}" if value == round(value) and abs(value) < 1e6 else f"{value:.5g}"
 
 
-# `score`: how far an estimated trajectory is from the true one, and how much of it there is.
+# --- `score` ---
 
 
 # Known before packages are: what `evaluate.metrics` has, which a test holds against it.
@@ -88,8 +91,6 @@ def _score_options(parser: Parser) -> None:
 def _score_path(options: argparse.Namespace, _: Entry) -> int:
     """Score, print and write what is asked for; return 0 for a run that failed too, as that is a result."""
     from ..core.atomic_files import ELSEWHERE, storage_errors, write_atomic
-    from ..core.dependencies import need
-    from ..core.errors import NoisyWorldError
     from ..evaluate.estimates import FORMATS
     from ..evaluate.metrics import Alignment, frame_errors_text
     from ..evaluate.scored_poses import read_poses_to_compare
@@ -257,7 +258,7 @@ SCORE = Command(
 )
 
 
-# `score-map`: how far the map of a SLAM system is from the true scene, and how much of it there is.
+# --- `score-map` ---
 
 
 CULLINGS = ("frustum_occlusion", "frustum", "none")  # known before packages are; a test holds them together
@@ -331,7 +332,6 @@ def _score_map(options: argparse.Namespace, _: Entry) -> int:
 
 def _sequence(options: argparse.Namespace) -> "SequenceToMap | None":
     """Return the sequence that was mapped; None where none is named."""
-    from ..core.file_access import with_home
     from ..evaluate.run_maps import read_sequence
 
     folder = options.sequence
@@ -344,7 +344,6 @@ def _path(
     options: argparse.Namespace, sequence: "SequenceToMap | None"
 ) -> "tuple[Estimate, Score] | tuple[None, None]":
     """Return the estimated path and what is said of it; None twice where a mesh is taken as it lies."""
-    from ..core.errors import InputError
     from ..evaluate.scored_poses import read_poses_to_compare
     from ..evaluate.trajectory_scores import score_trajectory
 
@@ -363,7 +362,6 @@ def _path(
 
 
 def _truth(options: argparse.Namespace, sequence: "SequenceToMap | None") -> "TrueMap":
-    from ..core.file_access import with_home
     from ..evaluate.run_maps import read_scene, read_sequence
     from ..evaluate.true_maps import Culling, NoViews, TrueMap, true_map_of_mesh, true_map_of_recording
 

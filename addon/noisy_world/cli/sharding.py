@@ -12,7 +12,7 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..core.errors import BUSY
+from ..core.errors import BUSY, StorageError
 from ..core.progress import duration_text
 from .arguments import (
     Parser,
@@ -27,7 +27,7 @@ from .arguments import (
     settled,
 )
 from .command import Command
-from .entry import Entry
+from .entry import Entry, listener
 from .generate import need_blender, tell_outcome
 from .listing import print_plan
 
@@ -69,7 +69,7 @@ def _own_words() -> list[str]:
     return [COMMAND] if shutil.which(COMMAND) else [sys.executable, "-m", "noisy_world"]
 
 
-# `plan`: print what a preset comes to, or the commands that make its dataset in shards.
+# --- `plan` ---
 
 
 MERGED_BYTES_PER_S = 1e8  # of a shared disk with a file for each frame: low, so that the merging job is not ended early
@@ -154,7 +154,7 @@ PLAN = Command(
 )
 
 
-# `shard`: make shards of the dataset that a preset describes, on any machine that sees the dataset's folder.
+# --- `shard` ---
 
 
 def _shard_options(parser: Parser) -> None:
@@ -181,7 +181,6 @@ def _make_shards(options: argparse.Namespace, entry: Entry) -> int:
     from ..dataset.shard_folders import shard_folder
     from ..dataset.shards import Shard, render_of
     from ..executors.jobs import InProcess, Job, Perform, TaskOutcome, carry_out
-    from .entry import listener
     from .shard_workers import tasks_of
 
     shards = tuple(map(Shard.parse, options.shard))
@@ -222,7 +221,7 @@ SHARD = Command(
 )
 
 
-# `merge`: move the finished shards of a dataset into their places, check every file, and complete the dataset.
+# --- `merge` ---
 
 
 def _merge_options(parser: Parser) -> None:
@@ -234,7 +233,6 @@ def _merge_options(parser: Parser) -> None:
 def _merge(options: argparse.Namespace, _: Entry) -> int:
     """Merge, and print the outcome."""
     from ..dataset.run import Run
-    from .entry import listener
 
     plan = planned(options)
     out = destination_of(plan, options)
@@ -273,8 +271,6 @@ def missing_shards(plan: "Plan", work: "Work", count: int | None) -> tuple["Shar
 
 
 def _error(plan: "Plan", out: str, work: "Work", shards: tuple["Shard", ...], left: list[Path]) -> "StorageError":
-    from ..core.errors import StorageError
-
     count = sum(map(len, work.values()))
     names = ", ".join(shard.name for shard in shards[:3]) + (f" and {len(shards) - 3} more" * (len(shards) > 3))
     begun = f"; {len(left)} shards are unfinished or under way" if left else ""

@@ -5,9 +5,10 @@ import argparse
 import sys
 from dataclasses import replace
 
+from ..core.errors import InputError
 from .arguments import Parser, add_part_options, folder, frame_slice, out_path, path, place, positive, recipe_part
 from .command import Command, as_given, own_entry
-from .entry import Entry, say
+from .entry import Entry, listener, say
 from .generate import need_blender
 
 
@@ -16,7 +17,6 @@ def _publish(options: argparse.Namespace, _: Entry) -> int:
     from ..dataset.finished import read_content
     from ..dataset.packing import publish
     from ..dataset.store import open_store
-    from .entry import listener
 
     read_content(options.dataset)  # first: what is wrong with it comes before what packing needs
     progress, stop = listener("text")
@@ -49,7 +49,7 @@ PUBLISH = Command(
 )
 
 
-# `recipe`: write what a dataset was made from and the digests of its files, some hundred kilobytes for terabytes.
+# --- `recipe` ---
 
 
 def _recipe_options(parser: Parser) -> None:
@@ -62,7 +62,6 @@ def _write_recipe(options: argparse.Namespace, _: Entry) -> int:
     from ..core.atomic_files import ELSEWHERE, storage_errors
     from ..dataset.recipe import recipe_of
     from ..dataset.remaking import unnamed_sequences
-    from .entry import listener
 
     progress, _stop = listener("text")
     recipe = recipe_of(options.dataset, progress)
@@ -91,7 +90,7 @@ RECIPE = Command(
 )
 
 
-# `verify`: hash every file of a dataset, and compare it with a recipe.
+# --- `verify` ---
 
 
 def _verify_options(parser: Parser) -> None:
@@ -103,7 +102,6 @@ def _verify(options: argparse.Namespace, _: Entry) -> int:
     """Compare, and print what differs; return 0 where all that is there is as the recipe says."""
     from ..dataset.recipe import read_recipe
     from ..dataset.verifying import verify
-    from .entry import listener
 
     progress, stop = listener("text")
     findings = verify(read_recipe(options.recipe), options.dataset, progress, stop)
@@ -124,7 +122,7 @@ VERIFY = Command(
 )
 
 
-# `remake`: make a part of a recipe's dataset again, from its inputs, and verify it.
+# --- `remake` ---
 
 
 def _remake_options(parser: Parser) -> None:
@@ -139,7 +137,6 @@ def _remake(options: argparse.Namespace, entry: Entry) -> int:
     """Make the dataset, verify it, and return the exit status: 0 where all is as it can be here."""
     from ..dataset.recipe import read_recipe
     from ..dataset.verifying import verify
-    from .entry import listener
     from .generate import generate
 
     recipe = read_recipe(options.recipe)
@@ -174,7 +171,7 @@ REMAKE = Command(
 )
 
 
-# `render-clean`: make the clean frames that a recipe's frames are made from on the spot, in `noisy_world.open`.
+# --- `render-clean` ---
 
 
 def _clean_options(parser: Parser) -> None:
@@ -186,10 +183,8 @@ def _clean_options(parser: Parser) -> None:
 
 def _render(options: argparse.Namespace, entry: Entry) -> int:
     """Render the frames, and print how many."""
-    from ..core.errors import InputError
     from ..dataset.clean_store import make_store, rendered
     from ..dataset.recipe import read_recipe
-    from .entry import listener
 
     recipe = read_recipe(options.recipe)
     plan = recipe_part(recipe, options)

@@ -5,10 +5,12 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ..core.errors import InputError, InterruptedRunError, MissingDependencyError
 from ..core.progress import JsonProgress, Progress
+from ..core.schema import ConfigPath
 from .arguments import Parser, add_progress_option, folder, out_path, path
 from .command import Command
-from .entry import Entry, say
+from .entry import Entry, listener, say
 
 if TYPE_CHECKING:
     import threading
@@ -38,7 +40,6 @@ def _list_systems() -> int:
 
 def _install_system(options: argparse.Namespace, entry: Entry) -> int:
     """Make what a system needs, and say that it can be run."""
-    from ..core.errors import InputError, MissingDependencyError
     from ..evaluate.system_installation import CLONED, ENVIRONMENT
     from ..evaluate.system_runs import check_system, system_versions
     from ..evaluate.systems import FOLDER_VARIABLE, environment_folder, find_system
@@ -70,7 +71,6 @@ def _install_system(options: argparse.Namespace, entry: Entry) -> int:
 
 def _packages(system: "System", into: Path, options: argparse.Namespace) -> bool:
     """Make the environment of packages; tell whether it was not there."""
-    from ..core.errors import MissingDependencyError
     from ..evaluate.system_installation import install as make
     from .system_libraries import missing_for, provide
 
@@ -84,7 +84,6 @@ def _packages(system: "System", into: Path, options: argparse.Namespace) -> bool
 
 def _built(published: "AuthorsSource", into: Path, options: argparse.Namespace) -> bool:
     """Build a system from its source; tell whether it was not there."""
-    from ..core.errors import InputError
     from ..evaluate.system_installation import build
 
     if options.source is None:
@@ -96,7 +95,6 @@ def _built(published: "AuthorsSource", into: Path, options: argparse.Namespace) 
 
 def _problem(system: "System") -> str:
     """Return why a system cannot be run here; "" where it can."""
-    from ..core.errors import MissingDependencyError
     from ..evaluate.system_runs import check_system
 
     try:
@@ -149,7 +147,7 @@ SYSTEMS = Command(
 )
 
 
-# `run-odometry`: follow the camera through sequences on disk with rgbd_odometry, which comes with Noisy World.
+# --- `run-odometry` ---
 
 
 INDEX = "frames.json"
@@ -171,12 +169,9 @@ def _track(options: argparse.Namespace, _: Entry) -> int:
 
     Where the camera is lost the exit status is 0 too, as that is a result.
     """
-    from ..core.errors import InputError
-    from ..core.schema import ConfigPath
     from ..dataset.opening import open_path
     from ..dataset.stored_frames import OpenedFolder, SequenceOfFiles
     from ..preset.names import selected
-    from .entry import listener
 
     if not options.dataset.is_dir():
         raise InputError(options.dataset, "no such folder", remedy="name that of a dataset, or of a sequence")
@@ -200,7 +195,6 @@ def _track(options: argparse.Namespace, _: Entry) -> int:
 def _tracked(sequence: Path, out: Path, progress: Progress, stop: "threading.Event") -> str:
     """Follow the camera through one sequence; return how it went. Raises InterruptedRunError."""
     from ..core.atomic_files import ELSEWHERE, storage_errors
-    from ..core.errors import InterruptedRunError
     from ..evaluate.frame_tracking import write_results
     from ..evaluate.odometry import run
     from ..evaluate.odometry_views import read_index

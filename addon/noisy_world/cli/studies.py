@@ -5,6 +5,9 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ..core.dependencies import need
+from ..core.errors import InputError, NoisyWorldError
+from ..core.schema import ConfigPath, read_yaml
 from .arguments import (
     Parser,
     add_executor_options,
@@ -23,12 +26,12 @@ from .arguments import (
     settled,
 )
 from .command import Command, as_given
-from .entry import Entry, work_on
+from .entry import Entry, listener, work_on
 
 if TYPE_CHECKING:
     from ..core.progress import Progress
     from ..evaluate.study import StudyOrder
-    from ..evaluate.thresholds import Found, Planned, Trial, Trials
+    from ..evaluate.thresholds import Planned, SearchResult, Trial, Trials
     from ..preset.keys import Preset
 
 
@@ -112,7 +115,7 @@ REPORT = Command(
 )
 
 
-# `evaluate`: run SLAM systems on the sequences of a preset or a dataset, and score them.
+# --- `evaluate` ---
 
 
 STUDY_CONTINUES = "what has ended stays, and the same command continues from there"
@@ -194,7 +197,6 @@ def order_of(options: argparse.Namespace) -> "StudyOrder":
     from ..evaluate.study import StudyOrder
     from ..preset.keys import read_preset
     from ..preset.names import chosen_part
-    from .arguments import data_folder
 
     subject: Path = options.subject
     document, part = None, {}
@@ -227,8 +229,6 @@ def order_of(options: argparse.Namespace) -> "StudyOrder":
 
 def _refuse_for_folder(options: argparse.Namespace) -> None:
     """Raise InputError for options that go with a preset alone."""
-    from ..core.errors import InputError
-
     given = {"--set": options.overrides, "--seeds": options.seeds, "--data": options.data, "--keep": options.keep}
     if found := [name for name, value in given.items() if value]:
         raise InputError(options.subject, f"is a folder of sequences, and {found[0]} goes with a preset")
@@ -255,7 +255,7 @@ EVALUATE = Command(
 )
 
 
-# `threshold`: search for the value of a perturbation at which a system's success falls to one half.
+# --- `threshold` ---
 
 
 WIDTH, MOST = 0.15, 80
@@ -314,8 +314,6 @@ def _share(text: str) -> float:
 def _find_thresholds(options: argparse.Namespace, entry: Entry) -> int:
     """Search for each system, write the thresholds of the folder, and print what was found."""
     from ..core.atomic_files import FolderLock
-    from ..core.dependencies import need
-    from ..core.schema import ConfigPath
     from ..evaluate.study_results import ResultsFolder
     from ..evaluate.study_sequences import PresetOrigin
     from ..evaluate.system_runs import check_system
@@ -324,7 +322,6 @@ def _find_thresholds(options: argparse.Namespace, entry: Entry) -> int:
     from ..evaluate.thresholds import Trials, axis_of, check_success, preset_of
     from ..perturbations import registry
     from ..perturbations.parsing import known_perturbation
-    from .entry import listener
     from .generate import need_blender, need_packages
 
     need(("matplotlib",), "evaluate")
@@ -357,7 +354,9 @@ def _find_thresholds(options: argparse.Namespace, entry: Entry) -> int:
     return 0
 
 
-def _search(trials: "Trials", scenes: dict[str, int], options: argparse.Namespace, progress: "Progress") -> "Found":
+def _search(
+    trials: "Trials", scenes: dict[str, int], options: argparse.Namespace, progress: "Progress"
+) -> "SearchResult":
     """Search with one system; what is made is written after each trial. scenes: how many frames each has."""
     from ..evaluate.thresholds import SearchFile, scene_of, search
 
@@ -403,9 +402,6 @@ def _preset(options: argparse.Namespace) -> "Preset":
 
 def _given(texts: list[str], searched: str) -> dict[str, Any]:
     """Return the keys that --with gives. Raises NoisyWorldError."""
-    from ..core.errors import NoisyWorldError
-    from ..core.schema import read_yaml
-
     found: dict[str, Any] = {}
     for text in texts:
         name, equals, value = text.partition("=")

@@ -8,6 +8,9 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from ..core.dependencies import need
+from ..core.errors import InputError, NoisyWorldError, StorageError
+from ..core.schema import ConfigPath
 from .arguments import Parser, frame_slice, out_path, place, positive
 from .command import Command
 from .entry import Entry, say
@@ -49,8 +52,6 @@ def add_part(parser: Parser) -> None:
 
 def chosen(opened: "Opened", options: argparse.Namespace) -> dict[str, list[int]]:
     """Return the numbers of the frames that are meant, by sequence. Raises ConfigError, InputError for none."""
-    from ..core.errors import InputError
-    from ..core.schema import ConfigPath
     from ..preset.names import selected
 
     names = selected(list(opened), options.only, ConfigPath(opened.place).at("sequences"))
@@ -62,8 +63,6 @@ def chosen(opened: "Opened", options: argparse.Namespace) -> dict[str, list[int]
 
 def check_free(out: Path, *, overwrite: bool) -> None:
     """Raise StorageError where a file is there that may not be replaced, or a folder."""
-    from ..core.errors import StorageError
-
     if out.is_dir():
         raise StorageError("is a folder", file=out, remedy="name a file in it")
     if out.exists() and not overwrite:
@@ -71,7 +70,6 @@ def check_free(out: Path, *, overwrite: bool) -> None:
 
 
 def _write_videos(options: argparse.Namespace, _: Entry) -> int:
-    from ..core.errors import StorageError
     from ..dataset.opening import open_path
     from ..images.video_files import WRITTEN
     from .frame_views import colour_and_depth_of
@@ -185,7 +183,7 @@ VIDEO = Command(
 )
 
 
-# `view`: what a dataset holds, in Rerun's viewer or as a recording for it.
+# --- `view` ---
 
 
 RECORDING = ".rrd"
@@ -203,8 +201,6 @@ def _view_options(parser: Parser) -> None:
 def _view(options: argparse.Namespace, _: Entry) -> int:
     """Open the viewer, or write the recording beside its place and move it there when it is whole."""
     from ..core.atomic_files import made_beside
-    from ..core.dependencies import need
-    from ..core.errors import StorageError
     from ..dataset.opening import open_path
 
     need(("rerun",), "view")
@@ -231,7 +227,6 @@ def _record(opened: "Opened", parts: dict[str, list[int]], every: int, out: Path
     """Send the sequences to a file, or to a viewer that is opened. Raises NoisyWorldError where there is none."""
     import rerun
 
-    from ..core.errors import NoisyWorldError
     from .frame_views import Recorder, blueprint
 
     stream = rerun.RecordingStream("noisy_world")
@@ -260,8 +255,6 @@ def _prepare_viewer() -> None:
 
     Rerun looks it up in PATH, where it is only while the Python's environment is activated.
     """
-    from ..core.errors import NoisyWorldError
-
     if sys.platform == "linux" and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
         raise NoisyWorldError("the viewer needs a display, and there is none here", remedy=f"set DISPLAY{ELSE}")
     os.environ["PATH"] = os.pathsep.join([str(Path(sys.executable).parent), os.environ.get("PATH", os.defpath)])

@@ -246,7 +246,7 @@ def _with(scene: Mapping[str, Any], path: tuple[str, ...], value: Any) -> dict[s
     return {**scene, path[0]: _with(scene[path[0]], path[1:], value) if path[1:] else value}
 
 
-# Whether a layout keeps its contract.
+# --- layouts ---
 
 
 COUNT = 5
@@ -437,7 +437,7 @@ def _check_damage(layout: Layout, sequence: Path) -> None:
     require(False, layout.name, "reads a sequence whose depth images are gone; raise InputError that names one")
 
 
-# Whether a trajectory format keeps its contract.
+# --- trajectory formats ---
 
 
 EXACT = 1e-9

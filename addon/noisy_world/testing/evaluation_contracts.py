@@ -108,7 +108,7 @@ def _estimates(truth: Trajectory) -> Iterator[tuple[str, Estimate]]:
     yield TREMBLES, Estimate(stamps_s, trembling)
 
 
-# Whether a metric of maps keeps its contract.
+# --- metrics of maps ---
 
 
 SAMPLES = 2000
@@ -160,7 +160,7 @@ def _map_metrics_value(metric: MapMetric, map_: Mesh | None, truth: TrueMap) -> 
     return first
 
 
-# Whether the definition of a SLAM system keeps its contract: it is run.
+# --- systems: the definition is run ---
 
 
 SYSTEMS_FRAMES = 10

@@ -69,7 +69,7 @@ def path(frames: int) -> Trajectory:
     return Trajectory(c2w, 10.0 + 0.05 * steps + 0.001 * (steps % 3))
 
 
-# Whether a perturbation keeps its contract.
+# --- perturbations ---
 
 
 FRAMES = 12
@@ -251,7 +251,7 @@ def _check_exposure(perturbation: ExposurePerturbation, step: Step[Any]) -> None
         require(np.isfinite(image).all(), name, f"gives {what} that is not finite")
 
 
-# Whether a channel keeps its contract.
+# --- channels ---
 
 
 def check_channel(channel: Channel) -> None:
