@@ -10,6 +10,7 @@ import math
 from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import MISSING, Field, fields, is_dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any, Literal, get_args, get_origin, get_type_hints
 
@@ -97,27 +98,32 @@ def members_of(cls: type, name: str, *, section: str = "", **more: Any) -> dict[
     return {property_name(name): made, GIVEN + name: tick}
 
 
+@cache
 def field_of(cls: type, name: str) -> Field[Any]:
     """Return a dataclass's field."""
     return next(item for item in fields(cls) if item.name == name)
 
 
+@cache
 def hint_of(cls: type, name: str) -> Any:
     """Return the type of a field's values, but None."""
     return plain_hint(get_type_hints(cls)[name])
 
 
+@cache
 def inside_of(cls: type, name: str) -> type | None:
     """Return the dataclass that a field holds; None where it holds none."""
     hint = hint_of(cls, name)
     return hint if isinstance(hint, type) and is_dataclass(hint) else None
 
 
+@cache
 def is_line(cls: type, name: str) -> bool:
     """Tell whether a field is held as a line of YAML."""
     return inside_of(cls, name) is None and not _is_widget(cls, name)
 
 
+@cache
 def _is_widget(cls: type, name: str) -> bool:
     hint, info = hint_of(cls, name), field_of(cls, name).metadata["key"]
     if hint in (int, float, bool, str) or get_origin(hint) is Literal:
@@ -246,6 +252,7 @@ def _said(group: Any, cls: type, name: str, file: FileText) -> Any:
     return file(value) if is_file(cls, name) and value else value
 
 
+@cache
 def is_file(cls: type, name: str) -> bool:
     """Tell whether a field names a file."""
     return any((base, name) in FILES for base in cls.__mro__) or field_of(cls, name).metadata["key"].file is not None
