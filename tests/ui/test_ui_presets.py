@@ -11,6 +11,10 @@ from refusals import refused
 from cases import cases
 from panel_tools import leave_one_sensor, open_document, settings, use_files
 
+from noisy_world.panel import runs
+from noisy_world.panel.document import open_preset, perturb_of, save_preset, steps_of, to_document
+from noisy_world.panel.open_scene import output_folder
+from noisy_world.panel.runs import saved_preset
 from noisy_world.perturbations.parsing import parse_settings
 from noisy_world.preset.keys import read_preset
 from noisy_world.perturbations import registry
@@ -28,9 +32,6 @@ def parsed(preset):
 
 
 def test_the_preset_that_is_shown_is_the_file_that_a_run_continues():
-    from noisy_world.panel.document import open_preset
-    from noisy_world.panel.runs import saved_preset
-
     for name in ("demo", "real_camera", "noisy_rooms", "study"):
         (path,) = [path for path in PRESETS if path.stem == name]
         open_preset(settings(), path)
@@ -40,10 +41,6 @@ def test_the_preset_that_is_shown_is_the_file_that_a_run_continues():
 
 
 def test_a_preset_without_a_camera_says_what_the_panel_then_shows(tmp_path):
-    from noisy_world.panel.document import to_document
-    from noisy_world.panel.document import open_preset
-    from noisy_world.panel.runs import saved_preset
-
     path = tmp_path / "short.yaml"
     path.write_text(json.dumps({key: value for key, value in to_document(settings()).items() if key != "camera"}))
     open_preset(settings(), path)
@@ -52,47 +49,7 @@ def test_a_preset_without_a_camera_says_what_the_panel_then_shows(tmp_path):
     assert saved_preset(settings()) is None
 
 
-def test_each_embedded_room_is_shown_and_kept(tmp_path):
-    from noisy_world.panel.document import save_preset, to_document
-    from noisy_world.panel.document import open_preset
-    from noisy_world.panel.runs import saved_preset
-
-    for mesh, seed, name in (("embedded:room?seed=3", 3, "room3"), ("embedded:room", 0, "room")):
-        document = {"scenes": [{"mesh": mesh, "trajectory": {"handheld": {"frames": 3}}}]}
-        open_document(document, tmp_path / "p.yaml")
-        assert (settings().mesh_source, settings().room_seed, settings().scene.name) == ("ROOM", seed, name)
-        assert to_document(settings())["scenes"][0]["mesh"] == mesh
-    settings().room_seed = 5
-    save_preset(settings(), tmp_path / "saved.yaml")
-    settings().room_seed = 1
-    open_preset(settings(), tmp_path / "saved.yaml")
-    assert settings().room_seed == 5
-    assert saved_preset(settings()) == tmp_path / "saved.yaml"
-
-
-def test_a_body_is_shown_and_kept(tmp_path):
-    from noisy_world.panel.document import save_preset, to_document
-    from noisy_world.panel.document import open_preset
-
-    path = {"handheld": {"frames": 3}, "body": {"kind": "rover", "motion": 4.0}}
-    open_document({"scenes": [{"mesh": "embedded:room", "trajectory": path}]}, tmp_path / "p.yaml")
-    assert (settings().scene.trajectory.body.kind, settings().scene.trajectory.body.motion) == ("rover", 4.0)
-    assert to_document(settings())["scenes"][0]["trajectory"]["body"] == path["body"]
-    save_preset(settings(), tmp_path / "saved.yaml")
-    settings().scene.trajectory.use_body = False
-    assert "body" not in to_document(settings())["scenes"][0]["trajectory"]
-    open_preset(settings(), tmp_path / "saved.yaml")
-    assert to_document(settings())["scenes"][0]["trajectory"]["body"] == path["body"]
-    open_document(
-        {"scenes": [{"mesh": "embedded:room", "trajectory": {"handheld": {"frames": 3}}}]}, tmp_path / "p.yaml"
-    )
-    assert not settings().scene.trajectory.use_body
-
-
 def test_what_the_files_are_written_as_is_kept(tmp_path):
-    from noisy_world.panel.document import save_preset, to_document
-    from noisy_world.panel.document import open_preset
-
     document = {
         "scenes": [{"mesh": "embedded:room", "trajectory": {"handheld": {"frames": 3}}}],
         "output": {"layout": "euroc", "colour": "rgb", "depth_scale_per_m": 1000.1, "depth_beyond": "farthest"},
@@ -125,26 +82,7 @@ def test_a_layout_brings_what_its_readers_expect():
     assert items["replica"].description == "Of iMAP and NICE-SLAM; JPEG, PNG or EXR"
 
 
-def test_numbers_that_float32_cannot_hold_are_kept(tmp_path):
-    from noisy_world.panel.document import to_document
-
-    document = {
-        "scenes": [{"mesh": "embedded:room", "trajectory": {"handheld": {"frames": 3}}}],
-        "camera": {"width": 64, "height": 48, "fx": 52.123456789012, "fy": 1 / 3, "cx": 31.5, "cy": 23.5},
-        "settings": [{"name": "fog", "perturb": [{"fog": {"severity": 2.123456789, "thickness": 1.23456789012}}]}],
-    }
-    open_document(document, tmp_path / "p.yaml")
-    said = to_document(settings())
-    assert said["camera"]["fx"] == 52.123456789012
-    assert said["camera"]["fy"] == 1 / 3
-    assert said["settings"][0]["perturb"] == [{"fog": {"severity": 2.123456789, "thickness": 1.23456789012}}]
-    settings().camera.fx = 50.1  # by hand: what was typed counts
-    assert to_document(settings())["camera"]["fx"] == 50.1
-
-
 def test_what_cannot_be_read_leaves_the_panel_as_it_is(tmp_path):
-    from noisy_world.panel.document import to_document
-
     document = {"scenes": [{"mesh": "embedded:room", "trajectory": {"handheld": {"frames": 3}}}], "seed": 5}
     settings().seed = 77
     before = to_document(settings())
@@ -171,9 +109,6 @@ def test_own_presets_are_kept_where_blender_keeps_them(tmp_path, monkeypatch):
 
 
 def test_paths_beside_a_preset_are_relative_in_it(tmp_path):
-    from noisy_world.panel.document import save_preset
-    from noisy_world.panel.document import open_preset
-
     use_files(tmp_path)
     save_preset(settings(), tmp_path / "kitchen.yaml")
     (scene,) = read_scenes(read_preset(tmp_path / "kitchen.yaml"))
@@ -194,8 +129,6 @@ def use(path, **options):
 
 def described():
     """What the panel holds but for what is done to a sequence, and the list apart."""
-    from noisy_world.panel.document import perturb_of, to_document
-
     rest = to_document(settings())
     rest.pop("settings")
     kept = [settings().preset_path, settings().preset_settings, settings().setting.name]
@@ -237,8 +170,6 @@ def test_a_shipped_perturbation_leaves_everything_else_alone(of_ones_own, path):
 
 
 def steps_of_panel():
-    from noisy_world.panel.document import steps_of
-
     return steps_of(settings())
 
 
@@ -297,11 +228,6 @@ def test_a_copy_of_a_shipped_perturbation_is_ones_own_and_whole(of_ones_own, tmp
 
 
 def test_home_folders_in_the_panels_fields(tmp_path, monkeypatch):
-    from noisy_world.panel import runs
-    from noisy_world.panel.document import to_document
-    from noisy_world.panel.open_scene import output_folder
-    from noisy_world.panel.document import open_preset
-
     monkeypatch.setenv("HOME", str(tmp_path))
     use_files(tmp_path)
     item = settings()

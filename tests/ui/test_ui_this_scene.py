@@ -234,7 +234,7 @@ def test_what_cannot_be_rendered_elsewhere_is_said_before_anything_runs(hall, wr
 
 @pytest.mark.parametrize(
     ("wrong", "names"),
-    [("ORTHO", ["Mine ", "change its type"]), ("zoom", ["along the path", "Camera > Intrinsics: As Given"])],
+    [("ORTHO", ["Mine ", "change its type"]), ("zoom", ["along the path", "Camera > Give Intrinsics"])],
 )
 def test_a_camera_that_no_dataset_has_is_refused_when_its_path_is_loaded(hall, wrong, names):
     data = hall.camera.data

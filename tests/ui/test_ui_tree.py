@@ -17,6 +17,7 @@ from refusals import refused
 from noisy_world.perturbations.parsing import parse_settings
 from noisy_world.preset.keys import PresetSpec, check_document, read_preset
 from noisy_world.scenes.polygon_mesh import ROOMS
+from noisy_world.panel.drawing import draw_distortion
 from noisy_world.panel.tree import hint_of, set_value, to_document as said_by, to_line, value_of
 from noisy_world.perturbations import registry
 from noisy_world.sources import SOURCES, read_scenes
@@ -115,6 +116,8 @@ def test_seeds_of_63_bits_are_exact(seed, tmp_path):
     assert document.to_document(settings())["seed"] == 7
 
 
+LENS = {"width": 64, "height": 48, "fx": 52.123456789012, "fy": 1 / 3, "cx": 31.5, "cy": 23.5}
+BODY = {"handheld": {"frames": 3}, "body": {"kind": "rover", "motion": 4.0}}
 LEVELS = [{"fog": {"mode": "dynamic", "levels": [1, 5]}}]
 
 
@@ -128,6 +131,10 @@ LEVELS = [{"fog": {"mode": "dynamic", "levels": [1, 5]}}]
         {"scenes": [{"blend": "other.blend", "frames": "1:9", "camera": "Mine"}]},
         {"scenes": [{"replica": "room*"}]},
         {"scenes": [{"video": "a.mp4", "depth": "depths", "depth_scale_per_m": 5000.5, "void": "sky"}]},
+        {"rig": {"imu": {"device": "bmi055", "time_offset_s": 0.0123, "translation_m": [0.05, -0.012, 0.3]}}},
+        {"camera": LENS | {"distortion": {"k1": -0.28340811, "k2": 0.07395907, "p1": 0.00019359, "p2": 1.76e-05}}},
+        {"camera": LENS | {"distortion": {"model": "equidistant", "k1": -0.02, "k4": 0.001, "undistort": True}}},
+        {"scenes": [ROOM | {"mesh": "embedded:room?seed=3", "trajectory": BODY}]},
         {"rig": {"rgb": {"translation_m": [0, 0, 1]}, "imu": {"gyro_noise_density": 1e-3}}},
         {"rig": {"imu": {}, "depth": {"sensor": {"stereo": {"noise": 0.5}}, "rotation_euler_deg": [0, 0, 90]}}},
         {"render": {"device": "gpu", "allow_empty": True, "processors": "any"}},
@@ -156,6 +163,8 @@ def test_a_setting_of_a_sweep_is_shown_and_written_once_it_is_changed(tmp_path):
     (_, kept, own) = document.to_document(settings())["settings"]
     assert (kept, own["name"], own["perturb"]) == (sweep, "fog_s3_changed", [{"fog": {"severity": 5.0}}])
     assert document.identifiers_of(settings())[-1] == "fog_s3_changed"
+    assert bpy.ops.noisy_world.remove_line(of="other_settings", place=0) == {"FINISHED"}
+    assert document.to_document(settings())["settings"] == [{"name": "clean"}, own | {"name": "fog_s3"}]
 
 
 def test_a_change_by_hand_is_given_with_the_groups_that_it_is_in():
@@ -197,3 +206,27 @@ def test_every_section_is_drawn_with_what_the_preset_gives(name):
     assert {name.rpartition(".")[2] for name in given} <= {*layout.names}
     lines = len(settings().other_settings) + len(settings().other_scenes)
     assert layout.names.count("line") == lines
+
+
+def test_a_recordings_lens_is_said_of_its_scene_and_it_carries_no_imu(tmp_path):
+    panel = settings()
+    panel.rig.imu.rate_hz = 400
+    panel.mesh_source, panel.of_sequence.sequence = "RECORDING", str(tmp_path)
+    panel.of_sequence.distortion.model, panel.of_sequence.distortion.k1 = "equidistant", 0.25
+    said = document.to_document(panel)
+    assert said["scenes"][0]["distortion"] == {"model": "equidistant", "k1": 0.25}
+    assert "rig" not in said
+    panel.of_sequence.use_distortion = False
+    assert "distortion" not in document.scene_of(panel)
+
+
+@cases(("model", "count"), [("radial-tangential", 8), ("equidistant", 4)])
+def test_the_coefficients_drawn_are_those_of_the_model(model, count):
+    camera = settings().camera
+    draw_distortion(without := Drawn(), camera, rendered=True)
+    camera.distortion.model = model
+    draw_distortion(layout := Drawn(), camera, rendered=True)
+    assert sum(name[0] in "kp" and len(name) == 2 for name in layout.names) == count
+    assert layout.names[-1] == "undistort"
+    assert without.names == ["use_distortion"]
+    camera.use_distortion = False

@@ -9,7 +9,7 @@ import bpy
 
 from ..core.lens import MODELS
 from ..preset.sensor_keys import OF_ANGLE
-from .tree import GIVEN, field_of, inside_of, is_line, property_name
+from .tree import GIVEN, field_of, hint_of, inside_of, is_line, property_name
 
 COEFFICIENTS = ("k1", "k2", "k3", "k4", "k5", "k6", "p1", "p2")
 
@@ -45,7 +45,8 @@ def draw_key(layout: bpy.types.UILayout, group: Any, cls: type, name: str, *, ti
     field = row.row(align=True)
     field.active = getattr(group, GIVEN + name)
     field.prop(group, property_name(name))
-    row.prop(group, GIVEN + name, text="")
+    if hint_of(cls, name) is not bool:
+        row.prop(group, GIVEN + name, text="")
 
 
 def draw_given(layout: bpy.types.UILayout, group: Any, cls: type, *, leave: Collection[str] = ()) -> None:
@@ -61,16 +62,21 @@ def draw_given(layout: bpy.types.UILayout, group: Any, cls: type, *, leave: Coll
             draw_key(layout, group, cls, item.name, ticked=True)
 
 
-def draw_lines(layout: bpy.types.UILayout, lines: Any) -> None:
-    """Draw the other scenes or settings of a preset, a line each."""
+def draw_lines(layout: bpy.types.UILayout, panel: Any, name: str) -> None:
+    """Draw the other scenes or settings of a preset, a line each, with what takes it out. name: of the panel's list."""
+    lines = getattr(panel, name)
     if not len(lines):
         return
-    header, body = layout.panel(f"noisy_world_{lines[0].path_from_id().partition('[')[0]}", default_closed=True)
-    header.label(text=f"{len(lines)} Others")
-    if body is not None:
-        column = body.column(align=True)
-        for line in lines:
-            column.prop(line, "line", text=line.name)
+    header, body = layout.panel(f"noisy_world_{name}", default_closed=True)
+    header.label(text=f"{panel.bl_rna.properties[name].name} ({len(lines)})")
+    if body is None:
+        return
+    column = body.column(align=True)
+    for place, line in enumerate(lines):
+        row = column.row(align=True)
+        row.prop(line, "line", text=line.name)
+        button: Any = row.operator("noisy_world.remove_line", text="", icon="X")
+        button.of, button.place = name, place
 
 
 def draw_body(layout: bpy.types.UILayout, path: Any) -> None:

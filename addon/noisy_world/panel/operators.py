@@ -256,6 +256,31 @@ class NoisyWorldRemoveStep(_OnStep, bpy.types.Operator):
         return DONE
 
 
+class NoisyWorldRemoveLine(OnScene, bpy.types.Operator):
+    """Take this scene or setting out of what the panel says"""
+
+    bl_idname = "noisy_world.remove_line"
+    bl_label = "Remove from the Preset"
+    bl_options = UNDOABLE
+
+    of: bpy.props.StringProperty(  # pyright: ignore[reportInvalidTypeForm]  Blender reads annotations
+        options={"SKIP_SAVE", "HIDDEN"}
+    )
+    place: bpy.props.IntProperty(  # pyright: ignore[reportInvalidTypeForm]  as above
+        options={"SKIP_SAVE", "HIDDEN"}
+    )
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Take it out; what is shown keeps its place among the others."""
+        panel = panel_of(context.scene)
+        shown_at = {"other_scenes": "scene_place", "other_settings": "setting_place"}[self.of]
+        getattr(panel, self.of).remove(self.place)
+        setattr(panel, shown_at, getattr(panel, shown_at) - (self.place < getattr(panel, shown_at)))
+        panel.picked = ""
+        tell("lines")(panel, context)
+        return DONE
+
+
 class NoisyWorldTakeRate(_OnStep, bpy.types.Operator):
     """Let the selected perturbation count as many frames a second as the scene has"""
 
@@ -320,6 +345,7 @@ CLASSES: tuple[Any, ...] = (
     NoisyWorldSetCamera,
     NoisyWorldAddStep,
     NoisyWorldRemoveStep,
+    NoisyWorldRemoveLine,
     NoisyWorldTakeRate,
     NoisyWorldMoveStepUp,
     NoisyWorldMoveStepDown,

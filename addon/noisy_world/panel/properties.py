@@ -277,8 +277,6 @@ SOURCE_GROUP = "of_"  # + a source's name: the property that holds its keys
 SHARED = ("name", "trajectory")
 """The keys of a scene that all sources share."""
 
-SHOWN_AS = {"RECORDING": "sequence", "VIDEO": "video", "SCENE": "blend", "ROOM": "mesh", "FILE": "mesh"}
-
 
 def _source_items() -> list[tuple[str, str, str, str, int]]:
     """Return what the dataset may show, as an enumeration has it; numbers are those of files saved before."""

@@ -227,7 +227,7 @@ class NOISYWORLD_PT_scene(PanelSection, bpy.types.Panel):
         source = shown(panel)
         source.draw(layout, panel)
         layout.prop(panel.scene, "name")
-        draw_lines(layout, panel.other_scenes)
+        draw_lines(layout, panel, "other_scenes")
         if not source.loads:
             return
         layout.operator("noisy_world.load_scene", icon="MESH_DATA")
@@ -468,7 +468,7 @@ class NOISYWORLD_PT_output(PanelSection, bpy.types.Panel):
         draw_given(layout, panel, PresetSpec, leave=("seed", "camera", "rig", "render", "output", *APART))
         layout.prop(panel.setting, "name")
         draw_given(layout, panel.setting, SettingSpec, leave=("name", "perturb", "sweep", "include"))
-        draw_lines(layout, panel.other_settings)
+        draw_lines(layout, panel, "other_settings")
         layout.prop(panel, "output_folder")
         generate.draw(layout, context)
 
