@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 from worlds import ROOT, generate, path_poses, write_world
 
-from noisy_world.dataset.folder_state import identity_problem
+from noisy_world.dataset.identity import identity_problem
 from noisy_world.layouts import EVERY
 from noisy_world.preset.keys import read_preset
 from noisy_world.core.errors import NoisyWorldError

@@ -279,6 +279,17 @@ def test_a_shard_s_plan_looks_at_no_file_of_other_scenes(world, tmp_path):
     refused(lambda: make_plan(read_preset(preset), scenes=["bx"]), names="not_there.ply")
 
 
+def test_a_sequence_is_moved_whole_beside_that_of_another_scene(tmp_path):
+    scenes = [{"name": name, "mesh": "mesh.ply", "trajectory": "traj.txt"} for name in ("one", "two")]
+    plan = plan_of(write_world(tmp_path / "world", frames=1, size=(8, 6), scenes=scenes))
+    run(plan, tmp_path / "whole")
+    for shard in shards_of(plan, 2):
+        make_shard(plan, shard_folder(tmp_path / "made", shard), shard)
+    assert not merge(plan, tmp_path / "made")
+    assert content(tmp_path / "made") == content(tmp_path / "whole")
+    assert not (tmp_path / "made/.noisy_world").exists()
+
+
 def test_a_shard_that_fails_before_its_first_frame_leaves_nothing(world, tmp_path, monkeypatch):
     monkeypatch.setattr(fake_session.Session, "empty", set(range(8)))
     with pytest.raises(Exception, match="see nothing"):

@@ -46,9 +46,9 @@ from ..render.source import (
 )
 from .differences import clean_identity, first_difference
 from .estimate import size_text
-from .folder_state import WORK_FOLDER, identity_problem
+from .folder_state import WORK_FOLDER
 from .identity import FORMAT as IDENTITY_FORMAT
-from .identity import plain_identity, versions_of
+from .identity import identity_problem, plain_identity, versions_of
 from .plan import Plan, Render
 from .remaking import different_input
 from .rendering import open_render, render_options, source_paths

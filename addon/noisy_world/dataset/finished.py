@@ -23,18 +23,8 @@ from ..core.lens import DEPTH_CAMERA, DISTORTION, Optics
 from ..core.trajectory import FrameStamps
 from ..layouts import LAYOUTS, Layout, Modality
 from ..layouts.cam_params import stated_optics
-from .folder_state import (
-    IDENTITY,
-    MANIFEST,
-    OVERVIEW,
-    WORK_FOLDER,
-    DatasetState,
-    check_no_links,
-    manifest_problem,
-    read_dataset_state,
-    version_problem,
-)
-from .identity import cameras_of, optics_of
+from .folder_state import IDENTITY, MANIFEST, OVERVIEW, WORK_FOLDER, DatasetState, check_no_links, read_dataset_state
+from .identity import cameras_of, manifest_problem, optics_of, version_problem
 from .store import FolderStore, Store, missing, open_store
 
 # The files of a packed dataset, by their names.

@@ -10,6 +10,7 @@ from __future__ import annotations
 import hashlib
 import json
 import platform
+import re
 import sys
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import asdict, dataclass, field, fields
@@ -24,14 +25,14 @@ from ..core.atomic_files import sha256_of_file
 from ..core.dependencies import package_version
 from ..core.depth_range import RangeLoss
 from ..core.file_access import NOT_UTF8, RENAME, is_utf8
-from ..core.frame_table import OUT_OF_RANGE
+from ..core.frame_table import FRAMES, OUT_OF_RANGE, SEQUENCE
 from ..core.geometry import Intrinsics
 from ..core.json_text import canonical, finite_number, plain_values
 from ..core.lens import OPTICS_KEYS
 from ..core.machine import processor_features
-from ..core.schema import deciding_values
+from ..core.schema import deciding_values, quoted
 from ..core.trajectory import Trajectory
-from ..layouts import EVERY, OutputFormat
+from ..layouts import EVERY, LAYOUTS, OutputFormat
 
 if TYPE_CHECKING:  # a plan's identity is made of a plan; to read one needs none
     from ..perturbations.steps import Setting, Step
@@ -505,3 +506,113 @@ def versions_of(plan: Plan) -> dict[str, str]:
 
         versions |= blender_version()
     return versions
+
+
+# --- reading them ---
+
+
+MOST_FRAMES = 10**7  # chosen: of a path; four days at 30 Hz, and gigabytes of poses as text
+
+NUMBER = (int, float, type(None))
+TEXT = (str, type(None))
+
+
+@dataclass(frozen=True)
+class _Each:
+    """A mapping of any names to values of one shape, or a list of these."""
+
+    kind: type
+    shape: Any
+
+
+_SCENE = {"entry": dict, "inputs": dict, "camera": dict, "path": {"frames": int, "sha256": str}}
+_OUTPUT = {"layout": str, "image": TEXT, "modalities": _Each(list, str)}
+_RENDER = {"engine": str, "samples": int}
+_COMMON = {"preset": dict, "preset_sha256": str, "seed": int, "near_m": NUMBER, "far_m": NUMBER, "output": _OUTPUT}
+_PROCESSOR = {"machine": str, "byte_order": str, "features": _Each(list, str)}
+_MIXED = {"rig": (dict, type(None)), "render": (dict, type(None)), "processor": _PROCESSOR}
+_LAYERS = {"sequences": _Each(dict, int), "scenes": _Each(dict, _SCENE), "settings": _Each(dict, dict)}
+_IDENTITY = {**_COMMON, **_MIXED, **_LAYERS, "versions": _Each(dict, str)}
+_MANIFEST = {OUT_OF_RANGE: _Each(dict, dict), "frames": _Each(dict, int), "files": _Each(dict, (str, dict))}
+_DIGEST = re.compile("[0-9a-f]{64}")
+_INSIDE = re.compile(r"(?!\.\.?(/|$))[^/\0\\]+(/(?!\.\.?(/|$))[^/\0\\]+)*")  # a name that leads nowhere else
+
+
+def _fits(value: Any, shape: Any) -> bool:
+    """Tell whether a JSON value has a shape: a mapping with at least these keys, or one of some types."""
+    if isinstance(shape, dict):
+        return isinstance(value, dict) and all(name in value and _fits(value[name], shape[name]) for name in shape)
+    if isinstance(shape, _Each):
+        inside = value.values() if isinstance(value, dict) else value
+        return isinstance(value, shape.kind) and all(_fits(item, shape.shape) for item in inside)
+    return isinstance(value, shape) and (not isinstance(value, bool) or shape is object)
+
+
+def identity_problem(value: Any) -> str:
+    """Return why a JSON value cannot be used as the identity of a dataset, or ""."""
+    if not _fits(value, {"format": int, "sequences": (list, dict)}) or not all(map(is_sequence, value["sequences"])):
+        return "is not the identity of a dataset"
+    if value["format"] != FORMAT:
+        return ""
+    whole = _fits(value, _IDENTITY) and _has_cameras(value)
+    if whole and value["output"]["layout"] not in LAYOUTS:
+        layout = quoted(value["output"]["layout"])
+        return f"is in the layout {layout}, which is not known here: install the package that brings it"
+    whole = whole and all(0 < scene["path"]["frames"] <= MOST_FRAMES for scene in value["scenes"].values())
+    if not whole or not (value["render"] is None or _fits(value["render"], _RENDER)):
+        return "lacks what an identity holds, or holds something else"
+    if wrong := next(filter(None, map(setting_problem, value["settings"], value["settings"].values())), ""):
+        return f"lacks what an identity holds, or holds something else: {wrong}"
+    parts = [name.split("/") for name in value["sequences"]]
+    known = all(setting in value["settings"] and scene in value["scenes"] for setting, scene in parts)
+    return "" if known else "does not say what all its sequences are made from"
+
+
+def _is_file(name: str, digest: object) -> bool:
+    """Tell whether these are the name of a file in a folder and a SHA-256."""
+    return is_inside(name) and isinstance(digest, str) and bool(_DIGEST.fullmatch(digest))
+
+
+def is_inside(name: str) -> bool:
+    """Tell whether a name, with forward slashes, is one of a file in a folder, which leads nowhere else."""
+    return bool(_INSIDE.fullmatch(name))
+
+
+def _has_cameras(identity: dict[str, Any]) -> bool:
+    """Tell whether each scene has the intrinsics of a camera."""
+    try:
+        cameras_of(identity)
+    except (KeyError, TypeError, ValueError, OverflowError):
+        return False
+    return True
+
+
+def manifest_problem(value: Any) -> str:
+    """Return why a JSON value cannot be used as the manifest of a dataset, or ""."""
+    identity: Any = value.get("identity") if isinstance(value, dict) else None
+    if (problem := identity_problem(identity)) or identity["format"] != FORMAT:
+        return problem
+    if not _fits(value, _MANIFEST):
+        return "lacks what a manifest holds, or holds something else"
+    finished = {name for name, found in value["files"].items() if isinstance(found, dict)}
+    digests = {name: found for name, found in value["files"].items() if name not in finished}
+    if any(FRAMES not in value["files"][name] for name in finished):
+        return f"does not name the {FRAMES} of each sequence"
+    for files in (digests, *(value["files"][name] for name in finished)):
+        if wrong := next((name for name, digest in files.items() if not _is_file(name, digest)), None):
+            return f"does not tell a name inside the dataset and its SHA-256 of {wrong[:80]!r}"
+    agree = finished == set(value["frames"]) and finished <= set(identity["sequences"])
+    return "" if agree else "contradicts itself"
+
+
+def version_problem(identity: dict[str, Any]) -> str:
+    """Return why a dataset of this identity cannot be understood by this version, or ""."""
+    if identity["format"] == FORMAT:
+        return ""
+    by = "a later" if identity["format"] > FORMAT else "an earlier"
+    return f"made by {by} version of Noisy World, and cannot be continued by this one"
+
+
+def is_sequence(name: Any) -> bool:
+    """Tell whether this is the folder of a sequence: two plain names, which lead nowhere else."""
+    return isinstance(name, str) and SEQUENCE.fullmatch(name) is not None

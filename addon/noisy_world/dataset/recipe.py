@@ -18,8 +18,9 @@ from ..core.errors import InputError
 from ..core.json_text import read_json
 from ..core.progress import Progress
 from .finished import Content, Packed, open_finished
-from .folder_state import MANIFEST, OVERVIEW, identity_problem, is_inside
+from .folder_state import MANIFEST, OVERVIEW
 from .identity import FORMAT as IDENTITY_FORMAT
+from .identity import identity_problem, is_inside
 
 # The numbers of a sequence's frames, however many: ranges in place of lists.
 

@@ -431,8 +431,9 @@ def _remove(folder: Path) -> None:
     inside = [path for path in folder.glob("*/*") if WORK_FOLDER not in path.parts[-2:]]
     remove_dataset(folder, work, [path.relative_to(folder).as_posix() for path in inside if path.is_dir()])
     remove_work_folder(work, work / "unfinished")
-    with contextlib.suppress(OSError):
-        folder.rmdir()
+    for empty in (*(path for path in folder.iterdir() if path.name != WORK_FOLDER), folder):
+        with contextlib.suppress(OSError):  # a setting whose only sequence was moved whole
+            empty.rmdir()
 
 
 # A run that another process has opened, and that this one takes part in.

@@ -28,12 +28,11 @@ from .folder_state import (
     WORK_FOLDER,
     DatasetState,
     check_no_links,
-    identity_problem,
     manifest_sha256_in,
     merged_identity,
     read_dataset_state,
 )
-from .identity import FORMAT, Described
+from .identity import FORMAT, Described, identity_problem
 from .inventory import (
     FileInventory,
     FolderPart,
