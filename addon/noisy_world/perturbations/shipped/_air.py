@@ -12,13 +12,13 @@ from frame to frame. Of lit frames, which arrays give to nodes, the mean of 16 p
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...core.node_graph import Graph, Socket, Value
-from ...core.schema import key
+from ...core.schema import Choice, key
 from ...core.srgb import LUMINANCE, decoded
 from ..groups import Canvas, convert
 from ._arrays import SKY_M
@@ -114,6 +114,27 @@ FLAKE, DROP = 0.125, 0.256
 DIFFUSE = 0.75 * (1 - 0.85)
 WIDTHS_RAD = (0.8, 0.4, 0.2, 0.1, 0.05, 0.025, 0.0125)
 VOLUMES = tuple(math.log(2) * math.sqrt(8 * math.pi) * width * (2 if width == 0.8 else 1) for width in WIDTHS_RAD)
+
+
+def air_key(name: str, meaning: str, choice: Choice) -> Any:
+    """Return the parameter that says where the air's light comes from. name, meaning, choice: of what it is unlit."""
+    scene = "The sky's colour where there is sky, else a mean that lamps do not move"
+    return key(
+        f"where its light comes from: auto is scene on lit scenes, whose light is not clipped, else {name}; scene: "
+        f"{scene[0].lower()}{scene[1:]}; {name}: {meaning}; colour: as given",
+        default="auto",
+        choices={
+            "auto": Choice("Automatic", f"Scene on lit scenes, whose light is not clipped, else {choice.label}"),
+            "scene": Choice("Scene", scene),
+            name: choice,
+            "colour": Choice("Colour", "As given below"),
+        },
+    )
+
+
+def air_colour_key(name: str, default: float) -> float:
+    """Return the parameter of one channel of the air's light."""
+    return key(f"{name} of its light, sRGB-encoded", default=default, minimum=0, maximum=20)
 
 
 def lamps_key() -> float:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.geometry import Intrinsics
+from ...core.schema import key
 from ...images.pixels import as_float, rgb_bytes
 from ..kinds import FrameContext
 
@@ -133,6 +134,18 @@ def quotient(
 def by_camera(intrinsics: Intrinsics) -> dict[str, float]:
     """Return the parameter that intrinsics decide: the field of view."""
     return {"view_deg": math.degrees(2 * math.atan(intrinsics.width_px / 2 / intrinsics.fx_px))}
+
+
+def view_key() -> float:
+    """Return the parameter of the field of view."""
+    return key(
+        "horizontal field of view, where the camera is unknown", default=90.0, unit="deg", minimum=1, maximum=170
+    )
+
+
+def frame_rate_key() -> float:
+    """Return the parameter of the frames a second."""
+    return key("frames a second, by which it drifts", default=20.0, unit="Hz", minimum=0.001, maximum=100000)
 
 
 def camera_of(intrinsics: Intrinsics | None, size_px: tuple[int, int], view_deg: float) -> Intrinsics:

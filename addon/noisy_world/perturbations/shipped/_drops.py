@@ -13,7 +13,7 @@ from ...core.node_graph import Graph, Socket
 from ...core.schema import key
 from ...core.srgb import decoded
 from ..kinds import FrameContext
-from ._arrays import by_bands
+from ._arrays import by_bands, view_key
 from ._glass import Pane, blurred, laid_over, pane, reduced, shown_at
 from ._noise import WhiteNoise, white_noise
 
@@ -103,9 +103,7 @@ class LensDrops:
     drying: float = key(
         "drift: share of the drops that dry, and land anew, a frame", default=0.003, minimum=0, maximum=1
     )
-    view_deg: float = key(
-        "horizontal field of view, where the camera is unknown", default=90.0, unit="deg", minimum=1, maximum=170
-    )
+    view_deg: float = view_key()
     TOOLTIPS: ClassVar[Mapping[str, str]] = {
         "coverage": "Higher: more drops on the glass",
         "size_px": "Higher: larger drops, and fewer",

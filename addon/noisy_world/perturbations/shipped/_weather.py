@@ -23,8 +23,8 @@ from ...core.schema import Choice, key
 from ...core.srgb import LUMINANCE, decoded, encoded
 from ...core.streams import stream
 from ..kinds import FrameContext
-from ._air import AIR_TOOLTIPS, air_light, colour_of, lamps_key
-from ._arrays import SKY_M, by_bands, camera_of, three_channels
+from ._air import AIR_TOOLTIPS, air_colour_key, air_key, air_light, colour_of, lamps_key
+from ._arrays import SKY_M, by_bands, camera_of, frame_rate_key, three_channels, view_key
 from ._particles import NEAR_M, Air, AirCamera, Particles, Precipitation, affordable, in_sight, slopes_of, veil_depth
 
 # Streaks: what particles leave on an image while the shutter is open.
@@ -265,29 +265,17 @@ class Falling:
         "what spans less is not drawn but veils", default=1.0, unit="mrad", minimum=0.2, maximum=100
     )
     reach_m: float = key("what is farther is not drawn but veils", default=20.0, unit="m", minimum=0.5, maximum=200)
-    air: Literal["auto", "scene", "mean", "colour"] = key(
-        "where its light comes from: auto is scene on lit scenes, whose light is not clipped, else mean; scene: the "
-        "sky's colour where there is sky, else a mean that lamps do not move; mean: of the frame; colour: as given",
-        default="auto",
-        choices={
-            "auto": Choice("Automatic", "Scene on lit scenes, whose light is not clipped, else Mean"),
-            "scene": Choice("Scene", "The sky's colour where there is sky, else a mean that lamps do not move"),
-            "mean": Choice("Mean", "The mean of the picture"),
-            "colour": Choice("Colour", "As given below"),
-        },
+    air: Literal["auto", "scene", "mean", "colour"] = air_key(
+        "mean", "of the frame", Choice("Mean", "The mean of the picture")
     )
-    air_red: float = key("red of its light, sRGB-encoded", default=0.5, minimum=0, maximum=20)
-    air_green: float = key("green of its light, sRGB-encoded", default=0.5, minimum=0, maximum=20)
-    air_blue: float = key("blue of its light, sRGB-encoded", default=0.5, minimum=0, maximum=20)
+    air_red: float = air_colour_key("red", 0.5)
+    air_green: float = air_colour_key("green", 0.5)
+    air_blue: float = air_colour_key("blue", 0.5)
     lamps: float = lamps_key()
     leave_sky: bool = key("no veil over the sky", default=False)
     void_m: float = key("void counts as this far", default=500.0, unit="m", minimum=0.1, maximum=100000)
-    view_deg: float = key(
-        "horizontal field of view, where the camera is unknown", default=90.0, unit="deg", minimum=1, maximum=170
-    )
-    frame_rate_hz: float = key(
-        "frames a second, by which it drifts", default=20.0, unit="Hz", minimum=0.001, maximum=100000
-    )
+    view_deg: float = view_key()
+    frame_rate_hz: float = frame_rate_key()
     TOOLTIPS: ClassVar[Mapping[str, str]] = AIR_TOOLTIPS | {
         "size": "Higher: every particle is larger",
         "tint": "Higher: particles take more of the color of the scene",

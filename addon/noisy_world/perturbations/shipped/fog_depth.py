@@ -26,6 +26,8 @@ from ._air import (
     EXTINCTION,
     GIVEN_AIR,
     MARGIN,
+    air_colour_key,
+    air_key,
     air_light,
     air_nodes,
     blocks_of,
@@ -37,7 +39,7 @@ from ._air import (
     looked_up,
     sky_in,
 )
-from ._arrays import by_bands, by_camera, camera_of, three_channels
+from ._arrays import by_bands, by_camera, camera_of, frame_rate_key, three_channels, view_key
 
 # Parameters of fog by depth.
 
@@ -55,20 +57,12 @@ class FogDepth:
     )
     outdoors: bool = key("severities are 1000, 500, 200, 100 and 50 m, as of streets, instead of rooms", default=False)
     airlight: float = key("grey that the fog is made of, sRGB-encoded", default=0.8, minimum=0, maximum=1)
-    air: Literal["auto", "scene", "grey", "colour"] = key(
-        "where its light comes from: auto is scene on lit scenes, whose light is not clipped, else grey; scene: the "
-        "sky's colour where there is sky, else a mean that lamps do not move; grey: airlight; colour: as given",
-        default="auto",
-        choices={
-            "auto": Choice("Automatic", "Scene on lit scenes, whose light is not clipped, else Grey"),
-            "scene": Choice("Scene", "The sky's colour where there is sky, else a mean that lamps do not move"),
-            "grey": Choice("Grey", "A grey as light as Airlight"),
-            "colour": Choice("Colour", "As given below"),
-        },
+    air: Literal["auto", "scene", "grey", "colour"] = air_key(
+        "grey", "airlight", Choice("Grey", "A grey as light as Airlight")
     )
-    air_red: float = key("red of its light, sRGB-encoded", default=0.8, minimum=0, maximum=20)
-    air_green: float = key("green of its light, sRGB-encoded", default=0.8, minimum=0, maximum=20)
-    air_blue: float = key("blue of its light, sRGB-encoded", default=0.8, minimum=0, maximum=20)
+    air_red: float = air_colour_key("red", 0.8)
+    air_green: float = air_colour_key("green", 0.8)
+    air_blue: float = air_colour_key("blue", 0.8)
     lamps: float = lamps_key()
     leave_sky: bool = key("void stays as it is", default=False)
     falloff_m: float = key(
@@ -86,12 +80,8 @@ class FogDepth:
     glow_width_deg: float = key(
         "how wide a glow is at an optical depth of 1", default=2.0, unit="deg", minimum=0.1, maximum=20
     )
-    view_deg: float = key(
-        "horizontal field of view, where the camera is unknown", default=90.0, unit="deg", minimum=1, maximum=170
-    )
-    frame_rate_hz: float = key(
-        "frames a second, by which it drifts", default=20.0, unit="Hz", minimum=0.001, maximum=100000
-    )
+    view_deg: float = view_key()
+    frame_rate_hz: float = frame_rate_key()
     TOOLTIPS: ClassVar[Mapping[str, str]] = AIR_TOOLTIPS | {
         "visibility_m": "Lower: the fog gets denser, and hides what is nearer",
         "outdoors": "On: severities are those of streets, where one sees further than in rooms",

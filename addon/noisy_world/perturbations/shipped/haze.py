@@ -19,6 +19,8 @@ from ._air import (
     DROP,
     EXTINCTION,
     GIVEN_AIR,
+    air_colour_key,
+    air_key,
     air_light,
     air_nodes,
     colour_of,
@@ -27,7 +29,7 @@ from ._air import (
     lamps_key,
     sky_in,
 )
-from ._arrays import by_bands, by_camera
+from ._arrays import by_bands, by_camera, view_key
 
 VISUAL_NM = 550.0  # where visibility is meant: the eye is most sensitive
 # Dominant wavelengths of Rec. 709's primaries against its white.
@@ -50,28 +52,18 @@ class Haze:
     )
     airlight: float = key("grey of the haze's light, sRGB-encoded", default=0.8, minimum=0, maximum=10)
     blueness: float = key("share of the haze's light that was scattered before", default=0.5, minimum=0, maximum=1)
-    air: Literal["auto", "scene", "grey", "colour"] = key(
-        "where its light comes from: auto is scene on lit scenes, whose light is not clipped, else grey; scene: the "
-        "sky's colour where there is sky, else a mean that lamps do not move; grey: airlight, bluer; colour: as given",
-        default="auto",
-        choices={
-            "auto": Choice("Automatic", "Scene on lit scenes, whose light is not clipped, else Grey"),
-            "scene": Choice("Scene", "The sky's colour where there is sky, else a mean that lamps do not move"),
-            "grey": Choice("Grey", "As light as Airlight, and bluer by Blueness"),
-            "colour": Choice("Colour", "As given below"),
-        },
+    air: Literal["auto", "scene", "grey", "colour"] = air_key(
+        "grey", "airlight, bluer", Choice("Grey", "As light as Airlight, and bluer by Blueness")
     )
-    air_red: float = key("red of its light, sRGB-encoded", default=0.8, minimum=0, maximum=20)
-    air_green: float = key("green of its light, sRGB-encoded", default=0.8, minimum=0, maximum=20)
-    air_blue: float = key("blue of its light, sRGB-encoded", default=0.8, minimum=0, maximum=20)
+    air_red: float = air_colour_key("red", 0.8)
+    air_green: float = air_colour_key("green", 0.8)
+    air_blue: float = air_colour_key("blue", 0.8)
     lamps: float = lamps_key()
     leave_sky: bool = key("void stays as it is", default=False)
     void_m: float = key(
         "void and what is farther count as this far", default=100000.0, unit="m", minimum=0.1, maximum=1e6
     )
-    view_deg: float = key(
-        "horizontal field of view, where the camera is unknown", default=90.0, unit="deg", minimum=1, maximum=170
-    )
+    view_deg: float = view_key()
     TOOLTIPS: ClassVar[Mapping[str, str]] = AIR_TOOLTIPS | {
         "visibility_m": "Lower: the haze gets denser, and hides what is nearer",
         "angstrom": "Higher: the distance gets bluer, and lamps in it redder; 0 is gray, as fog",
