@@ -26,10 +26,18 @@ if TYPE_CHECKING:
     from .core.trajectory import FrameStamps, Trajectory
     from .evaluate.map_metrics import ComparedMap, MapMetric
     from .evaluate.metrics import Compared, TrajectoryMetric
-    from .layouts.association import PosePolicy, truth_file
+    from .layouts.association import MatchedFrames, PosePolicy, truth_file
     from .layouts.cam_params import CAM_PARAMS, cam_params_text, read_cam_params
     from .layouts.layout import Layout, RecordedLayout, SequenceFacts, lines, numbered
-    from .layouts.numbered import NumberedPoses, folder_of_poses, numbered_frames, numbered_images
+    from .layouts.numbered import (
+        Cameras,
+        ImageFiles,
+        NumberedLayout,
+        NumberedPoses,
+        folder_of_poses,
+        numbered_frames,
+        numbered_images,
+    )
     from .layouts.stored_recording import StoredSequence, read_frame_times
     from .perturbations.about import About
     from .perturbations.groups import Canvas
@@ -55,6 +63,7 @@ __all__ = [
     "PINHOLE",
     "About",
     "CameraDevice",
+    "Cameras",
     "Canvas",
     "ColourPerturbation",
     "Command",
@@ -69,11 +78,14 @@ __all__ = [
     "FrameRequest",
     "FrameStamps",
     "Graph",
+    "ImageFiles",
     "InputError",
     "Intrinsics",
     "Layout",
     "MapMetric",
+    "MatchedFrames",
     "MotionPerturbation",
+    "NumberedLayout",
     "NumberedPoses",
     "Optics",
     "PairChannel",
@@ -126,10 +138,11 @@ _NAMES = {
     "core.trajectory": "FrameStamps Trajectory",
     "evaluate.map_metrics": "ComparedMap MapMetric",
     "evaluate.metrics": "Compared TrajectoryMetric",
-    "layouts.association": "PosePolicy truth_file",
+    "layouts.association": "MatchedFrames PosePolicy truth_file",
     "layouts.cam_params": "CAM_PARAMS cam_params_text read_cam_params",
     "layouts.layout": "Layout RecordedLayout SequenceFacts lines numbered",
-    "layouts.numbered": "NumberedPoses folder_of_poses numbered_frames numbered_images",
+    "layouts.numbered": "Cameras ImageFiles NumberedLayout NumberedPoses "
+    "folder_of_poses numbered_frames numbered_images",
     "layouts.stored_recording": "StoredSequence read_frame_times",
     "perturbations.about": "About",
     "perturbations.groups": "Canvas",

@@ -183,6 +183,26 @@ def nerfstudio(folder):
 START_NS = 1403636579763555584
 
 
+def kitti(folder):
+    """The left colour camera sits 6 cm to the right of camera 0, whose poses the benchmark has; there is no depth."""
+    k = (64, 48, 61.0, 60.5, 31.25, 23.75)
+    c2w = poses(seed=12)
+    beside_m = np.array([0.06, -0.002, 0.003])
+    matrix = np.array([[k[2], 0, k[4]], [0, k[3], k[5]], [0, 0, 1]])
+    lines = []
+    for n, one in enumerate(c2w):
+        image(folder / f"image_2/{n:06d}.png", colour(k, n))
+        of_camera_0 = one[:3].copy()
+        of_camera_0[:, 3] -= one[:3, :3] @ beside_m
+        lines.append(" ".join(map(repr, of_camera_0.ravel().tolist())) + "\n")
+    (folder / "poses.txt").write_text("".join(lines))
+    (folder / "times.txt").write_text("".join(f"{0.1036 * n:.6e}\n" for n in range(FRAMES)))
+    projections = {"P0": np.zeros(3), "P2": -matrix @ beside_m}
+    rows = {name: np.column_stack([matrix, last]).ravel().tolist() for name, last in projections.items()}
+    (folder / "calib.txt").write_text("".join(f"{name}: {' '.join(map(repr, row))}\n" for name, row in rows.items()))
+    return Written(c2w, [], 1000.0, k, k)
+
+
 def _stamps_ns():
     return [START_NS + n * 33_333_333 for n in range(FRAMES)]
 

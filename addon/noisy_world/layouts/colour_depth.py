@@ -39,13 +39,16 @@ PRIMESENSE = Intrinsics(640, 480, 525.0, 525.0, 319.5, 239.5)
 _ASSUMED = "the PrimeSense's factory camera of fx = fy = 525 and (319.5, 239.5) is used, as by the dataset; camera says another"  # fmt: skip  # noqa: E501
 
 
+_DEPTH = ImageFiles("depth", r"([0-9]+)\.png")
+
+
 class _LoggedLayout(NumberedLayout):
     """Colour and depth in folders, and a file of poses that counts frames, whatever the numbers of their images.
 
     begins: the numbers that its recordings begin with.
     """
 
-    depth = ImageFiles("depth", r"([0-9]+)\.png")
+    depth = _DEPTH
     begins: ClassVar[tuple[int, ...]]
 
     def poses_path(self, folder: Path, policy: PosePolicy) -> Path | None:
@@ -109,7 +112,7 @@ class RedwoodLayout(_LoggedLayout):
 
     def images(self, folder: Path) -> tuple[dict[int, Path], dict[int, Path] | None]:
         """Return colour and depth by number."""
-        return numbered_images(_colour_folder(folder), COLOUR), self.depth.there(folder)
+        return numbered_images(_colour_folder(folder), COLOUR), _DEPTH.there(folder)
 
     def cameras(self, folder: Path, found: MatchedFrames) -> Cameras:
         """Return the camera that a file says, else the PrimeSense's."""

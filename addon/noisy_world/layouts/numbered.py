@@ -6,7 +6,7 @@ A `NumberedLayout` says which files they are and what the cameras are; the rest 
 
 import re
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import ClassVar
 
@@ -197,6 +197,8 @@ class Cameras:
 
     camera: of colour; None where nothing says it. path: the file that says it; None where it is the dataset's
     documented one, which `assumed` says in a sentence. depth_scale_per_m: None where it is the layout's.
+    posed_from_camera: (4, 4), the pose of colour in the axes of the camera whose poses the recording has; None where it
+    is that camera.
     """
 
     camera: Intrinsics | None = None
@@ -204,24 +206,31 @@ class Cameras:
     optics: Optics = PINHOLE
     assumed: str = ""
     depth_scale_per_m: float | None = None
+    posed_from_camera: NDArray[np.float64] | None = None
 
 
 class NumberedLayout(RecordedLayout):
     """A layout of recordings whose images and poses are matched by number. A subclass describes its files.
 
-    rgb, depth: the images; a recording may lack depth. pose_folder: that of a file for each pose, or the file of all.
-    depth_scale_per_m: steps per metre. void_steps: what depth images hold where there is no depth, besides 0.
+    rgb, depth: the images; a recording may lack depth, and depth is None where all do. pose_folder: that of a file for
+    each pose, "" for the recording's own. usual_hz: frames a second, where no file says it. depth_scale_per_m: steps
+    per metre. void_steps: what depth images hold where there is no depth, besides 0.
     """
 
     rgb: ClassVar[ImageFiles]
-    depth: ClassVar[ImageFiles]
+    depth: ClassVar[ImageFiles | None]
     pose_folder: ClassVar[str] = ""
+    usual_hz: ClassVar[float] = RECORDED_HZ
     depth_scale_per_m: ClassVar[float] = MILLIMETRES
     void_steps: ClassVar[tuple[int, ...]] = ()
 
     def images(self, folder: Path) -> tuple[dict[int, Path], dict[int, Path] | None]:
         """Return colour and depth by number; None for depth where there is none."""
-        return self.rgb.of(folder), self.depth.there(folder)
+        return self.rgb.of(folder), None if self.depth is None else self.depth.there(folder)
+
+    def times(self, folder: Path) -> tuple[Path, NDArray[np.float64]] | None:
+        """Return the file of the images' times, and these by number, seconds, increasing; None where none says them."""
+        del folder
 
     def stated_rate_hz(self, folder: Path) -> float | None:
         """Return the frames a second that a file says; None where none does."""
@@ -245,28 +254,45 @@ class NumberedLayout(RecordedLayout):
         """Match images and poses by their numbers."""
         rgb, depth = self.images(folder)
         stated_hz = self.stated_rate_hz(folder)
-        used_hz = rate_hz or stated_hz or RECORDED_HZ
+        used_hz = rate_hz or stated_hz or self.usual_hz
         path = self.poses_path(folder, poses)
         given = None if path is None else self.poses(path, rgb, depth)
         found = numbered_frames(folder, rgb, depth, given, policy=poses, rate_hz=used_hz)
-        cameras = self.cameras(folder, found)
+        cameras, timed = self.cameras(folder, found), self.times(folder)
+        trajectory, stamps = found.trajectory, found.stamps
+        if cameras.posed_from_camera is not None:
+            trajectory = replace(trajectory, c2w=trajectory.c2w @ cameras.posed_from_camera, curve=None)
+        if timed is not None:
+            stamps = FrameStamps.of(_times_of(*timed, rgb, found.rgb_files))
+            trajectory = trajectory.at(slice(None), stamps.rgb.seconds)
         return StoredSequence(
             folder,
             found.rgb_files,
             found.depth_files,
             path,
-            found.trajectory,
-            found.stamps,
+            trajectory,
+            stamps,
             cameras.depth_scale_per_m or self.depth_scale_per_m,
+            stamps_path=None if timed is None else timed[0],
             camera=cameras.camera,
             camera_path=cameras.path,
             notes=(
                 *found.notes,
                 *(() if given is None else given.notes),
-                *(() if stated_hz else counted_note(rate_hz, used_hz)),
+                *(() if stated_hz or timed else counted_note(rate_hz, used_hz)),
             ),
-            counted_hz=used_hz,
+            counted_hz=None if timed else used_hz,
             void_steps=self.void_steps,
             optics=cameras.optics,
             assumed=cameras.assumed,
         )
+
+
+def _times_of(
+    path: Path, times_s: NDArray[np.float64], images: Mapping[int, Path], chosen: Collection[Path]
+) -> NDArray[np.float64]:
+    """Return the times of chosen images, by their numbers. Raises InputError where one has none."""
+    numbers = [number for number, file in sorted(images.items()) if file in set(chosen)]
+    if numbers[-1] >= len(times_s):
+        raise InputError(path, f"has {len(times_s)} times, but images are numbered to {numbers[-1]}")
+    return times_s[numbers]

@@ -130,11 +130,6 @@ def read_file_poses(
     return known.read(file, ReadOptions(declared, None if stamp_unit == "auto" else stamp_unit, skip_lost))
 
 
-def detect_format(path: str | Path) -> str:
-    """Tell the format of a file by its content. Raises InputError as read_trajectory does."""
-    return read_file_poses(Path(path)).format
-
-
 def _recognised(file: PoseFile) -> TrajectoryFormat:
     """Return the format that recognises a file; where none does, one whose reader says what is wrong."""
     names = [item.name for item in TRAJECTORY_FORMATS.values() if item.recognises(file)]

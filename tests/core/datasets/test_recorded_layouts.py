@@ -8,7 +8,7 @@ import re
 import numpy as np
 import pytest
 from refusals import refused
-from recorded_layouts import FRAMES, HALF_M, WRITERS, WRITTEN, image, poses, scannet, text_of
+from recorded_layouts import FRAMES, HALF_M, WRITERS, WRITTEN, image, kitti, poses, scannet, text_of
 
 from noisy_world.layouts import LAYOUTS, RECORDED, find_sequence
 from noisy_world.core.lens import Distortion
@@ -150,6 +150,28 @@ def test_a_recording_may_lack_depth(name, tmp_path):
     assert np.array_equal(found.trajectory.c2w, whole.trajectory.c2w)
     assert np.array_equal(found.stamps.rgb.seconds, whole.stamps.rgb.seconds)
     assert (found.camera, found.optics.distortion) == (whole.camera, whole.optics.distortion)
+
+
+def test_kitti_has_the_poses_of_the_camera_that_is_read(tmp_path):
+    written = kitti(tmp_path)
+    found = find_sequence(tmp_path)
+    np.testing.assert_allclose(found.trajectory.c2w, written.c2w, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(found.stamps.rgb.seconds, 0.1036 * np.arange(FRAMES), rtol=0, atol=1e-9)
+    assert intrinsics(found.known_camera) == written.colour_k
+    assert found.depth_files == ()
+    (tmp_path / "image_2/000001.png").unlink()
+    np.testing.assert_allclose(find_sequence(tmp_path).stamps.rgb.seconds, 0.1036 * np.array([0, 2, 3]), atol=1e-9)
+    for name, text, said in (
+        ("calib.txt", "P2: 1 2 3\n", ("calib.txt", "P2", "3 x 4")),
+        ("times.txt", "0\n1\n", ("times.txt", "numbered to 3")),
+        ("times.txt", "0\n2\n1\n3\n", ("times.txt", "later")),
+    ):
+        (tmp_path / name).write_text(text)
+        refused(find_sequence, tmp_path, names=said)
+        kitti(tmp_path)
+    (tmp_path / "poses.txt").unlink()
+    refused(find_sequence, tmp_path, names=("has no file of poses", "poses: none"))
+    assert not find_sequence(tmp_path, poses="keep").trajectory.known.any()
 
 
 def test_a_list_of_pairs_is_a_recording(tmp_path):

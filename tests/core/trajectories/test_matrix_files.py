@@ -10,7 +10,7 @@ from cases import cases
 from pose_texts import NS, blocks, expected, is_expected
 
 from noisy_world.core.geometry import Intrinsics
-from noisy_world.trajectories.formats import detect_format, read_trajectory, read_trajectory_file
+from noisy_world.trajectories.formats import read_trajectory, read_trajectory_file
 
 
 # --- four lines a pose ---
@@ -18,7 +18,7 @@ from noisy_world.trajectories.formats import detect_format, read_trajectory, rea
 
 def test_blocks_in_one_file(write):
     file = write("\n".join(blocks()))
-    assert detect_format(file) == "matrices"
+    assert read_trajectory_file(file).format == "matrices"
     assert is_expected(read_trajectory(file, rate_hz=10.0), [0.0, 0.1, 0.2, 0.3])
     assert is_expected(read_trajectory(write("# poses\n" + "".join(blocks()).replace(" ", ","))))
 
@@ -35,7 +35,7 @@ def test_a_folder_of_poses(write, tmp_path, name):
     for number, text in zip((0, 2, 9, 10), blocks(), strict=True):  # 10 sorts before 2 by letters
         write(text, folder.relative_to(tmp_path) / name.format(number))
     write("no pose", folder.relative_to(tmp_path) / "000009.color.png")
-    assert detect_format(folder) == "matrices"
+    assert read_trajectory_file(folder).format == "matrices"
     assert is_expected(read_trajectory(folder, rate_hz=10.0), [0.0, 0.2, 0.9, 1.0])
     assert read_trajectory(folder).notes == ()
 
@@ -95,7 +95,7 @@ def test_a_log(write):
         f"{i} {i} {third}\n{block}" for i, (third, block) in enumerate(zip((1, 2, 3, 6), blocks(), strict=True))
     )
     file = write(text, "trajectory.log")
-    assert detect_format(file) == "log"
+    assert read_trajectory_file(file).format == "log"
     assert is_expected(read_trajectory(file, rate_hz=10.0), [0.0, 0.1, 0.2, 0.5])
     zeros = "".join(f"{i} {i} 0\n{block}" for i, block in enumerate(blocks()))  # Tanks and Temples
     assert is_expected(read_trajectory(write(zeros), rate_hz=10.0), np.arange(4) / 10.0)

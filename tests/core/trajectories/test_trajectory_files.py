@@ -17,7 +17,7 @@ from noisy_world.core.geometry import (
     rotation_from_euler_deg,
 )
 from noisy_world.core.trajectory import Trajectory, evenly_stamped, subsample
-from noisy_world.trajectories.formats import detect_format, read_trajectory
+from noisy_world.trajectories.formats import read_trajectory, read_trajectory_file
 from noisy_world.trajectories.matrix_poses import replica_text
 from noisy_world.trajectories.stamped_poses import tum_text
 
@@ -63,7 +63,7 @@ def test_kitti_and_replica_of_the_same_poses_are_equal(write):
 def test_format_is_told_by_content(write, writer, name):
     # The names lie.
     for file_name in ("traj.txt", "groundtruth.txt", "00.csv"):
-        assert detect_format(write(writer(path_of(3)), file_name)) == name
+        assert read_trajectory_file(write(writer(path_of(3)), file_name)).format == name
 
 
 def test_tum_round_trip(write):
@@ -255,7 +255,7 @@ def test_files_that_are_not_there(tmp_path):
         (tmp_path, "without numbered .txt files"),
         (tmp_path / "no/a.txt", "exist"),
     ):
-        for read in (read_trajectory, detect_format):
+        for read in (read_trajectory, read_trajectory_file):
             refusals.refused(read, path, names=(str(path), says))
 
 

@@ -6,7 +6,7 @@ from refusals import refused
 from cases import cases
 from pose_texts import EUROC_HEADER, NS, QUATS, blocks, expected, is_expected, rows
 
-from noisy_world.trajectories.formats import detect_format, read_trajectory
+from noisy_world.trajectories.formats import read_trajectory, read_trajectory_file
 from noisy_world.trajectories.stamped_poses import tum_text
 from noisy_world.core.trajectory import Trajectory
 
@@ -17,7 +17,7 @@ from noisy_world.core.trajectory import Trajectory
 @cases("more", [(), tuple(np.linspace(-1, 1, 9).tolist())])
 def test_euroc_ground_truth(write, header, more):
     file = write(header + rows(NS, more=more), "data.csv")
-    assert detect_format(file) == "euroc"
+    assert read_trajectory_file(file).format == "euroc"
     assert is_expected(read_trajectory(file), [ns / 10**9 for ns in NS])
 
 
@@ -38,7 +38,7 @@ def test_euroc_of_any_magnitude(write):
 def test_commas_with_fractional_seconds_stay_tum(write):
     stamps = ["0.0", "0.05", "0.1", "0.15"]
     file = write(rows(stamps, "pxyzw"))
-    assert detect_format(file) == "tum"
+    assert read_trajectory_file(file).format == "tum"
     assert is_expected(read_trajectory(file), [0.0, 0.05, 0.1, 0.15])
 
 
@@ -101,7 +101,7 @@ def test_a_stamp_before_a_matrix_is_not_euroc(refused):
 def test_tum_in_nanoseconds(write):
     """As ORB-SLAM3's SaveTrajectoryEuRoC writes it; exact to the nearest float64."""
     file = write(rows([f"{ns}.000000" for ns in NS], "pxyzw", " "))
-    assert detect_format(file) == "tum"
+    assert read_trajectory_file(file).format == "tum"
     assert is_expected(read_trajectory(file), [ns / 10**9 for ns in NS])
     file = write(rows(NS, "pxyzw", " "))
     assert is_expected(read_trajectory(file), [ns / 10**9 for ns in NS])
