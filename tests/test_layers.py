@@ -29,7 +29,7 @@ import sys
 sys.path.insert(0, {str(ADDON)!r})
 for module in {modules!r}:
     __import__(module)
-print(sorted({{"bpy", "mathutils", "cv2", "OpenEXR", "deflate", "yaml", "tqdm"}} & set(sys.modules)))
+print(sorted({{"bpy", "mathutils", "cv2", "OpenEXR", "deflate", "simplejpeg", "yaml", "tqdm"}} & set(sys.modules)))
 """
     result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert result.stdout.strip() == "[]"

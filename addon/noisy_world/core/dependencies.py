@@ -21,6 +21,7 @@ NEEDED = {
     "cv2": "opencv-contrib-python-headless",
     "OpenEXR": "OpenEXR",
     "deflate": "deflate",
+    "simplejpeg": "simplejpeg",
     "tqdm": "tqdm",
 }
 

@@ -334,7 +334,8 @@ def _leave() -> None:
     """End a run, and take the handlers away: the bpy module calls them when Python has forgotten this module."""
     stop_all()
     for handlers in LEAVING:
-        handlers.remove(_leave_file)
+        if _leave_file in handlers:  # Python's end has taken it away where Blender's follows
+            handlers.remove(_leave_file)
 
 
 def register() -> None:
