@@ -8,7 +8,7 @@ import sys
 from importlib.util import find_spec
 
 import pytest
-from worlds import GENERATE, ROOT, generate_here, write_world
+from worlds import ROOT, generate_here, write_world
 
 OTHERS = (  # other sources than a PLY and a path, other places than a folder
     "bpy", "tarfile", "urllib.request", "noisy_world.rooms", "noisy_world.scenes.gltf",
@@ -62,12 +62,16 @@ def test_the_library_of_perturbations_loads_no_files_and_no_sources():
     python_without([*OTHERS, "yaml", "OpenEXR", "noisy_world.dataset", "noisy_world.sources"], PERTURBED)
 
 
-def test_a_run_loads_the_sources_that_it_has(tmp_path):
+def test_a_run_loads_the_sources_and_the_perturbations_that_it_has(tmp_path):
     pytest.importorskip("embreex", reason="embreex is not installed: pip install '.[embree]'")
     size, render = (16, 12), {"engine": "embree", "samples": 1, "backend": "reference"}
-    preset = write_world(tmp_path / "world", frames=1, size=size, render=render, settings=[{"name": "clean"}])
-    words = [str(GENERATE), str(preset), "--out", str(tmp_path / "out")]
-    python_without(OTHERS, f"import runpy\nsys.argv = {words!r}\nrunpy.run_path(sys.argv[0], run_name='__main__')")
+    noisy = [{"name": "s", "perturb": [{"gaussian_noise": {"severity": 1}}, {"depth_random_missing": {"severity": 1}}]}]
+    preset = write_world(tmp_path / "world", frames=1, size=size, render=render, settings=noisy)
+    modules = loaded("generate", preset, "--out", tmp_path / "out")
+    assert not set(OTHERS).intersection(f"noisy_world.{name}" for name in modules)
+    assert not {"bpy", "tarfile", "urllib.request"}.intersection(modules)
+    shipped = [name.rpartition(".")[2] for name in modules if name.startswith("perturbations.shipped.")]
+    assert sorted(name for name in shipped if not name.startswith("_")) == ["depth_random_missing", "gaussian_noise"]
 
 
 def loaded(*words):

@@ -78,7 +78,7 @@ def test_threads_change_no_byte(name):
 
 
 @cases("name", DRAWN)
-def test_fresh_patterns_differ_and_fixed_ones_stay(name):
+def test_fresh_patterns_differ_fixed_ones_stay_and_drifting_ones_move(name):
     size = (60, 80)
     fresh = [run(name, size, frame=frame, temporal="fresh") for frame in (0, 1)]
     fixed = [run(name, size, frame=frame, temporal="fixed") for frame in (0, 1, 1234)]
@@ -87,6 +87,11 @@ def test_fresh_patterns_differ_and_fixed_ones_stay(name):
     assert not np.array_equal(fixed[0], other)
     np.testing.assert_array_equal(fixed[0], fixed[1])
     np.testing.assert_array_equal(fixed[0], fixed[2])
+    if "drift" in EVERY[name].temporals:
+        drift = [run(name, size, frame=frame, temporal="drift") for frame in (0, 40)]
+        assert not np.array_equal(*drift)
+        if name != "spatter":  # whose border is a torus' where it drifts
+            np.testing.assert_array_equal(drift[0], fixed[0])
 
 
 @cases("name", STILL)

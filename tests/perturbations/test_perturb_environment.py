@@ -20,22 +20,6 @@ def test_the_severities_are_the_papers(name, severity):
     assert tuple(getattr(parameters, key) for key in KEYS[name]) == TABLE[name][severity - 1]
 
 
-@cases("name", NAMES)
-def test_fresh_patterns_differ_fixed_stay_and_drifting_move_smoothly(name):
-    rgb = picture((64, 80))
-    fresh = [run(name, rgb, where=frame(k)) for k in range(2)]
-    fixed = [run(name, rgb, where=frame(k, "fixed")) for k in (0, 1, 1234)]
-    drift = [run(name, rgb, where=frame(k, "drift")) for k in (0, 1)]
-    other = run(name, rgb, where=frame(0, "fixed", seed=2))
-    assert not np.array_equal(*fresh)
-    assert not np.array_equal(fixed[0], other)
-    assert not np.array_equal(*drift)
-    assert np.array_equal(fixed[0], fixed[1])
-    assert np.array_equal(fixed[0], fixed[2])
-    if name != "spatter":  # whose border is a torus' where it drifts
-        assert np.array_equal(drift[0], fixed[0])
-
-
 @cases("name", ["fog", "frost", "spatter"])
 def test_a_step_of_drift_is_smaller_than_a_fresh_pattern(name):
     black = flat((120, 160), 0.5)
