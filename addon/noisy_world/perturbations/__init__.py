@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The perturbations, one file each. To add one, add a file with a `PERTURBATION`, here or in an installed package.
+"""Perturbations by name. To add one, add a file with a `PERTURBATION` to `shipped`, or to a package of your own.
 
 docs/your_perturbation.md says how a package brings its own.
 """
