@@ -34,7 +34,7 @@ panel = bpy.context.scene.noisy_world
 choices = panel.output.bl_rna.properties["modalities"].enum_items
 print("panel", "facing" in panel.output.modalities, choices["facing"].name)
 panel.output.modalities |= {"facing"}
-from noisy_world.ui.document import to_document
+from noisy_world.panel.document import to_document
 print("written", to_document(panel)["output"]["modalities"])
 """
 

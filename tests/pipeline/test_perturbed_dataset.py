@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Perturbed datasets: what is done to which frame, what is shared, and that nothing depends on how it is run."""
 
+import json
 import threading
 import time
 from contextlib import contextmanager
@@ -9,11 +10,12 @@ import cv2
 import fake_session
 import numpy as np
 import pytest
-from runs import run
+from runs import planned, run
 from many_settings import COUNT, image, numbers, records
 from shard_workers import workers_here
 from worlds import content, write_world
 
+from noisy_world.channels import COLOUR_AND_DEPTH
 from noisy_world.images import pixels as images
 from noisy_world.images.pixels import encode_colour
 from noisy_world.perturbations.parsing import parse_steps
@@ -39,6 +41,21 @@ def test_what_is_left_alone_is_linked(out):
         assert not image(out, "clean", "frame", frame).samefile(image(out, "noise", "frame", frame))
         assert image(out, "clean", "frame", frame).samefile(image(out, "late", "frame", frame))
         assert clean.read_bytes() != image(out, "clean", "depth", (frame + 1) % COUNT).read_bytes()
+
+
+def test_a_planned_frame_tells_its_record_and_which_images_are_one(world, out):
+    keys, files = [], []
+    for render in planned(world).renders:
+        for sequence in render.sequences:
+            for index, record in zip(sequence.frames, records(out, sequence.setting.name), strict=True):
+                frame = sequence.frame(index)
+                told = {name: done for name, done in record.get("perturbed", {}).items() if name != "motion"}
+                assert json.loads(json.dumps(frame.record(COLOUR_AND_DEPTH, COLOUR_AND_DEPTH))) == told
+                for channel, kind in (("rgb", "frame"), ("depth", "depth")):
+                    keys.append((render.name, frame.key(channel)))
+                    files.append(image(out, sequence.setting.name, kind, index).stat().st_ino)
+    assert len(keys) > 100
+    assert len({*zip(keys, files, strict=True)}) == len({*keys}) == len({*files})
 
 
 def test_desynchronisation_pairs_as_it_says_and_writes_no_image(out):

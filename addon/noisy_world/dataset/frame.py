@@ -144,17 +144,18 @@ class Frame:
         Node groups that serve more than by default give other images, too.
         """
         done: Hashable = None
-        if self.sequence.setting.on(channel):
-            match CHANNELS[channel].steps:
-                case "rgb" if self.sequence.setting.composited:
-                    from ..nodes.chain import capacity_of  # likewise
+        match CHANNELS[channel].steps:
+            case "rgb" if self.colour.active and self.sequence.setting.composited:
+                from ..nodes.chain import capacity_of
 
-                    capacities = tuple(tuple(capacity_of(step).items()) for step, _, _ in self.colour.active)
-                    done = "compositor", self.colour.key, capacities
-                case "rgb":
-                    done = "reference", self.colour.key
-                case _:
-                    done = self.depth.key
+                capacities = tuple(tuple(capacity_of(step).items()) for step, _, _ in self.colour.active)
+                done = "compositor", self.colour.key, capacities
+            case "rgb" if self.colour.active:
+                done = "reference", self.colour.key
+            case "depth" if self.depth.active:
+                done = self.depth.key
+            case _:
+                pass
         return channel, self.sources(channel), done
 
     # --- its record ---
