@@ -230,3 +230,19 @@ def test_the_coefficients_drawn_are_those_of_the_model(model, count):
     assert layout.names[-1] == "undistort"
     assert without.names == ["use_distortion"]
     camera.use_distortion = False
+
+
+def test_undo_redo_and_copies_of_a_scene_keep_all_that_is_held():
+    (path,) = [path for path in PRESETS if path.stem == "lens"]
+    bpy.ops.ed.undo_push(message="before")
+    said = [document.to_document(settings())]
+    document.open_preset(settings(), path)
+    settings().deviation_rotation = 0.1
+    bpy.ops.ed.undo_push(message="opened")
+    said.append(document.to_document(settings()))
+    settings().camera.fx, settings().steps[0].enabled = 77.7, False
+    bpy.ops.ed.undo_push(message="changed")
+    for step, wanted in ((bpy.ops.ed.undo, said[1]), (bpy.ops.ed.undo, said[0]), (bpy.ops.ed.redo, said[1])):
+        assert step() == {"FINISHED"}
+        assert document.to_document(settings()) == wanted
+    assert document.to_document(bpy.context.scene.copy().noisy_world) == said[1]
