@@ -15,6 +15,7 @@ import cv2
 import numpy as np
 
 from noisy_world.core.trajectory import Trajectory
+from noisy_world.evaluate import analyses, report
 from noisy_world.evaluate.estimates import Estimate
 from noisy_world.evaluate.metrics import frame_errors_text
 from noisy_world.evaluate.trajectory_scores import score_trajectory
@@ -75,6 +76,20 @@ def make_results(
     }
     write_study(folder, **study)
     return folder
+
+
+def without_analyses(monkeypatch):
+    """Leave the analyses, which take most of a report's time, with nothing to analyse."""
+    analyse = analyses.analyse
+    monkeypatch.setattr(analyses, "analyse", lambda runs, sequences: analyse(runs.head(0), sequences.head(0)))
+
+
+def without_pictures(monkeypatch, *, of_runs=True):
+    """Leave the pictures of a report out, which take most of the rest. of_runs: those of single runs, too."""
+    if of_runs:
+        monkeypatch.setattr(report, "_run_pictures", lambda *_: [])
+    monkeypatch.setattr(report, "_heat_map", lambda *_: None)
+    monkeypatch.setattr(report, "ranking_picture", lambda *_: None)
 
 
 def write_study(folder, **keys):

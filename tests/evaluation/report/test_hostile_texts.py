@@ -7,13 +7,12 @@ import re
 import xml.etree.ElementTree as ET
 
 import pytest
-from results_made import SETTINGS, make_results
+from results_made import SETTINGS, make_results, without_analyses
 
 pytest.importorskip("jinja2", reason="the extra evaluate is not installed")
 pytest.importorskip("matplotlib", reason="the extra evaluate is not installed")
 pytest.importorskip("scipy", reason="the extra evaluate is not installed")
 
-from noisy_world.evaluate import analyses as analysis_tables
 from noisy_world.evaluate.cases import cell_of, text_of
 from noisy_world.evaluate.report import write_report
 from noisy_world.evaluate.report_tables import latex, markdown
@@ -71,8 +70,7 @@ def hostile(tmp_path_factory):
     folder = tmp_path_factory.mktemp("hostile") / "results"
     noise = (marked("setting"), marked("perturbation"), "static", 5, {})
     with pytest.MonkeyPatch.context() as patch:
-        analyse = analysis_tables.analyse
-        patch.setattr(analysis_tables, "analyse", lambda runs, sequences: analyse(runs.head(0), sequences.head(0)))
+        without_analyses(patch)
         plain = {"systems": ("orb_slam3",), "scenes": (marked("scene"),), "settings": (SETTINGS[0], noise)}
         make_results(folder, **plain, seeds=("1",))
         for path in folder.glob("runs/*/*/*/orb_slam3"):

@@ -9,7 +9,7 @@ import shutil
 
 import pytest
 from refusals import refused
-from results_made import SETTINGS, SMALL, make_results
+from results_made import SETTINGS, SMALL, make_results, without_analyses, without_pictures
 
 pytest.importorskip("jinja2", reason="the extra evaluate is not installed")
 pytest.importorskip("matplotlib", reason="the extra evaluate is not installed")
@@ -17,7 +17,6 @@ pytest.importorskip("scipy", reason="the extra evaluate is not installed")
 
 from noisy_world.cli import command
 from noisy_world.core.errors import StorageError
-from noisy_world.evaluate import analyses as analysis_tables
 from noisy_world.evaluate.analyses import analyse
 from noisy_world.evaluate.report import write_report
 from noisy_world.evaluate.threshold_table import threshold_text
@@ -62,9 +61,12 @@ def made(tmp_path_factory):
 
 @pytest.fixture
 def quick(monkeypatch):
-    """Leave the analyses, which take most of the time, with nothing to analyse."""
-    analyse = analysis_tables.analyse
-    monkeypatch.setattr(analysis_tables, "analyse", lambda runs, sequences: analyse(runs.head(0), sequences.head(0)))
+    without_analyses(monkeypatch)
+
+
+@pytest.fixture
+def bare(monkeypatch, quick):
+    without_pictures(monkeypatch, of_runs=False)
 
 
 def test_page_opens_offline_and_is_well_formed(made):
@@ -157,7 +159,7 @@ def test_one_run(tmp_path, all_failed):
     assert written.missing == ()
 
 
-def test_what_is_missing_is_said(tmp_path, quick):
+def test_what_is_missing_is_said(tmp_path, bare):
     gone = ("room1", "clean", "1", "orb_slam3")
     folder = make_results(tmp_path / "results", **SMALL, skip=[gone])
     (folder / "study.json").unlink()
@@ -195,7 +197,8 @@ def test_damaged_table_is_one_line(tmp_path, change, names):
     refused(write_report, folder, names=[f"{path}: ", *names])
 
 
-def test_command_makes_the_tables_anew_too(tmp_path, capsys, quick):
+def test_command_makes_the_tables_anew_too(tmp_path, capsys, bare, monkeypatch):
+    without_pictures(monkeypatch)
     folder = make_results(tmp_path / "results", **{**SMALL, "scenes": ("room0",), "settings": SETTINGS[:6:5]})
     with (folder / "tables" / "runs.csv").open() as file:
         before = list(csv.DictReader(file))
@@ -216,7 +219,7 @@ def test_folder_without_results_is_one_line(tmp_path):
     refused(write_report, tmp_path, names="tables/runs.csv: ")
 
 
-def test_damaged_files_of_runs_are_one_line(tmp_path, quick):
+def test_damaged_files_of_runs_are_one_line(tmp_path, bare):
     folder = make_results(tmp_path / "results", **{**SMALL, "scenes": ("room0",), "settings": SETTINGS[:2]})
     path = folder / "runs" / "room0" / "clean" / "seed-1" / "rgbd_odometry" / "repeat-1" / "errors.csv"
     text = path.read_text()
@@ -229,7 +232,7 @@ def test_damaged_files_of_runs_are_one_line(tmp_path, quick):
     refused(write_report, folder, names=[f"{path}: ", "'stamp_s'"])
 
 
-def test_a_true_path_that_is_no_text_is_one_line(tmp_path, quick):
+def test_a_true_path_that_is_no_text_is_one_line(tmp_path, bare):
     folder = make_results(tmp_path / "results", **{**SMALL, "scenes": ("room0",), "settings": SETTINGS[:2]})
     path = folder / "sequences" / "room0" / "clean" / "seed-1" / "truth.txt"
     path.write_bytes(path.read_bytes() + b"\xff\xfe")
@@ -311,7 +314,8 @@ SEARCHED = {
 }
 
 
-def test_thresholds_in_the_folder_are_a_part(made, tmp_path, quick):
+def test_thresholds_in_the_folder_are_a_part(made, tmp_path, bare, monkeypatch):
+    without_pictures(monkeypatch)
     folder = tmp_path / "results"
     shutil.copytree(made[0], folder)
     assert "Thresholds" not in (folder / "report.md").read_text()

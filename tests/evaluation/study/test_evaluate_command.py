@@ -4,11 +4,14 @@
 import json
 import shutil
 import sys
+from functools import partial
 
 import pytest
+from results_made import without_analyses, without_pictures
 from study_tools import FRAMES, SETTINGS, evaluate, rows_of, small_world, told, write_systems
 
 from noisy_world.core import dependencies
+from noisy_world.evaluate import study
 
 pytest.importorskip("embreex", reason="embreex comes with an extra")
 pytest.importorskip("tabulate", reason="tabulate comes with an extra")
@@ -22,7 +25,10 @@ def done(tmp_path_factory):
     folder = tmp_path_factory.mktemp("study")
     preset = small_world(folder / "world", settings=SETTINGS[:2])
     systems = write_systems(folder / "systems", *KINDS)
-    assert evaluate(preset, "--systems", systems, "--out", folder / "results", "--jobs", 1, report=True) == 0
+    with pytest.MonkeyPatch.context() as patch:
+        without_analyses(patch)
+        without_pictures(patch)
+        assert evaluate(preset, "--systems", systems, "--out", folder / "results", "--jobs", 1, report=True) == 0
     return folder
 
 
@@ -176,8 +182,10 @@ def test_what_is_wrong_is_a_line(tmp_path, capfd):
     assert not (tmp_path / "out").exists()
 
 
-def test_maps(tmp_path):
+def test_maps(tmp_path, monkeypatch):
     """Frames without noise, fused along the true path, lie on the room's walls; a system's own map is held as it is."""
+    few = partial(study.true_map_of_mesh, samples=20_000)  # points, of 200,000
+    monkeypatch.setattr(study, "true_map_of_mesh", few)
     preset = small_world(tmp_path / "world", size=(64, 48), settings=SETTINGS[:1])
     systems = write_systems(tmp_path / "systems", "fine", "crash", "disc")
     out = tmp_path / "out"

@@ -10,14 +10,13 @@ import sys
 
 import pytest
 import yaml
+from results_made import without_analyses, without_pictures
 from study_tools import evaluate, rows_of, small_world, told, write_systems
 from worlds import ROOT
 
 from noisy_world.cli import command
 from noisy_world.perturbations.kinds import SEQUENCE_KINDS
 from noisy_world.perturbations.parsing import is_sensor
-from noisy_world.evaluate import analyses as tables
-from noisy_world.evaluate import report
 from noisy_world.evaluate.figures import Picture
 from noisy_world.perturbations import registry
 
@@ -125,11 +124,8 @@ def worlds(tmp_path_factory):
 
 @pytest.fixture
 def quick(monkeypatch):
-    """A report without analyses and pictures, which take most of its time."""
-    analyse = tables.analyse
-    monkeypatch.setattr(tables, "analyse", lambda runs, sequences: analyse(runs.head(0), sequences.head(0)))
-    monkeypatch.setattr(report, "_run_pictures", lambda *_: [])
-    monkeypatch.setattr(report, "_heat_map", lambda *_: None)
+    without_analyses(monkeypatch)
+    without_pictures(monkeypatch)
 
 
 @pytest.mark.parametrize(("name", "killed_at"), [("all", 12), ("rig", 2)])

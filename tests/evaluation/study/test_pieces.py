@@ -6,6 +6,7 @@ import json
 import shutil
 
 import pytest
+from results_made import without_analyses, without_pictures
 from study_tools import TIMES, evaluate, rows_of, small_world, write_systems
 
 pytest.importorskip("embreex", reason="embreex comes with an extra")
@@ -13,7 +14,6 @@ pytest.importorskip("tabulate", reason="tabulate comes with an extra")
 pytest.importorskip("jinja2", reason="the extra evaluate is not installed")
 
 from noisy_world.cli import command
-from noisy_world.evaluate import analyses as analysis_tables
 
 SETTINGS = [{"name": "clean"}, {"name": "noise", "perturb": [{"gaussian_noise": {"severity": 3}}]}]
 
@@ -74,8 +74,8 @@ def test_the_pieces_and_the_rest_of_them_are_the_whole(study, tmp_path, capfd):
 
 def test_a_report_is_written_of_a_record(study, tmp_path, capfd, monkeypatch):
     folder, _, _ = study
-    analyse = analysis_tables.analyse  # takes most of the time, and has nothing to say here
-    monkeypatch.setattr(analysis_tables, "analyse", lambda runs, sequences: analyse(runs.head(0), sequences.head(0)))
+    without_analyses(monkeypatch)  # which have nothing to say here
+    without_pictures(monkeypatch)
     assert put_together(folder / "clean", folder / "noise", "--out", tmp_path / "all") == 0
     before = (tmp_path / "all/tables/runs.csv").read_bytes()
     assert len(before.splitlines()) == 4
