@@ -20,7 +20,7 @@ from noisy_world.core.file_access import NotRegularError, TooLargeError
 from noisy_world.scenes.mesh_files import imported_format
 from noisy_world.scenes.textures import read_picture
 from noisy_world.trajectories.formats import read_trajectory
-from noisy_world.evaluate.odometry_views import read_index
+from noisy_world.evaluate.frame_index import read_index
 from noisy_world.evaluate.systems import read_system
 from noisy_world.evaluate.run_files import read_estimate_file
 from noisy_world.evaluate.estimate_formats.pose_arrays import load_arrays

@@ -402,7 +402,7 @@ def _map(
 
 def _mesh_file(options: argparse.Namespace) -> Path | None:
     """Return the file of the map's mesh; None where frames are to be fused."""
-    from ..evaluate.run_maps import MAP
+    from ..evaluate.run_files import MAP
 
     if options.map.suffix.lower() == ".ply":
         return options.map

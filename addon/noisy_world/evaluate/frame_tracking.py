@@ -15,8 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.atomic_files import storage_errors
-from ..core.geometry import Intrinsics, continuous_quats, invert_pose, quat_wxyz_from_rotation, rotation_angle_rad
-from .odometry_views import Aligner, FrameEntry, RgbdView
+from ..core.geometry import Intrinsics, invert_pose, rotation_angle_rad
+from .estimates import Estimate
+from .frame_index import FrameEntry
+from .odometry_views import Aligner, RgbdView
+from .run_files import ESTIMATE, FRAMES, KEYFRAMES, estimate_text
 
 # How well two views agree under an estimated motion between them, on a grid of pixels.
 #
@@ -326,7 +329,6 @@ def _score(seen: Agreement) -> float:
 # The files that a run leaves: estimate.txt, frames.csv and keyframes.txt.
 
 
-ESTIMATE, FRAMES, KEYFRAMES = "estimate.txt", "frames.csv", "keyframes.txt"
 HEADER = "index,stamp_s,state,keyframe,overlap,seen,depth,grey"
 
 
@@ -342,19 +344,6 @@ class FrameResult:
     c2w: NDArray[np.float64] | None
 
 
-def tum_lines(stamps_s: Sequence[float], c2w: Sequence[NDArray[np.float64]]) -> str:
-    """Return poses as lines `stamp_s tx ty tz qx qy qz qw`: camera-to-world, nine decimals of a second."""
-    if not stamps_s:
-        return ""
-    poses = np.stack(c2w)
-    quats = np.roll(continuous_quats(quat_wxyz_from_rotation(poses[:, :3, :3])), -1, axis=1)
-    rows = (np.concatenate([poses[:, :3, 3], quats], axis=1) + 0.0).tolist()  # + 0.0: no negative zeros
-    return "".join(
-        f"{stamp_s:.9f} {' '.join(f'{value:.17g}' for value in row)}\n"
-        for stamp_s, row in zip(stamps_s, rows, strict=True)
-    )
-
-
 def frame_lines(frames: Sequence[FrameResult]) -> str:
     """Return a line a frame: its state, the keyframe that it hangs on, and how well it agreed with what was known."""
     lines = [HEADER]
@@ -368,17 +357,17 @@ def frame_lines(frames: Sequence[FrameResult]) -> str:
 
 def write_results(folder: Path, frames: Sequence[FrameResult], keyframes: Sequence[FrameResult]) -> None:
     """Write the files of a run into its folder, which is made. Raises StorageError where that cannot be."""
-    known = [(frame.stamp_s, frame.c2w) for frame in frames if frame.c2w is not None]
-    kept = [(frame.stamp_s, frame.c2w) for frame in keyframes if frame.c2w is not None]
-    texts = {
-        ESTIMATE: tum_lines([stamp_s for stamp_s, _ in known], [c2w for _, c2w in known]),
-        FRAMES: frame_lines(frames),
-        KEYFRAMES: tum_lines([stamp_s for stamp_s, _ in kept], [c2w for _, c2w in kept]),
-    }
+    texts = {ESTIMATE: _poses_text(frames), FRAMES: frame_lines(frames), KEYFRAMES: _poses_text(keyframes)}
     with storage_errors(folder):
         folder.mkdir(parents=True, exist_ok=True)
         for name, text in texts.items():
             (folder / name).write_text(text, encoding="utf-8", newline="\n")
+
+
+def _poses_text(frames: Sequence[FrameResult]) -> str:
+    known = [frame for frame in frames if frame.c2w is not None]
+    c2w = np.array([frame.c2w for frame in known]).reshape(-1, 4, 4)
+    return estimate_text(Estimate(np.array([frame.stamp_s for frame in known]), c2w))
 
 
 # The history of a run of the odometry: each frame's tracking state and pose, and the edges between keyframes.

@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from ..core.dependencies import missing_packages, need
 from ..core.geometry import Intrinsics, invert_pose, pose, rotation_angle_rad
+from .frame_index import FrameEntry
 from .frame_tracking import Agreement, Edge, agreement
-from .odometry_views import Aligner, FrameEntry, Pictures, RgbdView
+from .odometry_views import Aligner, Pictures, RgbdView
 
 if TYPE_CHECKING:
     import cv2

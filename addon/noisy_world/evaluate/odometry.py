@@ -23,14 +23,16 @@ from ..core.geometry import Intrinsics
 from ..core.progress import Progress
 from ..scenes.ply_writer import write_ply
 from ..scenes.polygon_mesh import Mesh
+from .frame_index import FrameEntry, FrameIndex
 from .frame_tracking import Agreement, FrameResult, Result, State, Tracker, TrackingHistory, believed
 from .loop_closure import Places, can_optimise, find_loops, optimised
 from .map_fusion import VOXEL_M, fuse
-from .odometry_views import Aligner, By, Depth, FrameEntry, FrameIndex, Pictures, read_colour, read_depth, smoothed
+from .odometry_views import Aligner, By, Depth, Pictures, read_colour, read_depth, smoothed
+from .run_files import MAP
 
 if TYPE_CHECKING:
+    from .frame_index import FrameIndex
     from .frame_tracking import Result
-    from .odometry_views import FrameIndex
 
 
 # One run of rgbd_odometry: frames in, an estimate of the camera's path out.
@@ -137,9 +139,6 @@ def _repeatable() -> Iterator[None]:
 # The map of a run: the keyframes' colour and depth, fused along their poses.
 
 
-MAP = "map.ply"
-
-
 @dataclass(frozen=True)
 class MapFrame:
     """A keyframe as a map is fused from: its images are read when they are asked for."""
@@ -200,8 +199,8 @@ def main(arguments: list[str] | None = None) -> int:
         _say(sys.stderr, missing_sentence(missing, "", "install them with pip"))
         return 1
     from ..core.progress import PlainProgress
+    from .frame_index import read_index
     from .frame_tracking import write_results
-    from .odometry_views import read_index
 
     stop = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):

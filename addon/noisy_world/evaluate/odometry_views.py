@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The frames that rgbd_odometry is given, read strictly, and their images at the size that it works on."""
+"""The views that rgbd_odometry works on: images at its size, depth smoothed, and two views brought over each other."""
 
-import json
-import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, TypeAlias, TypeVar
@@ -11,11 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.errors import InputError
-from ..core.file_access import read_bytes, read_text
+from ..core.file_access import read_bytes
 from ..core.geometry import Intrinsics, invert_pose
-from ..core.schema import ConfigPath, key, parse
 from ..images.pixels import GREY_WEIGHTS_PER_MILLE
-from .system_input import InverseDepth
+from .frame_index import FrameEntry, FrameIndex
 
 if TYPE_CHECKING:
     import cv2
@@ -23,65 +20,6 @@ if TYPE_CHECKING:
 
 Grey: TypeAlias = NDArray[np.uint8]
 Depth: TypeAlias = NDArray[np.float32]
-
-
-@dataclass(frozen=True)
-class CameraEntry:
-    """The camera of all frames."""
-
-    width: int = key("image width", unit="px", minimum=1, maximum=65500)
-    height: int = key("image height", unit="px", minimum=1, maximum=65500)
-    fx: float = key("focal length", unit="px", above=0.0)
-    fy: float = key("focal length", unit="px", above=0.0)
-    cx: float = key("principal point", unit="px")
-    cy: float = key("principal point", unit="px")
-
-
-@dataclass(frozen=True)
-class FrameEntry:
-    """A frame of the sequence: when it was taken, and the files of its images."""
-
-    index: int = key("the frame's number", minimum=0)
-    stamp_s: float = key("when its colour was taken", unit="s")
-    colour: str | None = key("its colour image")
-    depth: str | None = key("its depth image", default=None)
-    depth_stamp_s: float | None = key("when its depth was taken", unit="s", default=None)
-
-
-@dataclass(frozen=True)
-class FrameIndex:
-    """What the JSON index says: the camera, the steps of a depth image a metre, and the frames in order of time."""
-
-    camera: CameraEntry = key("the camera")
-    depth_scale_per_m: float = key("steps of the depth images a metre", unit="steps/m", above=0.0)
-    frames: tuple[FrameEntry, ...] = key("the frames, in order of time")
-    inverse_depth: InverseDepth | None = key("what the depth is like, which this system does not go by", default=None)
-
-    @property
-    def intrinsics(self) -> Intrinsics:
-        """The camera as the rest of the code knows it."""
-        camera = self.camera
-        return Intrinsics(camera.width, camera.height, camera.fx, camera.fy, camera.cx, camera.cy)
-
-
-def read_index(path: Path) -> FrameIndex:
-    """Read the JSON index. Raises InputError, with file and key, for what it cannot be; at least a frame is needed."""
-    try:
-        value = json.loads(read_text(path))
-    except OSError as error:
-        raise InputError(path, f"cannot be read: {error.strerror}") from error
-    except ValueError as error:
-        raise InputError(path, f"is no JSON: {error}") from error
-    index = parse(FrameIndex, value, ConfigPath(path))
-    at = ConfigPath(path).at("frames")
-    if not index.frames:
-        raise at.error("names no frame")
-    last_s = -math.inf
-    for row, frame in enumerate(index.frames):
-        if not frame.stamp_s > last_s:
-            raise at.at(row).at("stamp_s").error(f"is {frame.stamp_s}, no later than the frame before")
-        last_s = frame.stamp_s
-    return index
 
 
 def read_colour(entry: FrameEntry, camera: Intrinsics) -> NDArray[np.uint8]:

@@ -17,6 +17,7 @@ from .pose_errors import CONDITIONING, WELL_CONDITIONED, WRONG_DEG
 from .report_input import KEY, Results, read_object, records
 from .report_tables import NOTHING, SHARED, Column, Table, cell_text, column_of
 from .run_figures import FramePicture
+from .run_files import RUN
 from .run_tables import SUCCESS, SUCCESS_OVER_CLEAN
 from .study_results import VERSIONS
 
@@ -424,7 +425,7 @@ def _system(results: Results, system: str) -> str:
     of_record = results.study.get(VERSIONS, {}).get(system, {})
     versions = {name: {version} for name, version in of_record.items()}
     for run in records(runs.drop_duplicates("setting").head(LONGEST_LIST)):
-        path = results.run_folder(run) / "run.json"
+        path = results.run_folder(run) / RUN
         systems = read_object(path).get("versions") if path.is_file() else None
         for name, version in (systems if isinstance(systems, Mapping) else {}).items():
             versions.setdefault(str(name), set()).add(str(version))

@@ -18,6 +18,7 @@ from .figures import COLOURS, GREY, NARROW_IN, Picture, drawing, fixed_layout, l
 from .pose_errors import FrameErrors
 from .report_input import ERROR, REMEDY, Pick, Results, picked_runs, picked_sequences, read_texts
 from .report_tables import cell_text
+from .study_results import ERRORS, FRAMES, THUMBS, TRUTH
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -252,10 +253,10 @@ def worst_frames(results: Results, missing: list[str]) -> list[FramePicture]:
 
 def _path(results: Results, pick: Pick, missing: list[str]) -> PathPanel | None:
     run = pick.run
-    truth = _true_positions(results.sequence_folder(run) / "truth.txt", missing)
+    truth = _true_positions(results.sequence_folder(run) / TRUTH, missing)
     if truth is None:
         return None
-    errors = _frame_errors(results.run_folder(run) / "errors.csv", missing)
+    errors = _frame_errors(results.run_folder(run) / ERRORS, missing)
     estimated, error_m = np.zeros((0, 3)), np.zeros(0)
     if errors is not None:
         positions_m = np.stack([errors[name] for name in POSITION_M], axis=1)
@@ -270,13 +271,13 @@ def _path(results: Results, pick: Pick, missing: list[str]) -> PathPanel | None:
 
 
 def _times(results: Results, runs: Sequence[Mapping[str, Any]], missing: list[str]) -> TimePanel | None:
-    errors = {str(run["system"]): _frame_errors(results.run_folder(run) / "errors.csv", missing) for run in runs}
+    errors = {str(run["system"]): _frame_errors(results.run_folder(run) / ERRORS, missing) for run in runs}
     known = {name: value for name, value in errors.items() if value is not None}
     if not known:
         return None
     stamps_s = next(iter(known.values()))["stamp_s"]
     curves = {name: value["error_m"] for name, value in known.items() if len(value["stamp_s"]) == len(stamps_s)}
-    strips = _strip_values(results.sequence_folder(runs[0]) / "frames.csv", stamps_s, missing)
+    strips = _strip_values(results.sequence_folder(runs[0]) / FRAMES, stamps_s, missing)
     return TimePanel(_name(runs[0]), stamps_s - stamps_s[0], curves, strips)
 
 
@@ -346,7 +347,7 @@ def _true_positions(path: Path, missing: list[str]) -> Floats | None:
 
 def _worst(results: Results, run: Mapping[str, Any], missing: list[str]) -> tuple[int, str] | None:
     """Return the frame where a run was lost first, else where it erred most, and a phrase on that."""
-    errors = _frame_errors(results.run_folder(run) / "errors.csv", missing)
+    errors = _frame_errors(results.run_folder(run) / ERRORS, missing)
     if errors is None or not np.isfinite(errors["error_m"]).any():
         return None
     known = np.isfinite(errors["error_m"])
@@ -360,7 +361,7 @@ def _worst(results: Results, run: Mapping[str, Any], missing: list[str]) -> tupl
 
 def _thumbs(folder: Path) -> list[tuple[int, Path]]:
     """Return the pictures of a sequence's frames, by the number that their names end with."""
-    return sorted(_numbered(folder / "thumbs"))
+    return sorted(_numbered(folder / THUMBS))
 
 
 def _nearest(pictures: Sequence[tuple[int, Path]], number: int) -> tuple[int, Path]:

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The files of a run: how it ended, `run.json`, and the poses that it estimated, `estimate.txt`."""
 
-from dataclasses import dataclass, field, fields
+import json
+from dataclasses import MISSING, asdict, dataclass, field, fields
 from enum import StrEnum
 from pathlib import Path
 from typing import Any
@@ -47,12 +48,19 @@ class RunRecord:
     versions: dict[str, str] = field(default_factory=dict)
     isolated: str = ""
 
+    def text(self) -> str:
+        """Return it as JSON, which `read_run_record` reads."""
+        return json.dumps(asdict(self), indent=1, sort_keys=True, allow_nan=False) + "\n"
+
 
 # `estimate.txt`: the poses that a system estimated, in the folder of a run: TUM's format, camera-to-world.
 
 
 ESTIMATE = "estimate.txt"
 KEYFRAMES = "keyframes.txt"
+FRAMES = "frames.csv"
+"""The state of each frame, as a system writes it."""
+MAP = "map.ply"
 
 
 def estimate_text(estimate: Estimate) -> str:
@@ -95,11 +103,8 @@ def read_run_record(folder: Path) -> RunRecord | None:
         return None
     except ValueError as error:
         raise _damaged(path, str(error)) from error
-    names = {item.name for item in fields(RunRecord)}
-    if (
-        not isinstance(content, dict)
-        or not {"system", "outcome", "detail", "frames", "seconds"} <= set(content) <= names
-    ):
+    needed = {item.name for item in fields(RunRecord) if item.default is item.default_factory is MISSING}
+    if not isinstance(content, dict) or not needed <= set(content) <= {item.name for item in fields(RunRecord)}:
         raise _damaged(path, "does not tell how a run ended")
     try:
         return RunRecord(**{**content, "outcome": Outcome(content["outcome"])})

@@ -21,12 +21,9 @@ from .estimates import MAX_DIFFERENCE_S, Estimate, associate_poses
 from .map_fusion import FAR_M, VOXEL_M, Fused, fuse
 from .map_metrics import moved
 from .pose_errors import Similarity, aligned_poses
+from .run_files import MAP
 
 # Reads what a user names for a map's score: meshes and sequences.
-
-
-MAP = "map.ply"
-"""The file of a run's folder that holds its map."""
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,7 @@ from ..layouts.stored_recording import RATE_HZ, StoredSequence
 from ..trajectories.pose_files import LARGEST_STAMP_S, is_header, read_text
 from .estimate_formats import Auto
 from .estimates import Asked, Estimate, Frames, ReadPoses, estimate_of, read_poses
+from .run_files import ESTIMATE, KEYFRAMES
 
 # A list of the frames that a system was given: a stamp a line, as TUM's rgb.txt, EuRoC's data.csv and times.txt.
 
@@ -52,8 +53,6 @@ def read_frame_list(path: Path) -> Frames:
     return Frames.of(seconds, [names[row] for row in first.tolist()] if all(names) else ())
 
 
-ESTIMATE, KEYFRAMES = "estimate.txt", "keyframes.txt"
-"""The files of a run's folder that hold poses."""
 COLOUR_LIST = "rgb.txt"  # of TUM's layout
 _DEPTH = 3  # folders from a true path up to its sequence: EuRoC's lies in mav0/state_groundtruth_estimate0
 

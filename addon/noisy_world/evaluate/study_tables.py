@@ -299,30 +299,22 @@ def summary_text(results: ResultsFolder, protocol: str) -> str:
     written = csv.DictReader(StringIO(read_text(results.tables / RUNS)))
     rows = [{name: one_line(text_of(cell)) for name, cell in row.items()} for row in written]
     systems = list(dict.fromkeys(row["system"] for row in rows))
-    groups: dict[tuple[str, ...], list[Cells]] = {}
+    groups: dict[str, list[Cells]] = {}
     for row in rows:
-        groups.setdefault((row["setting"],), []).append(row)
+        groups.setdefault(row["setting"], []).append(row)
     metrics = SHOWN[protocol]
     known = METRICS if protocol == "strict" else PAPER_METRICS
     header = ["setting", *(f"{system}\n{known[name].label}" for system in systems for name in metrics), "runs"]
     table = [
-        [
-            setting,
-            *(_median(rows_of(found, system), name) for system in systems for name in metrics),
-            len(found),
-        ]
-        for (setting,), found in groups.items()
+        [setting, *(_median(of, system, name) for system in systems for name in metrics), len(of)]
+        for setting, of in groups.items()
     ]
     return tabulate(table, header, disable_numparse=True)
 
 
-def rows_of(rows: Iterable[Cells], system: str) -> list[Cells]:
-    """Return the rows of a system."""
-    return [row for row in rows if row["system"] == system]
-
-
-def _median(rows: list[Cells], name: str) -> str:
+def _median(of_setting: list[Cells], system: str, name: str) -> str:
     """Return the median of a metric: an error in millimetres; and of the runs without one how many ended how."""
+    rows = [row for row in of_setting if row["system"] == system]
     counted = [row for row in rows if row["result"] == COMPLETE] if name == OF_COMPLETE else rows
     values = [float(row[name]) for row in counted if row[name]]
     if not rows:

@@ -21,13 +21,13 @@ from ..core.errors import InputError
 from ..core.file_access import read_bytes
 from ..core.frame_request import SensorPaths
 from ..core.geometry import Intrinsics
-from ..core.schema import key
 from ..core.trajectory import Trajectory
 from ..images.image_files import damage
 from ..images.image_reading import read_pixels
 from ..images.pixels import as_bytes, encode_colour
 from ..layouts import LAYOUTS, Layout, OutputFormat, SequenceFacts, find_sequence
 from ..layouts.stored_recording import StoredSequence
+from .frame_index import CameraEntry, FrameEntry, FrameIndex, InverseDepth
 from .systems import Modality
 
 # How noisy the depth of a sequence is, measured in its images: what a system that weighs depth has to know of it.
@@ -37,14 +37,6 @@ FRAMES = 8  # chosen: of a sequence, in which noise is measured
 OF_MEDIAN = 0.6745  # the median of the absolute values of a standard normal variable
 OF_SECOND_DIFFERENCE = math.sqrt(6.0)  # 1 + 4 + 1
 OF_ROUNDING = 1.0 / math.sqrt(12.0)  # of a step
-
-
-@dataclass(frozen=True)
-class InverseDepth:
-    """The inverse of a sequence's planar depth Z."""
-
-    median_per_m: float = key("the median of 1 / Z", unit="1/m", above=0.0)
-    noise_per_m: float = key("the standard deviation of the noise of 1 / Z", unit="1/m", minimum=0.0)
 
 
 def measured_inverse_depth(files: Sequence[Path], scale_per_m: float) -> InverseDepth | None:
@@ -112,22 +104,9 @@ class SequenceInput:
         if "depth" in self.modalities:
             inverse = measured_inverse_depth(stored.depth_files, stored.depth_scale_per_m)
         rows = zip(self.stamps_s, colour, depth, stored.stamps.depth.seconds.tolist(), strict=True)
-        return {
-            "camera": {
-                "width": camera.width_px,
-                "height": camera.height_px,
-                "fx": camera.fx_px,
-                "fy": camera.fy_px,
-                "cx": camera.cx_px,
-                "cy": camera.cy_px,
-            },
-            "depth_scale_per_m": float(stored.depth_scale_per_m),
-            "inverse_depth": None if inverse is None else asdict(inverse),
-            "frames": [
-                {"index": index, "stamp_s": stamp_s, "colour": rgb, "depth": depth, "depth_stamp_s": depth_s}
-                for index, (stamp_s, rgb, depth, depth_s) in enumerate(rows)
-            ],
-        }
+        frames = (FrameEntry(index, *row) for index, row in enumerate(rows))
+        scale_per_m = float(stored.depth_scale_per_m)
+        return asdict(FrameIndex(CameraEntry.of(camera), scale_per_m, tuple(frames), inverse))
 
     def write_index(self, path: Path, images: Path | None) -> None:
         """Write the index, and the images that it names into a folder. Raises InputError and StorageError.

@@ -3,7 +3,6 @@
 
 import contextlib
 import csv
-import json
 import os
 import shutil
 import signal
@@ -13,7 +12,7 @@ import sys
 import tempfile
 import threading
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -28,7 +27,7 @@ from ..core.geometry import Intrinsics
 from ..core.json_text import parse_json
 from .estimate_formats import LARGEST_READ_BYTES, OverLimitError
 from .estimates import FORMATS, Asked, Estimate, Frames, estimate_of, match_frames, read_poses
-from .run_files import ESTIMATE, KEYFRAMES, Outcome, RunRecord, estimate_text
+from .run_files import ESTIMATE, FRAMES, KEYFRAMES, MAP, RUN, Outcome, RunRecord, estimate_text
 from .system_input import SequenceInput, sequence_input
 from .system_isolation import (
     CommandOutcome,
@@ -330,10 +329,7 @@ def _unread(error: InputError) -> Normalised:
     return Normalised(outcome, f"{Path(error.file).name}: {where}{error.problem}", NOTHING)
 
 
-RUN = "run.json"
 LOG = "log.txt"
-FRAMES = "frames.csv"
-MAP = "map.ply"
 STATES = ("tracked", "lost", "not_initialised", "relocalised", "skipped")
 
 WORK = ".work"  # of a run's folder: what the system writes and is given, until the run has ended
@@ -382,8 +378,7 @@ def run_system(
         record = replace(record, detail=_sentences(record.detail, f"it removed its {LOG}"))
     if not remove_tree(work / "given" if keep else work):
         record = replace(record, detail=_sentences(record.detail, "what it wrote cannot be removed"))
-    text = json.dumps(asdict(record), indent=1, sort_keys=True, allow_nan=False) + "\n"
-    write_atomic(out / RUN, text.encode(), out)
+    write_atomic(out / RUN, record.text().encode(), out)
     return record
 
 

@@ -102,7 +102,7 @@ def test_near_keyframes_are_those_that_look_the_same_way_long_before():
 
 def test_a_path_that_returns_closes_its_loop(tmp_path):
     pytest.importorskip("gtsam")
-    from noisy_world.evaluate.odometry_views import read_index
+    from noisy_world.evaluate.frame_index import read_index
     from noisy_world.evaluate.odometry import Options, run
 
     there = box_room.path(18, turn_deg=70.0)
