@@ -89,7 +89,7 @@ class SequenceInput:
         """When the colour of each frame was taken, seconds."""
         return self.stored.stamps.rgb.seconds.tolist()
 
-    def document(self, images: Path | None) -> dict[str, Any]:
+    def document(self, images: Path | None = None) -> dict[str, Any]:
         """Return the index as plain JSON values: camera, steps of depth a metre, and the frames in order of time.
 
         Files are absolute: those in the folder of images, which `write_index` writes; without one, the sequence's own.
