@@ -148,7 +148,7 @@ def gallery() -> str:
         parts += [STAGE_NOTES[stage]] if stage in STAGE_NOTES else []
         for item in (item for item in every if item.stage == stage):
             about = item.about
-            caption = (about.caption or about.law or item.sentence).removesuffix(".")
+            caption = (about.caption or f"{item.sentence[:1].lower()}{item.sentence[1:]}").removesuffix(".")
             parts += [
                 f"### {item.label}",
                 wrapped(f"`{item.name}`{'' if about.of_paper else ', ours'}: {caption}."),

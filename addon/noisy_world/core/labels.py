@@ -25,7 +25,7 @@ _AMERICAN = {
     "centre": "center", "centres": "centers", "metre": "meter", "metres": "meters", "neighbour": "neighbor",
     "neighbours": "neighbors", "synchronisation": "synchronization", "desynchronisation": "desynchronization",
     "quantised": "quantized", "normalised": "normalized", "optimised": "optimized", "recognised": "recognized",
-    "licence": "license", "behaviour": "behavior", "favour": "favor", "minimise": "minimize",
+    "kerb": "curb", "licence": "license", "behaviour": "behavior", "favour": "favor", "minimise": "minimize",
 }  # fmt: skip
 # Not inside the name of a file: after or before a slash, a dot, a dash or an underscore.
 _WORD = re.compile(rf"(?<![\w/\\.-])({'|'.join(_AMERICAN)})(?![\w/\\-]|\.\w)", re.IGNORECASE)

@@ -28,7 +28,7 @@ class About:
     """What is said of a perturbation to people; no pixel depends on it.
 
     sentence: what it does to what is seen, for menus. law: what it is, for the table of the docs. caption, picture:
-    what the gallery's picture shows, below it and in its place; by default the law, and severities 1, 3 and 5.
+    what the gallery's picture shows, below it and in its place; by default the sentence, and severities 1, 3 and 5.
     twin: the name of the physical one of the same cause. of_paper: it is one of the paper's taxonomy.
     """
 

@@ -101,7 +101,6 @@ PERTURBATION = ColourPerturbation(
     about=About(
         "Lets bright things glow, as a lens scatters a part of their light",
         "a share of the light is spread by three Gaussians, on linear light ([the camera](camera.md))",
-        caption="a lens scatters a share of the light.",
     ),
     apply=apply,
     repeatable=True,

@@ -102,9 +102,8 @@ PERTURBATION = ColourPerturbation(
     severities={"red_px": (0.5, 1.0, 1.5, 2.5, 4.0), "blue_px": (-0.5, -1.0, -1.5, -2.5, -4.0)},
     source="our own: chosen, from a lens that is hardly seen to have it to a cheap wide one",
     about=About(
-        "Moves red outwards and blue inwards, so edges near the border have colored fringes",
+        "Moves red outwards and blue inwards, so edges near the border have coloured fringes",
         "red and blue are magnified otherwise than green, about the optical axis ([the camera](camera.md))",
-        caption="red and blue are magnified otherwise than green.",
     ),
     apply=apply,
     averages=True,

@@ -119,7 +119,6 @@ PERTURBATION = ColourPerturbation(
     about=About(
         "Blurs the whole image alike, by a disk",
         "convolution with a disk, normalised everywhere",
-        caption="a disk, the same everywhere.",
         twin="defocus_depth",
         of_paper=True,
     ),

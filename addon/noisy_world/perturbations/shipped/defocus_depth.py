@@ -232,7 +232,6 @@ PERTURBATION = ColourPerturbation(
     about=About(
         "Blurs what is nearer or farther than the focus, as a lens does",
         "the depth of field of a thin lens, by planar depth; needs depth",
-        caption="a thin lens in focus at one distance.",
     ),
     apply=apply,
     averages=True,

@@ -71,7 +71,6 @@ PERTURBATION = DepthPerturbation(
     about=About(
         "Takes depth away in blocks along the edges of things",
         "blocks of 7 x 7 lost at edges of depth",
-        caption="blocks lost at edges.",
         picture="Eroded edges of depth at severities 1, 3 and 5",
         of_paper=True,
     ),

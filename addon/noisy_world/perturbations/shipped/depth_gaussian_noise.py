@@ -62,7 +62,6 @@ PERTURBATION = DepthPerturbation(
     about=About(
         "Roughens depth, wherever it is, by the spread of the frame's depths",
         "normal noise, in proportion to the standard deviation of the frame's depths",
-        caption="normal noise, as strong as the frame's depths differ.",
         picture="Noise of depth at severities 1, 3 and 5",
         of_paper=True,
     ),

@@ -43,7 +43,6 @@ PERTURBATION = DepthPerturbation(
     about=About(
         "Takes depth away that is too near or too far",
         "void outside a range of depth",
-        caption="void outside a range.",
         picture="Clipped depth at severities 1, 3 and 5",
         of_paper=True,
     ),

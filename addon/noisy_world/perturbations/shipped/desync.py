@@ -71,7 +71,7 @@ PERTURBATION = PairingPerturbation(
     severities={},
     source='paper, section "Benchmark Statistics": offsets 5, 10 and 20',
     about=About(
-        "Pairs color with depth of another moment",
+        "Pairs colour with depth of another moment",
         "colour of frame i with depth of frame i + offset: above 0 depth that was taken after its colour, as "
         "in the paper; depth that comes late is below 0",
         caption="colour with depth that was taken 5, 10 and 20 frames after it, at 20 frames a second. Edges of that "

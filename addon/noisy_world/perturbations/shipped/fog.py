@@ -242,7 +242,7 @@ PERTURBATION = ColourPerturbation(
     severities={"thickness": (1.5, 2.0, 2.5, 2.5, 3.0), "smoothness": (2.0, 2.0, 1.7, 1.5, 1.4)},
     source='paper, table "Specific configurations of the RGB imaging perturbations"; the plasma: ImageNet-C',
     about=About(
-        "Lays clouds of one gray over the image, as thick near as far away",
+        "Lays clouds of one grey over the image, as thick near as far away",
         "plasma haze, scaled by the frame's brightest value; `uniform: true` for an even grey",
         caption="the benchmark's haze, a pattern over the image.",
         twin="fog_depth",

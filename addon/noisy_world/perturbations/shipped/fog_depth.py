@@ -634,7 +634,6 @@ PERTURBATION = ColourPerturbation(
         "Hides what is far behind lit air; it may lie on the ground, come in clumps, and glow around lamps",
         "attenuation and airlight by planar depth (Koschmieder), thinner with height, uneven, with glow around "
         "lamps; needs depth",
-        caption="fog that hides what is far before what is near.",
     ),
     apply=apply,
     build=build,

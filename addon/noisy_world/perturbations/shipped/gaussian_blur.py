@@ -72,7 +72,6 @@ PERTURBATION = ColourPerturbation(
     about=About(
         "Blurs the whole image alike, softly",
         "convolution with a Gaussian",
-        caption="a Gaussian, the same everywhere.",
         of_paper=True,
     ),
     apply=apply,

@@ -236,7 +236,6 @@ PERTURBATION = ColourPerturbation(
     about=About(
         "Shifts each pixel by chance, as ribbed glass does",
         "every pixel takes the value of one nearby, between two blurs",
-        caption="pixels that change places with their neighbours.",
         of_paper=True,
     ),
     apply=apply,

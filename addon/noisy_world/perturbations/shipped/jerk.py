@@ -75,7 +75,7 @@ PERTURBATION = MotionPerturbation(
     severities={"translation_m": (0.005, 0.01, 0.02, 0.04, 0.08), "rotation_deg": (0.5, 1.0, 2.0, 4.0, 8.0)},
     source="our own; severities chosen",
     about=About(
-        "Throws the camera aside at single moments, as a curb or a stumble does",
+        "Throws the camera aside at single moments, as a kerb or a stumble does",
         "single shocks, and back",
         caption="five seconds with shocks.",
         picture="How far the camera goes over time, at severities 1, 3 and 5",

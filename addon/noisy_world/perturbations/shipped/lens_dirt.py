@@ -410,7 +410,6 @@ PERTURBATION = ColourPerturbation(
     about=About(
         "Puts dust, grease and scratches on the front glass, which light up near lamps",
         "dust, grease and scratches on the front glass, and the glare of lamps on them",
-        caption="dust, grease and scratches on the front glass.",
         example=Example(
             said="Dust, grease and scratches on the lens in the embedded room, clean and at severities 1, 3 and 5."
         ),

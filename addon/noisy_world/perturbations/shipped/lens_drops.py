@@ -406,7 +406,6 @@ PERTURBATION = ColourPerturbation(
     about=About(
         "Puts drops of water on the front glass, which show the scene upside down, run and dry",
         "drops of water on the front glass, which refract, run and dry",
-        caption="drops on the front glass that show the scene upside down.",
         example=Example(
             said="Drops on the lens in the embedded room, which run and dry, clean and at severities 1, 3 and 5."
         ),

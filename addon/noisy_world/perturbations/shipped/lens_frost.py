@@ -526,7 +526,6 @@ PERTURBATION = ColourPerturbation(
     about=About(
         "Grows crystals of ice on the glass, from its border inwards",
         "ferns of ice that grow on the glass from the border inwards",
-        caption="ferns of ice that grow from the border inwards.",
         example=Example(
             said="Frost on the lens in the embedded room, clean and at severities 1, 3 and 5, and while it grows.",
             settings=(

@@ -152,7 +152,6 @@ PERTURBATION = ColourPerturbation(
     about=About(
         "Smears the whole image along one line, whatever the camera does",
         "a one-sided trail at a random angle",
-        caption="a trail at a random angle.",
         twin="camera_motion_blur",
         of_paper=True,
     ),

@@ -82,7 +82,6 @@ PERTURBATION = ColourPerturbation(
     about=About(
         "Lets drops fall through the scene; near ones are long and wide streaks",
         "streaks of drops at their distances, and a veil; needs depth",
-        caption="streaks of drops at their distances, as faint as in photographs.",
     ),
     apply=apply,
     build=build,

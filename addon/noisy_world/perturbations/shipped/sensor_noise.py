@@ -432,7 +432,6 @@ PERTURBATION = ColourPerturbation(
     about=About(
         "Counts light in electrons, and reads them with noise, gain and a few bits",
         "electrons, dark current, read noise, gain, black level and bits, by EMVA 1288",
-        caption="electrons, reading, gain and steps, as in less and less light.",
         example=Example(render="{backend: reference}"),
     ),
     apply=apply,

@@ -201,7 +201,6 @@ PERTURBATION = ColourPerturbation(
     about=About(
         "Adds the grain of few photons, most of it in bright places",
         "Poisson numbers of photons",
-        caption="few photons.",
         of_paper=True,
     ),
     apply=apply,

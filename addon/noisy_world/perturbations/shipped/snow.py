@@ -336,7 +336,6 @@ PERTURBATION = ColourPerturbation(
     about=About(
         "Whitens the image and lays streaks of flakes over it, all at one distance",
         "streaks of snowflakes over a whitened image",
-        caption="streaks over a whitened image.",
         twin="snow_depth",
         of_paper=True,
     ),

@@ -82,7 +82,6 @@ PERTURBATION = ColourPerturbation(
     about=About(
         "Adds grain in proportion to brightness",
         "normal noise, multiplied",
-        caption="noise in proportion to the value.",
         of_paper=True,
     ),
     apply=apply,

@@ -115,7 +115,6 @@ PERTURBATION = ColourPerturbation(
     about=About(
         "Darkens the image towards its corners, as lenses do",
         "light is lost towards the corners, on linear light ([the camera](camera.md))",
-        caption="a lens passes less light towards the corners.",
     ),
     apply=apply,
     repeatable=True,

@@ -89,9 +89,8 @@ PERTURBATION = ColourPerturbation(
     severities={"strength": (0.2, 0.4, 0.6, 0.8, 1.0)},
     source="our own: chosen, up to a world that is grey on average (Buchsbaum, 1980)",
     about=About(
-        "Turns the colors of what was seen before towards gray, late and never quite",
+        "Turns the colours of what was seen before towards grey, late and never quite",
         "gains of red, green and blue by the mean colour of the frames before, with a lag and errors",
-        caption="the mean colour of what was seen is taken for the colour of the light.",
         example=Example(render="{backend: reference}"),
     ),
     apply=apply,
