@@ -16,7 +16,7 @@ import pytest
 from refusals import refused
 from cases import cases
 from worlds import ROOT, content, write_world
-import written
+import runs
 
 from noisy_world.core import atomic_files
 from noisy_world.core.errors import InterruptedRunError, StorageError
@@ -50,7 +50,7 @@ pytestmark = pytest.mark.usefixtures("no_blender")
 
 def run(preset, out, **options):
     listener = Listener()
-    return written.run(preset, out, progress=listener, **options), listener
+    return runs.run(preset, out, progress=listener, **options), listener
 
 
 @pytest.fixture

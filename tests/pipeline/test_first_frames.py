@@ -9,7 +9,7 @@ from refusals import refused
 from cases import cases
 from shard_workers import workers_here
 from worlds import write_world
-import written
+import runs
 
 
 pytestmark = pytest.mark.usefixtures("no_blender")
@@ -28,7 +28,7 @@ def see_nothing(monkeypatch):
 def run(path, out, *, frames=None, jobs=1):
     """Run a preset; of several jobs the last shard is made first, as if its process were the fastest."""
     workers = workers_here(path, out, frames=frames, order=lambda shards: shards[::-1])
-    return written.run(path, out, frames=frames, jobs=jobs, workers=workers)
+    return runs.run(path, out, frames=frames, jobs=jobs, workers=workers)
 
 
 @cases("jobs", [1, 3])

@@ -380,11 +380,10 @@ class Journals:
             with contextlib.suppress(FileNotFoundError):
                 yield path, list(_texts(path, lines))
 
-    def records(self, sequence: str, *, without: Path | None = None) -> Iterator[FrameRecord]:
-        """Yield the records of a sequence; a frame may have several. without: a journal that is not asked."""
-        for path, lines in self.lines(sequence):
-            if path != without:
-                yield from records_in(lines)
+    def records(self, sequence: str) -> Iterator[FrameRecord]:
+        """Yield the records of a sequence; a frame may have several."""
+        for _, lines in self.lines(sequence):
+            yield from records_in(lines)
 
     def rewrite(self, changed: Mapping[str, Iterable[FrameRecord] | None], scratch: Path) -> None:
         """Write the journals of some scenes again.

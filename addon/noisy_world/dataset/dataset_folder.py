@@ -12,6 +12,7 @@ import json
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import replace
 from functools import cached_property
+from itertools import chain
 from pathlib import Path
 from stat import S_ISREG
 from typing import Any, TypeAlias
@@ -339,15 +340,17 @@ class Dataset:
         if recorded.is_dir():
             raise StorageError("is a folder where a file of the dataset belongs", file=recorded, remedy="move it away")
         fresh = journal_path(self._work, self._fresh, folder.split("/")[1])
-        written = plausible_records(self.finished_records(folder), names, count)
-        begun, note = planned_records(self._journals.records(folder, without=fresh), names, count, as_planned)
+        finished = list(self.finished_records(folder))
+        journals = {path: list(records_in(lines)) for path, lines in self._journals.lines(folder)}
+        before = chain.from_iterable(records for path, records in journals.items() if path != fresh)
+        written = plausible_records(finished, names, count)
+        begun, note = planned_records(before, names, count, as_planned)
         self.notes += [f"{folder}: {note}"] if note else []
         found = joined_records((*written.values(), *begun.values()))
         checked = (self._intact(folder, record) for record in found.values())
-        lines = (line for path, lines in self._journals.lines(folder) if path == fresh for line in lines)
-        merged = plausible_records(records_in(lines), names, count).values()  # hashed when merged
+        merged = plausible_records(journals.get(fresh, ()), names, count).values()  # hashed when merged
         intact = joined_records((*(record for record in checked if record.files), *merged))
-        if intact != self.records(folder):
+        if intact != joined_records((*finished, *chain.from_iterable(journals.values()))):
             self._changed[folder] = tuple(intact.values())
 
     def settle(self) -> None:
