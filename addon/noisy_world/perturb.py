@@ -332,14 +332,15 @@ class PerturbedFrame:
     """A frame of a perturbed sequence.
 
     index: its number there. stamp_s: its time stamp, seconds. c2w: (4, 4) float64 camera-to-world of its colour, OpenCV
-    axes, metres. rgb: (H, W, 3) uint8, RGB. depth_m: (H, W) float32 planar depth in metres, 0 = void.
+    axes, metres. rgb: (H, W, 3) uint8, RGB. depth_m: (H, W) float32 planar depth in metres, 0 = void; None of a
+    recording without depth.
     """
 
     index: int
     stamp_s: float
     c2w: NDArray[np.float64]
     rgb: NDArray[np.uint8]
-    depth_m: NDArray[np.float32]
+    depth_m: NDArray[np.float32] | None
 
     def __repr__(self) -> str:
         size = "{1} x {0}".format(*self.rgb.shape)
@@ -401,6 +402,9 @@ def frames(
     if moving:
         motion = moving[-1].perturbation.name
         raise ConfigPath("frames").error(f"{motion} needs a mesh: a sequence cannot be seen from elsewhere")
+    if not stored.depth_files and (whole.needs_depth or whole.depth or whole.pairing):
+        problem = f"{setting} needs depth, and {folder} has none"
+        raise ConfigPath("frames").error(problem, "leave out what needs depth")
     optics = stored.optics if known is None else recording.optics(known)
     if optics.depth is not None and known is None:
         raise ConfigPath("frames").error(f"depth of {folder} has a camera of its own", "give intrinsics")
@@ -441,4 +445,5 @@ def _perturbed_frames(
     clean_frames = CleanFrames(colour, depth, clean)
     for index in sequence.frames:
         made = sequence.frame(index, clean_frames)
-        yield PerturbedFrame(index, float(path.stamps_s[index]), path.c2w[index], made.rgb, made.depth_m)
+        depth_m = made.depth_m if stored.depth_files else None
+        yield PerturbedFrame(index, float(path.stamps_s[index]), path.c2w[index], made.rgb, depth_m)
