@@ -6,7 +6,7 @@ import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, make_dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, TypeAlias
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, TypeAlias
 
 from ..channels import CHANNELS
 from ..channels.channel import FILE_KINDS
@@ -65,7 +65,9 @@ class SweepSpec:
 class SettingSpec:
     """A setting of the benchmark: what is done to every scene; or a sweep or another preset, which make several."""
 
-    name: str | None = key("the setting's folder in the dataset", default=None, pattern=safe_name, identity="meaning")
+    name: str | None = key(
+        "the setting's folder in the dataset", default=None, pattern=safe_name, identity="meaning", label="Setting"
+    )
     perturb: tuple[Any, ...] = key(
         "perturbations, each {name: {severity, mode, levels, temporal, or parameters}}; see --list perturbations",
         default=(),
@@ -171,6 +173,14 @@ else:
 class OutputSpec:
     """How the dataset is written."""
 
+    TOOLTIPS: ClassVar[dict[str, str]] = {
+        "layout": "The layout of the files",
+        "image": "Format of color: JPEG at quality 98 without chroma subsampling, PNG, or EXR of light",
+        "colour": "What color images hold: red, green and blue, or one channel of gray",
+        "depth_scale_per_m": "Steps of the 16-bit depth images a metre",
+        "modalities": "The channels that are rendered and written",
+    }
+
     layout: str = key(
         "the layout of the files; see --list layouts",
         default=next(iter(LAYOUTS)),
@@ -187,6 +197,7 @@ class OutputSpec:
             "exr": Choice("EXR", "Scene-linear light before the view transform, as half floats"),
         },
         identity="meaning",
+        label="Images",
     )
     colour: Colour | None = key(
         "what colour images hold: red, green and blue, or one channel of grey (BT.601 weights on encoded values); "
@@ -197,6 +208,7 @@ class OutputSpec:
             "grey": Choice("Grey", "One channel, as systems for visual odometry read it"),
         },
         identity="meaning",
+        label="Channels",
     )
     depth_scale_per_m: float | None = key(
         "steps of the 16-bit depth images a metre; " + _defaults(lambda item: f"{item.depth_scale_per_m:g}"),
@@ -206,6 +218,7 @@ class OutputSpec:
         maximum=1e6,
         identity="meaning",
         slider=(100, 10_000),
+        label="Depth Scale",
     )
     depth_beyond: Beyond = key(
         "what becomes of depth that 16 bits do not hold: void, or the farthest that they do",
@@ -215,12 +228,14 @@ class OutputSpec:
             "farthest": Choice("Farthest", "The farthest depth that 16 bits hold"),
         },
         identity="meaning",
+        label="Beyond Range",
     )
     modalities: tuple[str, ...] = key(
         "the channels that are rendered and written; see --list channels",
         default=("rgb", "depth"),
         choices={name: Choice(item.label, item.meaning) for name, item in CHANNELS.items()},
         identity="meaning",
+        label="Write",
     )
     formats: FormatsSpec = key(
         "what files of channels are that keep values exactly, or in steps; of colour, image says it",
@@ -332,10 +347,14 @@ class CameraSpec:
 
     width: int = key("image width", unit="px", minimum=1, maximum=65500, identity="meaning", slider=(16, 4096))
     height: int = key("image height", unit="px", minimum=1, maximum=65500, identity="meaning", slider=(16, 4096))
-    fx: float = key("focal length", unit="px", above=0, maximum=1e6, identity="meaning", slider=(50, 4000))
-    fy: float = key("focal length", unit="px", above=0, maximum=1e6, identity="meaning", slider=(50, 4000))
-    cx: float = key("principal point", unit="px", minimum=-1e6, maximum=1e6, identity="meaning", slider=(0, 4096))
-    cy: float = key("principal point", unit="px", minimum=-1e6, maximum=1e6, identity="meaning", slider=(0, 4096))
+    fx: float = key("focal length", unit="px", above=0, maximum=1e6, identity="meaning", slider=(50, 4000), label="fx")
+    fy: float = key("focal length", unit="px", above=0, maximum=1e6, identity="meaning", slider=(50, 4000), label="fy")
+    cx: float = key(
+        "principal point", unit="px", minimum=-1e6, maximum=1e6, identity="meaning", slider=(0, 4096), label="cx"
+    )
+    cy: float = key(
+        "principal point", unit="px", minimum=-1e6, maximum=1e6, identity="meaning", slider=(0, 4096), label="cy"
+    )
     near_m: float = key(
         "what is nearer is not seen",
         unit="m",
@@ -372,8 +391,19 @@ class CameraSpec:
 class SensorSpec:
     """Where a sensor sits on the robot: the sensor's OpenCV axes in the robot's frame. One rotation at most."""
 
+    TOOLTIPS: ClassVar[dict[str, str]] = {
+        "translation_m": "Where the sensor sits beside the camera, in the axes of the path's poses",
+    }
+
     translation_m: tuple[float, float, float] = key(
-        "position", unit="m", default=(0.0, 0.0, 0.0), minimum=-1e6, maximum=1e6, identity="meaning"
+        "position",
+        unit="m",
+        default=(0.0, 0.0, 0.0),
+        minimum=-1e6,
+        maximum=1e6,
+        identity="meaning",
+        label="Place",
+        slider=(-0.5, 0.5),
     )
     quat_wxyz: tuple[float, float, float, float] | None = key(
         "rotation, as a quaternion", default=None, minimum=-1e6, maximum=1e6, identity="meaning"
@@ -425,7 +455,7 @@ class RigSpec:
     rgb: SensorSpec = key("the colour sensor", default=SensorSpec())
     depth: DepthSensorSpec | None = key("the depth sensor, where it is not the colour sensor's place", default=None)
     imu: ImuSpec | None = key(
-        "the inertial measurement unit, with the robot's axes if it has no rotation", default=None
+        "the inertial measurement unit, with the robot's axes if it has no rotation", default=None, label="IMU"
     )
 
 

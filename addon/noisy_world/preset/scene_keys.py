@@ -15,10 +15,23 @@ class HandheldSpec:
     """A seeded path of a camera held in the hand, walking through the scene."""
 
     frames: int = key(
-        "length of the path", unit="frames", minimum=1, maximum=1_000_000, identity="meaning", slider=(2, 2000)
+        "length of the path",
+        unit="frames",
+        minimum=1,
+        maximum=1_000_000,
+        identity="meaning",
+        slider=(2, 2000),
+        label="Length",
     )
     rate_hz: float = key(
-        "frames a second", unit="Hz", default=20.0, above=0, maximum=10_000, identity="meaning", slider=(1, 120)
+        "frames a second",
+        unit="Hz",
+        default=20.0,
+        above=0,
+        maximum=10_000,
+        identity="meaning",
+        slider=(1, 120),
+        label="Frame Rate",
     )
     seed: int | None = key(
         "seed of the path, where it should not follow the preset's", default=None, minimum=0, identity="meaning"
@@ -61,6 +74,7 @@ class BodySpec:
             "drone": Choice("Drone", "A multicopter, which leans into its acceleration"),
         },
         identity="meaning",
+        label="Body",
     )
     motion: float = key(
         "what the body's own motion is multiplied by; 0 leaves the mean way",
@@ -68,6 +82,7 @@ class BodySpec:
         minimum=0,
         maximum=10,
         identity="meaning",
+        label="Body Motion",
     )
 
 
@@ -80,12 +95,18 @@ def _format_choices() -> dict[str, Choice]:
 class TrajectorySpec:
     """Where the camera goes: a file, or a path made here; a bare text is a file."""
 
+    TOOLTIPS: ClassVar[dict[str, str]] = {
+        "file": "Poses of Replica, KITTI, TUM, EuRoC, ScanNet, Open3D (.log) or nerfstudio (transforms.json)",
+        "every": "Use every pose, every second one, every third, and so on",
+    }
+
     SHORTHAND: ClassVar[str] = "file"
 
     file: str | None = key(
         "file of poses, or folder of one pose a file, relative to the preset; * allowed; its format is told by content",
         default=None,
         identity="meaning",
+        label="File",
     )
     handheld: HandheldSpec | None = key("a path made here instead of a file", default=None)
     body: BodySpec | None = key("what carries the camera along the path, with its own motion", default=None)
@@ -125,6 +146,7 @@ class TrajectorySpec:
         maximum=10_000,
         identity="meaning",
         slider=(1, 120),
+        label="Frame Rate",
     )
     stamp_unit: Literal["auto", "s", "ms", "us", "ns"] = key(
         "the unit of the file's time stamps; auto tells seconds from nanoseconds",
@@ -140,7 +162,9 @@ class TrajectorySpec:
     )
     start: int = key("first pose used", default=0, minimum=0, identity="meaning")
     stop: int | None = key("the pose after the last one used", default=None, minimum=1, identity="meaning")
-    every: int = key("use every n-th pose", default=1, minimum=1, identity="meaning", slider=(1, 20))
+    every: int = key(
+        "use every n-th pose", default=1, minimum=1, identity="meaning", slider=(1, 20), label="Every Nth Pose"
+    )
     resample_hz: float | None = key(
         "take poses at this rate, from the smooth path through all poses",
         unit="Hz",
@@ -155,11 +179,16 @@ class TrajectorySpec:
 class SceneKeys:
     """What an entry of a preset's `scenes` says, whatever its source."""
 
+    TOOLTIPS: ClassVar[dict[str, str]] = {
+        "name": "The scene's folder in the dataset",
+    }
+
     name: str | None = key(
         "the scene's folder in the dataset; * stands for what the * of mesh, sequence, video or blend matched",
         default=None,
         pattern=scene_name,
         identity="meaning",
+        label="Name",
     )
 
 

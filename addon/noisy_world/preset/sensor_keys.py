@@ -33,6 +33,7 @@ class DistortionSpec:
             "radial-tangential": Choice("Radial-Tangential", "Brown and Conrady's: of most lenses"),
             "equidistant": Choice("Equidistant", "Kannala and Brandt's: of fisheyes"),
         },
+        label="Lens Model",
     )
     k1: float = _coefficient("radial, by the square of the radius or the angle")
     k2: float = _coefficient("radial, by its 4th power")
@@ -46,6 +47,7 @@ class DistortionSpec:
         "whether frames that the lens has bent are made a pinhole's again, as a driver does: they are interpolated, "
         "and what the lens did not see is void",
         default=False,
+        label="Undistort Again",
     )
 
     @property

@@ -3,7 +3,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, ClassVar, Literal
 
 from ..core.errors import Message, PresetKey, either
 from ..core.schema import Choice, ConfigPath, key
@@ -22,6 +22,10 @@ if TYPE_CHECKING:
 @dataclass(frozen=True, kw_only=True)
 class BlendKeys(PathKeys):
     """What a preset says of a scene of one's own."""
+
+    TOOLTIPS: ClassVar[dict[str, str]] = {
+        "depth_alpha": "Higher: depth sees through surfaces that are less transparent",
+    }
 
     blend: str = key(
         "instead of mesh: a .blend, rendered as its artist set it up, relative to the preset; * allowed",

@@ -21,10 +21,15 @@ from .scene_kinds import FoundScene, SceneEntry
 class MeshKeys(PathKeys):
     """What a preset says of a mesh and the way through it."""
 
+    TOOLTIPS: ClassVar[dict[str, str]] = {
+        "mesh": "Mesh with colors or textures: PLY, glTF, OBJ, USD, FBX or STL",
+    }
+
     mesh: str = key(
         "PLY, glTF, OBJ, USD, FBX or STL file, relative to the preset; * allowed; or "
         f"{EMBEDDED_ROOM}?seed=0 to {ROOMS - 1}",
         identity="meaning",
+        label="Mesh File",
     )
     up: Literal["y", "z"] | None = key(
         "the axis of the mesh's file that points up, where that is not what the file declares; y is turned to Z up",

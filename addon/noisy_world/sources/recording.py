@@ -47,9 +47,20 @@ RATE_TOLERANCE = 0.01  # chosen: 30 Hz may stand for the 29.97 of a camera; the 
 class RecordingKeys(SceneKeys):
     """What a preset says of a recording."""
 
+    TOOLTIPS: ClassVar[dict[str, str]] = {
+        "layout": "What the folder holds: a recording, or plain images alone",
+        "poses": "What becomes of frames that have no valid pose",
+        "rate_hz": "Rate of frames that have no time stamps, where it is not that of their layout",
+        "undistort": "Make a pinhole's pictures of those of a lens that distorts",
+        "register": "Lay depth of a camera of its own into color, by the calibration",
+        "void": "What depth 0 means to fog, weather and defocus by depth; depth is written as it is",
+        "depth_scale_per_m": "Steps a meter of depth, such as 1000 for millimeters, where no file says it",
+    }
+
     sequence: str = key(
         f"instead of mesh and trajectory: a folder laid out as {known_recordings()}, relative to the preset; * allowed",
         identity="meaning",
+        label="Folder",
     )
     rate_hz: float | None = key(
         "frames a second of a sequence that has no time stamps of its own; default 20",
@@ -59,6 +70,7 @@ class RecordingKeys(SceneKeys):
         maximum=10_000,
         identity="meaning",
         slider=(1, 120),
+        label="Frame Rate",
     )
     layout: ReadAs = key(
         "how the folder of a sequence is read: auto by the layout that its files tell; images as plain PNG or JPEG "
@@ -81,6 +93,7 @@ class RecordingKeys(SceneKeys):
             "none": Choice("No Poses", "Look for no poses at all: a recording without ground truth"),
         },
         identity="meaning",
+        label="Without Pose",
     )
     undistort: bool = key(
         "whether a sequence whose lens distorts is made a pinhole's", default=False, identity="meaning"
@@ -89,6 +102,7 @@ class RecordingKeys(SceneKeys):
         "whether depth of a sequence that has a camera of its own is laid into colour, by the calibration",
         default=False,
         identity="meaning",
+        label="Register Depth",
     )
     depth_scale_per_m: float | None = key(
         "steps a metre of a sequence's depth images, where it is not what its files or its layout say",
@@ -98,8 +112,9 @@ class RecordingKeys(SceneKeys):
         maximum=SCALES_PER_M[1],
         identity="meaning",
         slider=(100, 10_000),
+        label="Depth Scale",
     )
-    void: Void = key(VOID_MEANING, default="unmeasured", choices=VOID_CHOICES)
+    void: Void = key(VOID_MEANING, default="unmeasured", choices=VOID_CHOICES, label="Void")
     distortion: DistortionSpec | None = key(
         "a lens that a pinhole's frames are bent as by: interpolated, what it would see beside them void", default=None
     )

@@ -38,12 +38,21 @@ RECORDED = "a video has nothing between its frames"
 class VideoKeys(SceneKeys):
     """What a preset says of a video."""
 
-    video: str = key("instead of sequence: a video file, relative to the preset; * allowed", identity="meaning")
+    TOOLTIPS: ClassVar[dict[str, str]] = {
+        "video": "A video that OpenCV reads, such as .mp4, .mov, .avi or .mkv",
+        "depth": "Folder of the video's depth: a 16-bit PNG for each frame, in the order of their numbers",
+        "depth_scale_per_m": "Steps a meter of the depth beside the video; 1000: millimeters",
+    }
+
+    video: str = key(
+        "instead of sequence: a video file, relative to the preset; * allowed", identity="meaning", label="Video"
+    )
     depth: str | None = key(
         "the folder of a video's depth, a 16-bit PNG for each frame in the order of their numbers, relative to the "
         "preset; * stands for what the * of video matched",
         default=None,
         identity="meaning",
+        label="Depth",
     )
     depth_scale_per_m: float | None = key(
         "steps a metre of the depth beside a video; default 1000: millimetres",
@@ -53,6 +62,7 @@ class VideoKeys(SceneKeys):
         maximum=SCALES_PER_M[1],
         identity="meaning",
         slider=(100, 10_000),
+        label="Depth Scale",
     )
     void: Void = key(VOID_MEANING, default="unmeasured", choices=VOID_CHOICES)
 
