@@ -131,7 +131,7 @@ class Kernel32:
 def test_all_that_a_command_starts_is_in_a_job_that_ends_with_the_guard(guard, monkeypatch):
     kernel = Kernel32()
     monkeypatch.setattr(ctypes, "WinDLL", lambda name: kernel, raising=False)
-    job = guard["Job"]()
+    job = guard["WindowsJob"]()
     assert kernel.inside == [(7, 2**64 - 1)]  # this process, before it starts another
     (flags,) = struct.unpack_from("<I", kernel.set[7, 9], 16)
     assert flags == 0x2000  # JOB_OBJECT_LIMIT_KILL_ON_JOB_CLOSE
@@ -141,7 +141,7 @@ def test_all_that_a_command_starts_is_in_a_job_that_ends_with_the_guard(guard, m
 
 def test_a_windows_without_jobs_tells_nothing_of_them(guard, monkeypatch):
     monkeypatch.setattr(ctypes, "WinDLL", lambda name: Kernel32(makes_jobs=False), raising=False)
-    job = guard["Job"]()
+    job = guard["WindowsJob"]()
     assert job.taken() == (0, 0)
     assert job.spent() == (None, None)
 
