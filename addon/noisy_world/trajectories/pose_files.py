@@ -260,12 +260,13 @@ class TextRows:
 
     def cells(self, column: int) -> list[str]:
         """Return the text of each row's number in a column."""
-        return [self.cell(row, column) for row in range(len(self.lines))]
+        data = map(self._data, range(len(self.lines)))
+        return [line.split("," if "," in line else None)[column].strip() for line in data]
 
-    def cell(self, row: int, column: int) -> str:
-        """Return the text of a number."""
-        line = self._data(row)
-        return line.split("," if "," in line else None)[column].strip()
+    def first_cell(self) -> str:
+        """Return the text of the first row's first number."""
+        line = self._data(0)
+        return line.split("," if "," in line else None)[0].strip()
 
     def _data(self, row: int) -> str:
         return self.texts[self.lines[row] - 1].partition("#")[0]

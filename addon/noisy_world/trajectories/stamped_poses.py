@@ -281,7 +281,7 @@ def _is_euroc(file: PoseFile) -> bool:
     named = _named_columns(file.rows.headers, file.first_widths[0])
     if named is not None:
         return named.format == "euroc"
-    return file.first_widths[0] == 17 or (file.rows.commas and bool(_WHOLE.fullmatch(file.rows.cell(0, 0))))
+    return file.first_widths[0] == 17 or (file.rows.commas and bool(_WHOLE.fullmatch(file.rows.first_cell())))
 
 
 TUM = TrajectoryFormat(
