@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from ..channels import CHANNELS, in_order
+from ..channels import CHANNELS
 from ..core.camera_motion import CameraMotion, motion_between
 from ..core.errors import InputError
 from ..core.file_access import read_bytes
@@ -161,13 +161,13 @@ class Frame:
     # --- its record ---
 
     def record(self, channels: Collection[Modality], written: Collection[Modality]) -> dict[str, Any]:
-        """Return what is done to images of some channels, as frames.jsonl has it, but for motion.
+        """Return what is done to images of some channels, given in their order, as frames.jsonl has it but for motion.
 
         written: all channels that the dataset has. Without clean frames it is what the plan tells: no exposure, and
         nothing that automatics decide or that is found in a frame's depth.
         """
         found: dict[str, Any] = {}
-        for channel in map(CHANNELS.__getitem__, in_order(channels)):
+        for channel in map(CHANNELS.__getitem__, channels):
             if channel.steps is not None and self.sequence.setting.on(channel.name):
                 found[channel.steps] = self.steps(channel.name)
                 if channel.steps == "rgb" and self._from is not None:

@@ -193,6 +193,7 @@ class FrameWriter:
         self._stamps = render.scene.source.frame_stamps
         self._names = dataset.format.names(self._stamps)
         self._sequences = [sequence for sequence in render.sequences if sequence.frames]
+        self._channels = [name for name in in_order(dataset.format.modalities) if not CHANNELS[name].pairs]
         self.finished = finished
         self._journals: list[SequenceJournal] = []
         with contextlib.ExitStack() as opened:
@@ -243,8 +244,7 @@ class FrameWriter:
         for sequence, journal in zip(self._sequences, self._journals, strict=True):
             records = [
                 record
-                for modality in in_order(self._dataset.format.modalities)
-                if not CHANNELS[modality].pairs
+                for modality in self._channels
                 for record in self._write_images(modality, sequence, clean, files, frames)
             ]
             self._append(journal, records)

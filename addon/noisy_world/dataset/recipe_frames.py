@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..channels import CHANNELS, COLOUR_AND_DEPTH
+from ..channels import CHANNELS, COLOUR_AND_DEPTH, in_order
 from ..channels.channel import View
 from ..core.errors import InputError
 from ..core.frame_request import SensorPaths
@@ -364,7 +364,7 @@ class FrameOfRecipe(Frame):
         if "rgb" in self._format.modalities:
             self._in.check_executable()
         written = self._format.modalities
-        found = self._made.record(written, written)
+        found = self._made.record(in_order(written), written)
         if motion := self._in.motion:
             found["motion"] = motion[self.index]
         return json.loads(json.dumps({name: found[name] for name in sorted(found)}))

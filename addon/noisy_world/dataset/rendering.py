@@ -15,7 +15,6 @@ from ..core.frame_request import FrameRequest, RequestedRays, SensorPaths, Shutt
 from ..core.geometry import Intrinsics
 from ..core.srgb import decoded, encoded
 from ..core.trajectory import Trajectory, rounded_path
-from ..core.travel import travel_px
 from ..images.pixels import as_float
 from ..perturbations.execution import Notes, chosen_poses, expose, exposure_notes, move, rays_of, take_poses
 from ..perturbations.kinds import Channels, SceneAround, TakenImages
@@ -120,6 +119,8 @@ class _Around:
 
     def travel_px(self, times_s: NDArray[np.float64]) -> float:
         """Return how far what any pixel sees goes on the image, at most: see `Moments`. Depth is of the middle time."""
+        from ..core.travel import travel_px
+
         middle_s = float(times_s[len(times_s) // 2])
         depth_m = self.take(middle_s, None).depth_m
         assert depth_m is not None, "a step that measures travel has depth"
