@@ -20,7 +20,7 @@ WORKER = """
 import contextlib, os, signal, sys, threading, time
 sys.path.insert(0, {addon!r})
 from noisy_world.core.errors import NoisyWorldError
-from noisy_world.executors.worker import work
+from noisy_world.executors.jobs import work
 
 @contextlib.contextmanager
 def ready(order, progress):

@@ -114,7 +114,7 @@ def test_what_keeps_a_node_from_taking_part(tmp_path):
 def test_a_command_ends_with_the_process_that_runs_it(tmp_path):
     program = f"import os, time; open({str(tmp_path / 'pid')!r}, 'w').write(str(os.getpid())); time.sleep(60)"
     driver = f"""
-        from noisy_world.executors.node import NodeTask, carry_out
+        from noisy_world.executors.worker_process import NodeTask, carry_out
         carry_out(NodeTask("shard", ("-c", {program!r})), print)
         """
     process = subprocess.Popen([sys.executable, "-c", textwrap.dedent(driver)], env=os.environ | {"PYTHONPATH": ADDON})
