@@ -424,8 +424,7 @@ def _perturbed_frames(
 
     optics: what its cameras have beyond one pinhole.
     """
-    from .dataset.colour import EarlierFrames
-    from .dataset.frame import Camera, CleanFrame, CleanFrames
+    from .dataset.frame import Camera, CleanFrame, CleanFrames, EarlierFrames, PlannedFrame
     from .images.measured_depth import Registration
     from .render.source import light_seen
     from .sources.recording import RecordedFrame
@@ -444,6 +443,6 @@ def _perturbed_frames(
 
     clean_frames = CleanFrames(colour, depth, clean)
     for index in sequence.frames:
-        made = sequence.frame(index, clean_frames)
+        made = PlannedFrame(sequence, index, clean_frames)
         depth_m = made.depth_m if stored.depth_files else None
         yield PerturbedFrame(index, float(path.stamps_s[index]), path.c2w[index], made.rgb, depth_m)

@@ -41,7 +41,7 @@ def main(preset_path: str, out: str, *flags: str) -> None:
     from noisy_world.sources.renderers import open_session
 
     blender_s = time.perf_counter() - imported_s
-    from noisy_world.dataset.frame import CleanFrame, Frame, cameras_of
+    from noisy_world.dataset.frame import CleanFrame, PlannedFrame, cameras_of
 
     paths = source_paths(plan, render)
     options = render_options(plan, render, threads=1 if "--one-thread" in flags else 0)
@@ -62,7 +62,7 @@ def main(preset_path: str, out: str, *flags: str) -> None:
                 for frame in frames:
                     shown = frame % len(paths)
                     clean = CleanFrame(shown, session.frame(paths.request(shown)))
-                    writer.submit(clean, partial(Frame, clean=cameras_of(render, paths).of_one(clean)))
+                    writer.submit(clean, partial(PlannedFrame, clean=cameras_of(render, paths).of_one(clean)))
                 writer.drain()
             timer = {"frame_s": time.perf_counter() - start_s, "core_s": time.process_time() - start_core_s}
             return {name: value / len(frames) for name, value in timer.items()}

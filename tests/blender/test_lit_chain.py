@@ -20,7 +20,7 @@ from noisy_world.dataset.identity import render_seed
 from noisy_world.core.geometry import Intrinsics
 from noisy_world.perturbations.execution import ColourWork
 from noisy_world.perturbations.kinds import FrameContext
-from noisy_world.dataset.colour import on_light
+from noisy_world.perturbations.execution import on_light
 
 CHAIN = ("fog_depth", "snow_depth", "frost", "lens_drops", "lens_dirt")
 

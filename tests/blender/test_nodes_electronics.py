@@ -17,7 +17,7 @@ from noisy_world.nodes.chain import decided_by
 from noisy_world.perturbations.kinds import EarlierFrame, small_light
 from noisy_world.perturbations.execution import ColourWork, perturb_colour
 from noisy_world.perturbations.kinds import FrameContext
-from noisy_world.dataset.colour import on_light
+from noisy_world.perturbations.execution import on_light
 from noisy_world.core.frame_request import Shutter
 
 STAMP_S = 0.35

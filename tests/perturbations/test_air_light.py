@@ -7,7 +7,7 @@ from noisy_world.core.node_graph import Graph, GroupInput
 from noisy_world.core.graph_arrays import carried_out
 from noisy_world.perturbations.execution import ColourWork
 from noisy_world.perturbations.kinds import FrameContext
-from noisy_world.dataset.colour import on_light
+from noisy_world.perturbations.execution import on_light
 from noisy_world.perturbations.parsing import parse_steps
 from noisy_world.core.schema import ConfigPath
 from noisy_world.perturbations import registry

@@ -16,6 +16,7 @@ from shard_workers import workers_here
 from worlds import content, write_world
 
 from noisy_world.channels import COLOUR_AND_DEPTH
+from noisy_world.dataset.frame import PlannedFrame
 from noisy_world.images import pixels as images
 from noisy_world.images.pixels import encode_colour
 from noisy_world.perturbations.parsing import parse_steps
@@ -48,7 +49,7 @@ def test_a_planned_frame_tells_its_record_and_which_images_are_one(world, out):
     for render in planned(world).renders:
         for sequence in render.sequences:
             for index, record in zip(sequence.frames, records(out, sequence.setting.name), strict=True):
-                frame = sequence.frame(index)
+                frame = PlannedFrame(sequence, index)
                 told = {name: done for name, done in record.get("perturbed", {}).items() if name != "motion"}
                 assert json.loads(json.dumps(frame.record(COLOUR_AND_DEPTH, COLOUR_AND_DEPTH))) == told
                 for channel, kind in (("rgb", "frame"), ("depth", "depth")):

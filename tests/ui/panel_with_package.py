@@ -22,7 +22,7 @@ bpy.ops.wm.read_factory_settings(use_empty=True)
 noisy_world.register()
 
 from noisy_world.panel import source_views
-from noisy_world.panel import document, frame_preview, gallery, drawn_paths, preview, steps, loading
+from noisy_world.panel import document, frame_preview, gallery, drawn_paths, preview, step_list, loading
 
 scene = bpy.context.scene
 settings = scene.noisy_world
@@ -93,7 +93,7 @@ try:
 except InputError as error:
     told["gone"] = f"{type(error).__name__}: {error}"
 told["has depth steps"] = preview.has_depth_steps(settings)
-steps.add_step(settings, "fog")
+step_list.add_step(settings, "fog")
 
 # A source that the package brings.
 from noisy_world.panel import document, wording

@@ -15,7 +15,7 @@ from noisy_world.perturbations.parsing import parse_steps
 from noisy_world.perturbations.kinds import FrameContext
 from noisy_world.core.schema import ConfigPath
 from noisy_world.perturbations import registry
-from noisy_world.panel import document, section_presets, steps, own_objects, preview, loading
+from noisy_world.panel import document, section_presets, step_list, steps, own_objects, preview, loading
 
 pytestmark = pytest.mark.usefixtures("add_on")
 
@@ -98,7 +98,7 @@ def key_severity(step, *keys):
     for frame, severity in keys:
         step.severity = severity
         assert step.keyframe_insert("severity", frame=frame)
-    for curve in steps.fcurves_of(scene().animation_data):
+    for curve in step_list.fcurves_of(scene().animation_data):
         for point in curve.keyframe_points:
             point.interpolation = "LINEAR"
         curve.update()
@@ -137,13 +137,13 @@ def test_keys_go_with_their_entry_of_the_list():
     bpy.ops.noisy_world.add_step(perturbation="gaussian_noise")
     key_severity(settings().steps[1], (0, 1.0), (3, 2.0))
     bpy.ops.noisy_world.add_step(perturbation="fog")  # comes first
-    assert [steps.curve_of(step) is not None for step in settings().steps] == [False, False, True]
+    assert [step_list.curve_of(step) is not None for step in settings().steps] == [False, False, True]
     settings().active_step = 0
     bpy.ops.noisy_world.remove_step()
-    assert [steps.curve_of(step) is not None for step in settings().steps] == [False, True]
+    assert [step_list.curve_of(step) is not None for step in settings().steps] == [False, True]
     settings().active_step = 1
     bpy.ops.noisy_world.remove_step()
-    assert steps.fcurves_of(scene().animation_data) == []
+    assert step_list.fcurves_of(scene().animation_data) == []
 
 
 def test_the_preview_shows_the_keyed_severity():
@@ -180,7 +180,7 @@ def test_edits_in_the_chain_survive_a_slider():
     assert shown_chain(scene()) == chain
     assert first.inputs["Thickness"].default_value == 7.5
     assert first.inputs["Smoothness"].is_linked
-    paths = {curve.data_path for curve in steps.fcurves_of(chain.animation_data)}
+    paths = {curve.data_path for curve in step_list.fcurves_of(chain.animation_data)}
     assert second.inputs["Std"].path_from_id("default_value") in paths
     assert second.inputs["Std"].default_value == 0.25
     assert preview.is_chain_edited(scene())

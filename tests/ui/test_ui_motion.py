@@ -12,7 +12,7 @@ bpy = pytest.importorskip("bpy", reason="bpy is not installed")
 from noisy_world.trajectories.bodies import BODIES
 from noisy_world.perturbations.shipped._deviations import SPECTRA
 from noisy_world.panel import drawn_paths, sections
-from noisy_world.panel.steps import add_step
+from noisy_world.panel.step_list import add_step
 
 pytestmark = pytest.mark.usefixtures("add_on")
 

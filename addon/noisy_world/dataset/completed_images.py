@@ -19,6 +19,7 @@ from ..core.frame_table import COMPLETED, FrameRecord
 from ..layouts import FrameNames, Modality
 from .dataset_folder import Dataset
 from .estimate import image_bytes
+from .frame import PlannedFrame
 from .plan import Plan, Render
 from .sequence import PlannedSequence, ShownSources, parts_made
 from .shards import Shard
@@ -70,7 +71,7 @@ def is_as_planned(sequence: PlannedSequence, names: FrameNames, record: FrameRec
     if not 0 <= record.frame < len(sequence.source_frames) or sequence.leaves_out(record.frame):
         return False
     there = [name for name in COLOUR_AND_DEPTH if names.image(name, record.frame) in record.files]
-    done = sequence.frame(record.frame).record(there, there)
+    done = PlannedFrame(sequence, record.frame).record(there, there)
     recorded = {name: part for name, part in record.perturbed.items() if name not in TOLD_OTHERWISE}
     return recorded == json.loads(json.dumps(done))  # tuples are lists there
 

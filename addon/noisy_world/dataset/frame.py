@@ -5,6 +5,8 @@ All who ask for these ask it: what writes a dataset and what takes it up again, 
 """
 
 import contextlib
+import threading
+from collections import OrderedDict
 from collections.abc import Callable, Collection, Hashable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
@@ -15,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..channels import CHANNELS
+from ..channels.channel import PairChannel, View
 from ..core.camera_motion import CameraMotion, motion_between
 from ..core.errors import InputError
 from ..core.file_access import read_bytes
@@ -26,18 +29,26 @@ from ..images.image_files import WholeFile
 from ..images.measured_depth import Registration, completed_m
 from ..images.pixels import as_bytes, as_float
 from ..layouts import Modality, OutputFormat
-from ..perturbations.execution import ColourWork, DepthWork, Notes, chosen_poses, drawn_motion
-from ..perturbations.kinds import EarlierFrame, FrameContext
+from ..perturbations.execution import (
+    ColourWork,
+    DepthWork,
+    Notes,
+    acts_on_light,
+    after_light,
+    chosen_poses,
+    drawn_motion,
+    on_light,
+)
+from ..perturbations.kinds import MID_GREY, EarlierFrame, FrameContext, ReadEarlier, earlier_than
 from ..render.source import SceneLight, SourceFrame, light_seen
 from .run_report import DECODING, StageTimer
 from .sequence import PlannedSequence, ShownSources, array_of
 
 if TYPE_CHECKING:
-    from .colour import EarlierFrames
-    from .pairs import CleanPair
     from .plan import Render
 
 SKY_BEHIND_GLASS_M = 500.0  # as far away as haze, rain and snow take the sky to be
+KEPT = 4096  # small images: 36 MiB at most, more than any frame of 60 Hz looks back; chosen
 OUTDOORS = 0.02  # share of open sky from which on that holds; less counts in part, so that nothing jumps; chosen
 
 
@@ -54,14 +65,14 @@ class CleanFrames:
     depth: "Camera | None" = None
     frame: "Callable[[int], CleanFrame] | None" = None
     pair: "Callable[[ShownSources], CleanPair] | None" = None
-    composited: "Callable[[Frame], NDArray[Any] | None] | None" = None
+    composited: "Callable[[PlannedFrame], NDArray[Any] | None] | None" = None
 
     def of_one(self, clean: "CleanFrame") -> "CleanFrames":
         """Return the one clean frame of these that is at hand."""
         return replace(self, frame=lambda _source: clean)
 
 
-class Frame:
+class PlannedFrame:
     """A frame of a sequence, each of its images made when it is first needed.
 
     Without clean frames it tells what follows from the plan alone: its sources, its steps and their part of the record.
@@ -371,8 +382,6 @@ class CleanFrame:
         return self._of_lights[work.key]
 
     def _perturbed_light(self, work: ColourWork, light: SceneLight) -> NDArray[Any] | None:
-        from .colour import acts_on_light, after_light, on_light
-
         if self._of_light:
             return on_light(work, light.rgb) if work.active else None
         if acts_on_light(work):
@@ -463,6 +472,94 @@ def clean_frames_of(
     unmeasured_m = render.scene.source.capabilities.unmeasured_m
     own = {"timer": timer, "of_light": of_light, "registers": render.registers, "unmeasured_m": unmeasured_m}
     return partial(CleanFrame, between=render.registration, **own)
+
+
+class EarlierFrames:
+    """What the frames of one render's sequences have before them.
+
+    stamps_s: (N,) of the sequence's frames. read: returns what a meter sees of a source frame that is not kept.
+    """
+
+    def __init__(self, stamps_s: NDArray[np.float64], read: Callable[[int], NDArray[np.float32]]) -> None:
+        self._stamps_s = stamps_s
+        self._read = read
+        self._kept: OrderedDict[int, EarlierFrame] = OrderedDict()
+        self._lock = threading.Lock()
+
+    def before(self, sequence: PlannedSequence, frame: int) -> tuple[ReadEarlier, Hashable]:
+        """Return what reads the frames before one of a sequence, and what is equal where these are.
+
+        They are looked up at once, so that later it may be called in any thread.
+        """
+        numbers = earlier_than(self._stamps_s, frame, sequence.setting.looks_back_s)
+        sources = tuple(int(sequence.source_frames[number]) for number in numbers)
+        stamps_s = self._stamps_s
+        seen = tuple(
+            replace(self._frame(source), stamp_s=float(stamps_s[number]))
+            for number, source in zip(numbers, sources, strict=True)
+        )
+
+        def read(span_s: float) -> tuple[EarlierFrame, ...]:
+            return seen[-len(earlier_than(stamps_s, frame, span_s)) :]
+
+        return read, (frame, sources)
+
+    def prepare(self, sequence: PlannedSequence, frame: int) -> None:
+        """Read what is before a frame of a sequence and is not kept, but for what the frame itself shows."""
+        own = sequence.source_frames[frame]
+        for number in earlier_than(self._stamps_s, frame, sequence.setting.looks_back_s):
+            if (source := int(sequence.source_frames[number])) != own:
+                self._frame(source)
+
+    def keep(self, source: int, light: NDArray[np.float32]) -> None:
+        """Keep what a meter sees of a source frame."""
+        with self._lock:
+            self._kept[source] = EarlierFrame(0.0, light)
+            while len(self._kept) > KEPT:
+                self._kept.popitem(last=False)
+
+    def _frame(self, source: int) -> EarlierFrame:
+        if (frame := self._kept.get(source)) is None:
+            light = self._read(source)
+            self.keep(source, light)
+            frame = self._kept.get(source) or EarlierFrame(0.0, light)
+        return frame
+
+
+class GreyFrames(EarlierFrames):
+    """What frames have before them where none are known, as in a live preview: mid-grey."""
+
+    def __init__(self) -> None:
+        super().__init__(np.zeros(0), lambda _source: MID_GREY.light)
+
+    def before(self, sequence: PlannedSequence, frame: int) -> tuple[ReadEarlier, Hashable]:
+        """Return what reads a mid-grey frame."""
+        del sequence, frame
+        return lambda _span_s: (MID_GREY,), None
+
+
+@dataclass(frozen=True)
+class CleanPair:
+    """A source frame and the next one that a sequence shows, with what the colour camera sees at both.
+
+    here, there: None where nothing comes after.
+    """
+
+    shown: ShownSources
+    camera: Intrinsics
+    here: View | None = None
+    there: View | None = None
+
+    def image(self, modality: Modality) -> NDArray[Any]:
+        """Return the image of a channel that leads on."""
+        channel = CHANNELS[modality]
+        assert isinstance(channel, PairChannel)
+        if self.here is None or self.there is None:
+            return channel.of_last(self.camera)
+        return channel.of_views(self.here, self.there)
+
+    def file_as(self, modality: Modality, written: OutputFormat) -> None:
+        """Return None: no recording has such files."""
 
 
 @dataclass(frozen=True)

@@ -27,7 +27,7 @@ from ..perturbations.steps import Setting
 from ..render.source import OpenSource, PreparedSource, RenderedFrame, SourceFrame, light_seen
 from .completed_images import FinishedImages
 from .dataset_folder import Dataset, SequenceJournal
-from .frame import CleanFrame, CleanFrames, Frame, cameras_of, clean_frames_of
+from .frame import CleanFrame, CleanFrames, PlannedFrame, cameras_of, clean_frames_of
 from .plan import Plan, Render
 from .rendering import open_render, render_options, source_paths
 from .run_report import DECODING, LOADING, RENDERING, Report, StageTimer
@@ -35,10 +35,11 @@ from .sequence import PlannedSequence
 
 if TYPE_CHECKING:
     from .clean_store import CleanFiles
-    from .colour import Compositing, EarlierFrames
-    from .pairs import CleanPair, OpenPairs
+    from .colour import Compositing
+    from .frame import CleanPair, EarlierFrames
+    from .pairs import OpenPairs
 
-FrameOf: TypeAlias = Callable[[PlannedSequence, int], Frame]
+FrameOf: TypeAlias = Callable[[PlannedSequence, int], PlannedFrame]
 """A sequence and a frame's number -> that frame, of which one image at least shows the clean frame at hand."""
 
 # Whether what drifts from frame to frame moves as fast as the frames that it is seen in follow one another.
@@ -113,7 +114,7 @@ class Colour:
             self._from.of_one(clean), composited=lambda frame: pictures[frame.sequence.folder, frame.index]
         )
         coloured = [
-            sequence.frame(index, clean_frames)
+            PlannedFrame(sequence, index, clean_frames)
             for sequence in self._sequences
             for index in sequence.showing("rgb", clean.source)
         ]
@@ -131,9 +132,9 @@ class Colour:
 
 
 def _frame_of(
-    known: Mapping[tuple[str, int], Frame], clean: CleanFrames, sequence: PlannedSequence, index: int
-) -> Frame:
-    return known.get((sequence.folder, index)) or sequence.frame(index, clean)
+    known: Mapping[tuple[str, int], PlannedFrame], clean: CleanFrames, sequence: PlannedSequence, index: int
+) -> PlannedFrame:
+    return known.get((sequence.folder, index)) or PlannedFrame(sequence, index, clean)
 
 
 @contextlib.contextmanager
@@ -259,7 +260,7 @@ class FrameWriter:
         for sequence, journal in zip(self._sequences, self._journals, strict=True):
             for channel in pair_channels(self._dataset.format.modalities):
                 with self._timer.on(f"making {channel.spoken}"):
-                    written = list(self._write_images(channel.name, sequence, pair, files, PlannedSequence.frame))
+                    written = list(self._write_images(channel.name, sequence, pair, files, PlannedFrame))
                 self._append(journal, written)
 
     def _append(self, journal: SequenceJournal, records: list[FrameRecord]) -> None:
@@ -316,7 +317,7 @@ class FrameFiles:
         self._written: dict[Modality, WrittenImage] = {}
         self._perturbed: dict[Hashable, WrittenImage] = {}  # by the key of the frame's image
 
-    def put(self, modality: Modality, frame: Frame, name: str) -> WrittenImage:
+    def put(self, modality: Modality, frame: PlannedFrame, name: str) -> WrittenImage:
         """Put a frame's image under a name into its sequence; return the file that it was first written to."""
         folder, steps = frame.sequence.folder, frame.sequence.setting.on(modality)
         if not steps:
@@ -590,7 +591,7 @@ class FrameMaker:
 
 
 def _earlier_frames(stamps_s: NDArray[np.float64], seen: Callable[[int], NDArray[np.float32]]) -> "EarlierFrames":
-    from .colour import EarlierFrames
+    from .frame import EarlierFrames
 
     return EarlierFrames(stamps_s, seen)
 

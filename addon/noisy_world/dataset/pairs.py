@@ -2,45 +2,16 @@
 """Clean images of pairs of source frames, such as optical flow."""
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
-from typing import Any
 
-from numpy.typing import NDArray
-
-from ..channels import CHANNELS
-from ..channels.channel import PairChannel, View
+from ..channels.channel import View
 from ..core.frame_request import SensorPaths
 from ..core.geometry import Intrinsics
-from ..layouts import Modality, OutputFormat
 from ..render.source import Motion, OpenSource, motion_between
-from .frame import CleanFrame
+from .frame import CleanFrame, CleanPair
 from .plan import Render
 from .sequence import ShownSources
-
-
-@dataclass(frozen=True)
-class CleanPair:
-    """A source frame and the next one that a sequence shows, with what the colour camera sees at both.
-
-    here, there: None where nothing comes after.
-    """
-
-    shown: ShownSources
-    camera: Intrinsics
-    here: View | None = None
-    there: View | None = None
-
-    def image(self, modality: Modality) -> NDArray[Any]:
-        """Return the image of a channel that leads on."""
-        channel = CHANNELS[modality]
-        assert isinstance(channel, PairChannel)
-        if self.here is None or self.there is None:
-            return channel.of_last(self.camera)
-        return channel.of_views(self.here, self.there)
-
-    def file_as(self, modality: Modality, written: OutputFormat) -> None:
-        """Return None: no recording has such files."""
 
 
 class OpenPairs:

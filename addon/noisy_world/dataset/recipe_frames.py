@@ -27,12 +27,10 @@ from ..render.source import PERTURBED, OpenSource, PreparedSource, SourceFrame
 from ..sources import find_scenes
 from ..sources.scene_kinds import Scene
 from .clean_store import CleanStore, read_store
-from .colour import EarlierFrames
-from .frame import CleanFrame, cameras_of, clean_frames_of, motion_of_frames
-from .frame import Frame as MadeFrame
+from .frame import CleanFrame, CleanPair, EarlierFrames, PlannedFrame, cameras_of, clean_frames_of, motion_of_frames
 from .identity import versions_of
 from .loader import Frame, Opened, OpenedSequence
-from .pairs import CleanPair, view_of
+from .pairs import view_of
 from .plan import Plan, Render, lay_out_plan, read_settings
 from .recipe import FrameNumbers, Recipe, read_recipe
 from .remaking import check_inputs, check_setting, made_here, made_otherwise, preset_of, same_path
@@ -318,10 +316,10 @@ class FrameOfRecipe(Frame):
         return _frame_of, (self._in, self.index)
 
     @cached_property
-    def _made(self) -> MadeFrame:
-        return self._in.sequence.frame(self.index, self._in.clean)
+    def _made(self) -> PlannedFrame:
+        return PlannedFrame(self._in.sequence, self.index, self._in.clean)
 
-    def _coloured(self) -> MadeFrame:
+    def _coloured(self) -> PlannedFrame:
         self._check("rgb", "colour")
         self._in.check_executable()
         return self._made

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
 from math import prod
-from typing import TYPE_CHECKING, TypeAlias, overload
+from typing import TypeAlias, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,9 +23,6 @@ from ..layouts import Modality
 from ..perturbations.execution import chosen_poses, paired_depth, split_motion, take_poses, work_key
 from ..perturbations.kinds import FrameContext, Identifiers
 from ..perturbations.steps import Setting
-
-if TYPE_CHECKING:
-    from .frame import CleanFrames, Frame
 
 # Sequences of whole numbers, kept as a range where they are one.
 #
@@ -199,15 +196,6 @@ class PlannedSequence:
             raise ValueError(f"{self.folder}: frame {frame} is left out")
         depth_frame = frame if self.depth_frames is None else self.depth_frames[frame]
         return Shown(self.source_frames[frame], self.source_frames[depth_frame], depth_frame)
-
-    def frame(self, index: int, clean: "CleanFrames | None" = None) -> "Frame":
-        """Return a frame: its sources, steps, key, record and images. clean: what its images are made from.
-
-        Raises ValueError where it is left out.
-        """
-        from .frame import Frame
-
-        return Frame(self, index, clean)
 
     def sources_shown(self, modality: Modality) -> Numbers:
         """Return the source frame (N,) whose image of a channel each of its frames to be made shows."""

@@ -24,7 +24,7 @@ from ..core.trajectory import Trajectory
 from ..dataset.clean_store import CleanFiles, frames_bytes
 from ..dataset.differences import clean_identity
 from ..dataset.folder_state import read_dataset_state
-from ..dataset.frame import Camera, CleanFrame, CleanFrames
+from ..dataset.frame import Camera, CleanFrame, CleanFrames, PlannedFrame
 from ..dataset.identity import path_sha256, plain_identity, versions_of
 from ..dataset.loader import Frame, OpenedSequence
 from ..dataset.making import FrameMaker, KeptScene
@@ -336,7 +336,7 @@ def _images_differ(setting: Setting, one: Identifiers, other: Identifiers) -> bo
     by_reference = Setting(setting.name, (*setting.rgb, *setting.depth))
     laid = [lay_out(by_reference, "", PROBED_FRAMES, identifiers) for identifiers in (one, other)]
     for index in range(PROBED_FRAMES):
-        frames = [sequence.frame(index, clean) for sequence in laid]
+        frames = [PlannedFrame(sequence, index, clean) for sequence in laid]
         if not all(_equal(*(frame.changed(channel) for frame in frames)) for channel in COLOUR_AND_DEPTH):
             return True
     return False

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from ..core.errors import NoisyWorldError
 from ..core.schema import ConfigPath
-from ..dataset.colour import EarlierFrames
-from ..dataset.frame import Camera, CleanFrames
+from ..dataset.frame import Camera, CleanFrames, EarlierFrames, PlannedFrame
 from ..dataset.identity import render_seed
 from ..dataset.sequence import lay_out
 from ..nodes.chain_scene import kept_by_user, own_compositing, shown_chain
@@ -185,7 +184,7 @@ with the values that the tab's list has for them, else the defaults. Your own ke
         clean = CleanFrames(Camera(None, stamps_s, earlier=earlier))
         values: list[dict[str, list[float]]] = [{} for _ in groups]
         for frame in range(len(frames)):
-            acting = sequence.frame(frame, clean).colour.active
+            acting = PlannedFrame(sequence, frame, clean).colour.active
             told = {id(step): _told(step, own) for step, own, _ in acting}
             for made, step in zip(values, steps, strict=True):
                 for name, value in told[id(step)].items():

@@ -34,7 +34,8 @@ from .fields import is_offered, tell
 from .open_scene import absolute
 from .properties import parameters_of, perturbation_of
 from .source_views import PANEL_SOURCES, Footage, footage_of, shown, shown_as, shows_footage
-from .steps import clear_entries, curve_ends, curve_of, in_order, levels_of, put_entry, take_entry
+from .step_list import clear_entries, curve_ends, curve_of, levels_of
+from .steps import in_order, put_entry, take_entry
 from .tree import (
     FileText,
     from_line,

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ..core.depth_range import scale_that_holds
 from ..core.errors import NoisyWorldError
-from ..dataset.frame import Camera, CleanFrame, CleanFrames
+from ..dataset.frame import Camera, CleanFrame, CleanFrames, PlannedFrame
 from ..dataset.making import colour_of
 from ..dataset.overview import colour_depth
 from ..dataset.sequence import PlannedSequence, Shown, lay_out
@@ -157,7 +157,7 @@ def draw_depth(scene: bpy.types.Scene, index: int | None = None) -> tuple[NDArra
     index = now if index is None else index
     shown = _shown(sequence, index)
     camera = Camera(intrinsics_of(panel_of(scene)), clean_stamps_s(scene))
-    frame = sequence.frame(index, CleanFrames(camera, camera, partial(_clean, scene)))
+    frame = PlannedFrame(sequence, index, CleanFrames(camera, camera, partial(_clean, scene)))
     depth_m, notes = frame.depth_m, frame.steps("depth")
     depth_m, lost = _held(scene, depth_m)
     seen_m = depth_m[depth_m > 0]

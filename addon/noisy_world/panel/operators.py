@@ -20,7 +20,8 @@ from .fields import tell
 from .gallery import line_on
 from .own_objects import own_object
 from .properties import active_step, panel_of
-from .steps import add_own_step, may_move, move_entry, remove_entry, take_rate
+from .step_list import may_move, move_entry, remove_entry
+from .steps import add_own_step, take_rate
 from .wording import spoken
 
 if TYPE_CHECKING:

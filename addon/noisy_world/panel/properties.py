@@ -19,6 +19,7 @@ from ..scenes.polygon_mesh import ROOMS
 from ..sources import SOURCES
 from ..sources.recording import RecordingKeys
 from .fields import LARGEST_INT, LISTENERS, SCENE, choice, described, notify_once, sentence, tell
+from .step_list import add_step, remove_entry
 from .tree import GIVEN, GROUPS, HOOKS, group_of, is_taking, make_group, members_of, property_name, set_value, taking
 
 if TYPE_CHECKING:
@@ -311,8 +312,6 @@ def _slider(name: str) -> dict[str, Any]:
         return still if entry is None else getattr(getattr(entry, step), property_name(key))
 
     def move(panel: Any, to: Any) -> None:
-        from .steps import add_step, remove_entry  # the list stands above these properties
-
         entry = own_step(panel, step)
         with notify_once():
             if entry is None:

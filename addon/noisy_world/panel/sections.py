@@ -31,7 +31,8 @@ from .own_objects import own_object
 from .properties import active_step, own_step, panel_of, perturbation_of
 from .sidebar import write
 from .source_views import shown
-from .steps import draw_step, other_rate, without_effect
+from .step_list import without_effect
+from .steps import draw_step, other_rate
 
 # A small picture of what a perturbation of motion does: how it moves and turns the camera in time, and how often.
 #

@@ -35,7 +35,8 @@ from .runs import (
 )
 from .sections import PanelSection
 from .sidebar import write
-from .steps import RATE, curve_of, own_rate_hz
+from .step_list import curve_of
+from .steps import RATE, own_rate_hz
 from .wording import spoken
 
 if TYPE_CHECKING:

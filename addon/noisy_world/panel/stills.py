@@ -14,8 +14,7 @@ from ..core.errors import InputError
 from ..core.lens import Distortion
 from ..core.schema import ConfigPath
 from ..core.trajectory import Trajectory
-from ..dataset.colour import EarlierFrames, GreyFrames
-from ..dataset.frame import Camera, CleanFrames
+from ..dataset.frame import Camera, CleanFrames, EarlierFrames, GreyFrames, PlannedFrame
 from ..dataset.identity import render_seed
 from ..dataset.sequence import PlannedSequence
 from ..nodes.chain import decided_by
@@ -220,7 +219,7 @@ def decided_at(scene: bpy.types.Scene, sequence: PlannedSequence) -> DecidedAt |
     def decided(frame: int) -> Mapping[str, FrameContext]:
         frame = min(max(frame, 0), last)
         if frame not in by_frame:
-            by_frame[frame] = decided_by(sequence.frame(frame, clean).colour)
+            by_frame[frame] = decided_by(PlannedFrame(sequence, frame, clean).colour)
         return by_frame[frame]
 
     return decided
