@@ -15,7 +15,7 @@ from noisy_world.perturbations.parsing import parse_steps
 from noisy_world.perturbations.kinds import FrameContext
 from noisy_world.core.schema import ConfigPath
 from noisy_world.perturbations import registry
-from noisy_world.panel import document, section_presets, step_list, steps, own_objects, preview, loading
+from noisy_world.panel import document, section_presets, step_list, own_objects, preview, loading
 
 pytestmark = pytest.mark.usefixtures("add_on")
 
@@ -129,7 +129,7 @@ def test_what_no_preset_holds_cannot_be_keyed_and_old_keys_are_named():
     key_severity(step, (0, 1.0), (5, 3.0))
     action = scene().animation_data.action
     action.fcurve_ensure_for_datablock(scene(), "noisy_world.camera.fx").keyframe_points.insert(1, 3.0)
-    assert steps.without_effect(scene()) == ["camera.fx"]
+    assert step_list.without_effect(scene()) == ["camera.fx"]
 
 
 def test_keys_go_with_their_entry_of_the_list():
