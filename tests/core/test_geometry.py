@@ -82,6 +82,9 @@ def test_quaternion_sign_is_canonical_and_both_signs_are_one_rotation():
         quat = quat_wxyz_from_rotation(np.diag(2 * axis - 1))
         np.testing.assert_array_equal(quat, [0, *axis])
         assert not np.signbit(quat).any()
+    # About (-0.6, 0.8, 0) as about (0.6, -0.8, 0): x is positive, though y is the larger.
+    turned = quat_wxyz_from_rotation([[-0.28, -0.96, 0], [-0.96, 0.28, 0], [0, 0, -1]])
+    np.testing.assert_allclose(turned, [0, 0.6, -0.8, 0], atol=1e-15)
 
 
 def test_quaternion_of_any_length_but_zero():

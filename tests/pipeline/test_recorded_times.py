@@ -11,6 +11,7 @@ from probes import BOTH_PROBES, COLOUR, DEPTH, Probes
 from runs import run
 from written import read, states
 
+import noisy_world
 from noisy_world.layouts import find_sequence
 from noisy_world.core.errors import StorageError
 from noisy_world.preset.keys import read_preset
@@ -53,6 +54,8 @@ def test_each_frame_says_when_its_depth_was_taken_and_the_report_what_is_left_ou
         # Frame i keeps the i-th stamps, whatever it shows.
         assert np.allclose([item["time_s"] for item in records], wanted_s[:count], atol=1e-6)
         assert np.allclose([item["depth_time_s"] for item in records], np.array(wanted_s[:count]) + 0.007, atol=1e-6)
+        opened = noisy_world.open(tmp_path / "out")[f"{setting}/box"]
+        assert [frame.depth_stamp_s for frame in opened] == [item["depth_time_s"] for item in records]
     # Resumed and complete: nothing is made again, and the stamps stay.
     before = (tmp_path / "out/clean/box/frames.jsonl").read_bytes()
     assert run(preset, tmp_path / "out").frames_rendered == 0

@@ -217,6 +217,26 @@ def test_what_the_dataset_has_is_not_made_again(world, out, tmp_path):
     assert [frame for frame in fake_session.Session.rendered if frame < 4] == [3], "the depth of frame 4 of `early`"
 
 
+def test_what_the_dataset_has_damaged_is_made_again(world, out, tmp_path):
+    plan, made, image = plan_of(world), tmp_path / "made", "noise/box/results/frame000002.png"
+    run(world, made, frames=slice(0, 4))
+    (made / image).write_bytes((made / image).read_bytes()[:-3])
+    fake_session.Session.rendered.clear()
+    make_shard(plan, tmp_path / "apart", Shard("box", 0, 8), there=Dataset(made, plan.format))
+    assert [frame for frame in fake_session.Session.rendered if frame < 4] == [2, 3]
+    assert (tmp_path / "apart" / image).read_bytes() == (out / image).read_bytes()
+
+
+def test_a_shard_that_is_merged_twice_counts_once(tmp_path):
+    plan, made = plan_of(write_world(tmp_path / "world", frames=2, size=(8, 6))), tmp_path / "made"
+    first, second = Shard("box", 0, 1), Shard("box", 1, 2)
+    for shards in ((first,), (first, second)):
+        for shard in shards:
+            make_shard(plan, shard_folder(made, shard), shard)
+        assert bool(merge(plan, made)) == (second not in shards)
+    assert json.loads((made / "run.json").read_text())["frames_rendered"] == 2
+
+
 def test_two_processes_on_one_shard(world, tmp_path):
     plan, folder, shard = plan_of(world), tmp_path / "apart", Shard("box", 2, 4)
     original, seen = fake_session.Session.frame, []

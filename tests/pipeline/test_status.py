@@ -45,6 +45,17 @@ def test_a_finished_dataset(world, tmp_path, capsys):
     assert "time     the last run has come to its end; its last run took" in said.out
 
 
+def test_a_run_that_fails_before_its_manifest_is_not_whole(world, tmp_path, capsys, monkeypatch):
+    def failing(*_):
+        raise RuntimeError("in the middle")
+
+    monkeypatch.setattr("noisy_world.dataset.completion.manifest", failing)
+    with pytest.raises(RuntimeError, match="in the middle"):
+        run(world, tmp_path / "out")
+    _, found = as_json(capsys, tmp_path / "out")
+    assert (found["frames_done"], found["frames"], found["ended"], found["whole"]) == (86, 86, False, False)
+
+
 def test_lost_and_damaged_files_are_named(world, tmp_path, capsys):
     out = tmp_path / "out"
     run(world, out)

@@ -38,6 +38,28 @@ def test_tars_and_table_are_the_same_wherever_they_are_written(dataset, packed, 
         assert (tmp_path / "noisy" / name).read_bytes() == (packed / name).read_bytes(), name
 
 
+def test_what_is_left_of_a_pack_that_failed_is_mended_and_has_no_manifest(dataset, packed, tmp_path, monkeypatch):
+    def failing(*_):
+        raise RuntimeError("in the middle")
+
+    place = tmp_path / "noisy"
+    with monkeypatch.context() as patched:
+        patched.setattr("noisy_world.dataset.packing.croissant", failing)
+        with pytest.raises(RuntimeError, match="in the middle"):
+            pack_to(dataset, f"file://{place}")
+    assert not (place / "manifest.json").exists()
+    (place / "noise/hall.tar").write_bytes((packed / "noise/hall.tar").read_bytes()[:-512])
+    (place / "clean/hall.tar").unlink()
+    pack_to(dataset, f"file://{place}")
+    for path in packed.rglob("*.tar"):
+        assert (place / path.relative_to(packed)).read_bytes() == path.read_bytes()
+
+
+def test_tars_end_with_a_whole_record(packed):
+    # POSIX.1-2017, pax: by default a record of ustar has 20 blocks of 512 bytes.
+    assert {path.stat().st_size % 10240 for path in packed.rglob("*.tar")} == {0}
+
+
 def test_headers_say_nothing_of_who_wrote_them(packed):
     with tarfile.open(packed / "noise/hall.tar") as tar:
         for member in tar:

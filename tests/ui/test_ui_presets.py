@@ -194,6 +194,17 @@ def test_of_two_of_one_name_the_first_is_set(of_ones_own):
     assert found == [("spatter", 1.0), ("spatter", 5.0)]
 
 
+def test_two_of_one_name_set_the_two_of_that_name(of_ones_own, tmp_path):
+    bpy.ops.noisy_world.add_step(perturbation="spatter")
+    own = tmp_path / "own.yaml"
+    own.write_text(
+        "scenes: [{mesh: 'embedded:room', trajectory: {handheld: {frames: 3}}}]\n"
+        "settings: [{name: x, perturb: [{spatter: {severity: 1}}, {spatter: {severity: 2}}]}]\n"
+    )
+    assert use(own, part="PERTURBATIONS") == {"FINISHED"}
+    assert [item.severity for item in of_ones_own.steps if item.perturbation == "spatter"] == [1.0, 2.0]
+
+
 def test_what_of_a_file_is_taken_can_be_chosen(of_ones_own, tmp_path, capfd):
     rest, before = described()
     own = tmp_path / "own.yaml"

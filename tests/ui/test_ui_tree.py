@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The panel is the preset: whatever one holds is taken and given back equal."""
 
+import math
 import random
 from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
@@ -105,6 +106,14 @@ def test_random_values_of_every_key_come_back_exactly():
         for name, perturbation in registry().items():
             every(getattr(panel.steps[0], name), perturbation.parameters)
     assert counted > 10_000
+
+
+def test_numbers_are_as_they_were_typed():
+    panel = settings()
+    set_value(panel.camera, "fx", 50)
+    assert repr(value_of(panel.camera, "fx")) == "50"
+    panel.steps.add().motion_deviation.rotation = math.radians(12.3456)  # by hand: Blender holds it in radians
+    assert value_of(panel.steps[0].motion_deviation, "rotation_deg") == 12.3456
 
 
 @cases("seed", [0, 2**31 - 1, 2**31, 2**53 + 1, 2**63 - 1])

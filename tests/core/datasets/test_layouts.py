@@ -20,7 +20,7 @@ from noisy_world.core.schema import Choice, ConfigPath, key, list_keys, parse
 from noisy_world.trajectories.rig import Rig, Sensor
 from noisy_world.core.frame_request import SensorPaths
 from noisy_world.core.trajectory import nanoseconds
-from noisy_world.core.trajectory import Trajectory
+from noisy_world.core.trajectory import FrameStamps, Stamps, Trajectory
 
 REPLICA_POSE = "1 0 0 {} 0 1 0 0 0 0 1 0 0 0 0 1"
 
@@ -117,6 +117,21 @@ def test_stamps_that_cannot_be_names(stamps_s, words):
     assert LAYOUTS["euroc"].stamps_problem(stamps_s).startswith(words)
     assert LAYOUTS["replica"].stamps_problem(stamps_s) == ""
     assert LAYOUTS["euroc"].stamps_problem([0.0, 1e-9, 2e-9]) == ""
+
+
+def test_lists_of_tum_are_in_the_order_of_their_exact_stamps():
+    path = Trajectory(np.stack([np.eye(4)] * 2), np.array([1e9, 1e9 + 0.05]))
+    rgb = Stamps.of_ns([1_000_000_000_000_000_001, 1_000_000_000_050_000_000])
+    stamps = FrameStamps(rgb, Stamps(np.array([1e9 + 0.06, 1e9 + 0.01])), rgb)
+    facts = SequenceFacts(
+        OutputSpec("tum").format, Intrinsics(8, 6, 4, 4, 3.5, 2.5), None, (0, 1), SensorPaths(*[path] * 4), stamps
+    )
+    texts = LAYOUTS["tum"].sequence_texts(facts)
+    images = {name: [line for line in texts[name].splitlines() if line[0] != "#"] for name in ("rgb.txt", "depth.txt")}
+    assert images == {
+        "rgb.txt": ["1000000000.000000001 rgb/000000.png", "1000000000.050000000 rgb/000001.png"],
+        "depth.txt": ["1000000000.010000 depth/000001.png", "1000000000.060000 depth/000000.png"],
+    }
 
 
 def test_the_docs_name_every_file():

@@ -226,6 +226,13 @@ def test_motion_is_carried_out_in_order():
     assert whole.stamps_s.tolist() == [10, 10.5, 11]
 
 
+def test_a_choice_between_two_that_move_poses_is_rendered_with_them():
+    again = motion("again", 25, apply=raising)
+    moving, choosing = split_motion(steps(LIFT, motion("half", 22, choose=THIRDS.choose), again, BACK))
+    assert [step.perturbation.name for step in moving] == ["lift", "half", "again"]
+    assert [step.perturbation.name for step in choosing] == ["back"]
+
+
 def test_motion_without_a_choice_shows_every_pose():
     assert chosen_poses(steps(LIFT), 5, SEQUENCE) is None
     assert take_poses(straight(5), None).c2w.shape == (5, 4, 4)

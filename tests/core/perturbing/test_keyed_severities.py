@@ -43,6 +43,15 @@ def test_what_is_wrong_is_told_in_a_line(name, values, told):
     refused(step_of, name, **values, names=("preset", *told))
 
 
+def test_a_dynamic_severity_draws_from_0_to_itself():
+    assert step_of("fog", mode="dynamic", severity=3).levels == (0.0, 1.0, 2.0, 3.0)
+
+
+def test_what_is_given_counts_before_what_it_implies():
+    assert step_of("haze", severity=3, blueness=0.3).parameters(3).air == "grey"
+    assert step_of("haze", severity=3, blueness=0.3, air="scene").parameters(3).air == "scene"
+
+
 def test_a_dataset_knows_the_mode_and_the_severities():
     keyed, other, drawn = (
         RecordedStep.of(step_of("fog", mode=mode, levels=levels))

@@ -128,6 +128,19 @@ def test_every_curve_takes_any_number_of_times_and_of_poses(count, asked):
     assert path.known_at(times_s).shape == (asked,)
 
 
+def test_a_clock_that_changes_its_speed_accelerates_a_steady_camera():
+    # At 0.5 m/s along x and 40 degrees a second: of both, the acceleration is the clock's own.
+    read_s = np.array([0.0, 0.2, 1.0, 1.3, 1.9])
+    clock = NaturalSpline(np.arange(5.0), read_s[:, None])
+    theirs, times_s = CubicSpline(np.arange(5.0), read_s, bc_type="natural"), np.linspace(0.3, 3.7, 7)
+    path = Trajectory(turning_path(np.arange(4.0)), np.arange(4.0)).continuous
+    motion = motion_of(WarpedCurve(path, clock), times_s)
+    axis = np.array([0.6, 0.0, 0.8])
+    np.testing.assert_allclose(motion.acceleration_m_s2, theirs(times_s, 2)[:, None] * [0.5, 0, 0], atol=1e-9)
+    turning = np.radians(40.0) * theirs(times_s, 2)[:, None] * axis
+    np.testing.assert_allclose(motion.angular_acceleration_rad_s2, turning, atol=1e-9)
+
+
 def test_parts_of_a_path_lie_on_it():
     stamps_s = np.arange(40) / 20
     shaken = pose(TURNS.as_matrix()[np.arange(40) % 12], GENERATOR.normal(size=(40, 3)))

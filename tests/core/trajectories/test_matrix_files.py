@@ -97,6 +97,9 @@ def test_a_log(write):
     file = write(text, "trajectory.log")
     assert read_trajectory_file(file).format == "log"
     assert is_expected(read_trajectory(file, rate_hz=10.0), [0.0, 0.1, 0.2, 0.5])
+    later = file.read_text().replace("0 0 1\n", "0 0 5\n", 1).replace("1 1 2\n", "1 1 6\n", 1)
+    later = later.replace("2 2 3\n", "2 2 8\n", 1).replace("3 3 6\n", "3 3 9\n", 1)  # it begins with its fifth frame
+    assert is_expected(read_trajectory(write(later, "later.log"), rate_hz=10.0), [0.4, 0.5, 0.7, 0.8])
     zeros = "".join(f"{i} {i} 0\n{block}" for i, block in enumerate(blocks()))  # Tanks and Temples
     assert is_expected(read_trajectory(write(zeros), rate_hz=10.0), np.arange(4) / 10.0)
 
