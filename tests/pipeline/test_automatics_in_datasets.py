@@ -3,6 +3,7 @@
 
 import math
 import threading
+from types import SimpleNamespace
 
 import cv2
 import fake_session
@@ -20,6 +21,7 @@ from worlds import write_world
 
 import noisy_world
 from noisy_world.core.errors import InterruptedRunError
+from noisy_world.dataset.frame import EarlierFrames
 from noisy_world.perturb import frames
 
 COUNT, RATE_HZ, LAG_S = 12, 20.0, 0.08
@@ -89,6 +91,15 @@ def test_records_say_exposure_and_gain_and_they_follow_the_formula(made):
             assert camera["exposure_ms"] == pytest.approx(10 * 2 ** min(now, 1), rel=1e-3)
             assert camera["gain_db"] == pytest.approx(max(now - 1, 0) * 20 * math.log10(2), abs=1e-2)
     assert "camera" not in records(made / "out", "clean")[0].get("perturbed", {})
+
+
+def test_a_step_is_given_no_more_of_the_past_than_it_asks_for():
+    # At 10 Hz: 0.25 s before frame 8 frame 5 was shown, and frame 3 as long before as any step of the setting asks.
+    sequence = SimpleNamespace(setting=SimpleNamespace(looks_back_s=0.45), source_frames=range(10))
+    earlier = EarlierFrames(np.arange(10) / 10, lambda source: np.full((1, 1, 3), source, np.float32))
+    read, _ = earlier.before(sequence, 8)
+    assert [int(frame.light.max()) for frame in read(0.25)] == [5, 6, 7]
+    assert [int(frame.light.max()) for frame in read(0.45)] == [3, 4, 5, 6, 7]
 
 
 @cases("jobs", [2, 3])

@@ -13,7 +13,7 @@ from written import read, states
 
 import noisy_world
 from noisy_world.layouts import find_sequence
-from noisy_world.core.errors import StorageError
+from noisy_world.core.errors import NoisyWorldError, StorageError
 from noisy_world.preset.keys import read_preset
 from noisy_world.perturb import frames
 from noisy_world.dataset.plan import make_plan
@@ -56,6 +56,14 @@ def test_each_frame_says_when_its_depth_was_taken_and_the_report_what_is_left_ou
         assert np.allclose([item["depth_time_s"] for item in records], np.array(wanted_s[:count]) + 0.007, atol=1e-6)
         opened = noisy_world.open(tmp_path / "out")[f"{setting}/box"]
         assert [frame.depth_stamp_s for frame in opened] == [item["depth_time_s"] for item in records]
+    # An image of depth that is another than the record says is not taken for it.
+    one, other = (
+        next(tmp_path / "out/fast/box" / name for name in item["sha256"] if "depth" in name) for item in records[:2]
+    )
+    frame, before = opened[1], other.read_bytes()
+    other.write_bytes(one.read_bytes())
+    refused(lambda: frame.depth_m, names=other.name, error=NoisyWorldError)
+    other.write_bytes(before)
     # Resumed and complete: nothing is made again, and the stamps stay.
     before = (tmp_path / "out/clean/box/frames.jsonl").read_bytes()
     assert run(preset, tmp_path / "out").frames_rendered == 0

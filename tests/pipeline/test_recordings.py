@@ -2,8 +2,11 @@
 """Recordings in presets: cameras, rates and globs; several cameras in one dataset."""
 
 from recorded_presets import camera, preset_of, recorded
+import errno
 import json
+import os
 import re
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -281,6 +284,23 @@ def test_a_cut_image_is_not_linked_into_a_clean_dataset(tmp_path):
     image.write_bytes(image.read_bytes()[:-20])
     preset = preset_of(tmp_path / "p", {"name": "box", "sequence": str(source)}, output={"layout": "tum"})
     refused(run, preset, tmp_path / "out", names=["000001.png: ", "copy it again"])
+
+
+def test_an_image_from_another_disk_is_copied_once_and_then_linked(tmp_path, monkeypatch):
+    source, link = recorded(tmp_path, "replica", frames=2), Path.hardlink_to
+
+    def elsewhere(self, target):
+        if source in Path(target).parents:
+            raise OSError(errno.EXDEV, os.strerror(errno.EXDEV))
+        link(self, target)
+
+    monkeypatch.setattr(Path, "hardlink_to", elsewhere)
+    settings = [{"name": "clean"}, {"name": "late", "perturb": [{"desync": {"offset": 1}}]}]
+    preset = preset_of(tmp_path / "p", {"name": "box", "sequence": str(source)}, settings=settings)
+    run(preset, tmp_path / "out", overrides=["output.image=png"])
+    images = sorted((tmp_path / "out").glob("*/box/results/frame000000.png"))
+    assert len(images) == 2
+    assert {path.stat().st_nlink for path in images} == {2}
 
 
 def test_16_bit_colour_is_kept_until_it_is_written(tmp_path):

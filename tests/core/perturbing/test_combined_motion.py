@@ -15,7 +15,7 @@ from noisy_world.perturbations.kinds import SceneAround
 from noisy_world.perturbations.execution import expose
 from noisy_world.perturbations.kinds import ExposurePerturbation, MotionPerturbation, PairingPerturbation
 from noisy_world.core.frame_request import Shutter
-from noisy_world.core.trajectory import evenly_stamped
+from noisy_world.core.trajectory import Trajectory, evenly_stamped
 
 # --- exposure ---
 
@@ -103,6 +103,9 @@ def test_poses_that_are_moved_apart_have_nothing_between_them():
     up = MotionPerturbation(
         **(COMMON | {"name": "up"}), apply=lambda path, parameters, context: replace(path, c2w=path.c2w + RAISED)
     )
+    anew = replace(up, apply=lambda path, parameters, context: Trajectory(path.c2w, path.stamps_s))
+    cut = move(steps(anew), replace(path, shots=np.array([0, 0, 1, 1])), SEQUENCE)
+    assert [cut.cuts_between(k, k + 1) for k in range(3)] == [False, True, False]  # no camera flies between two
     raised = move(steps(up), path.followed(np.array([0, 2])), SEQUENCE)  # no curve is left of the path before
     np.testing.assert_array_equal(raised.continuous.pose_at(raised.stamps_s), raised.c2w)
     # What is shown of it afterwards has nothing between its poses either.
