@@ -323,6 +323,21 @@ time.sleep(60)
     atomic_files.FolderLock(path).release()
 
 
+def test_a_lock_whose_file_was_replaced_is_taken_anew(tmp_path, monkeypatch):
+    path, take, raced = tmp_path / "work/lock", atomic_files._try_lock, []
+
+    def racing(descriptor):
+        if not raced:  # between opening and locking, a run that ends removes the file, and another begins
+            raced.append(path.unlink())
+            path.touch()
+        return take(descriptor)
+
+    monkeypatch.setattr(atomic_files, "_try_lock", racing)
+    lock = atomic_files.FolderLock(path)
+    refused(atomic_files.FolderLock, path, names="another run", error=StorageError)
+    lock.release()
+
+
 def test_tum_layout(tmp_path):
     preset = write_world(tmp_path / "world", frames=3, size=(8, 6), output={"layout": "tum"})
     out = tmp_path / "out"

@@ -104,6 +104,13 @@ def key_severity(step, *keys):
         curve.update()
 
 
+def test_a_curve_that_goes_on_is_followed_to_the_end_of_the_scene():
+    step = add(scene(), "gaussian_noise")
+    key_severity(step, (0, 1.0), (1, 2.0))
+    step_list.curve_of(step).extrapolation, scene().frame_end = "LINEAR", 3
+    assert document.values_of(step) == {"mode": "keyed", "levels": [1.0, 2.0, 3.0, 4.0]}
+
+
 def test_a_keyed_severity_is_in_the_preset_frame_by_frame_and_comes_back(tmp_path):
     step = add(scene(), "gaussian_noise")
     key_severity(step, (0, 0.0), (10, 5.0))

@@ -108,6 +108,11 @@ def test_random_values_of_every_key_come_back_exactly():
     assert counted > 10_000
 
 
+def test_without_a_perturbation_the_clean_setting_is_made_whether_it_is_ticked_or_not():
+    settings().use_clean = False
+    assert document.to_document(settings())["settings"] == [{"name": "clean"}]
+
+
 def test_numbers_are_as_they_were_typed():
     panel = settings()
     set_value(panel.camera, "fx", 50)

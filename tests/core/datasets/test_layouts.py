@@ -219,6 +219,16 @@ def test_layouts_are_told_apart(tmp_path):
         assert len(find_sequence(tmp_path / name).trajectory) == 2
 
 
+def test_replica_counts_by_numbers_of_any_width(tmp_path):
+    for number in (9, 10):
+        image(tmp_path / f"results/frame{number}.png", number)
+        image(tmp_path / f"results/depth{number}.png", 1000, (6, 8), np.uint16)
+    (tmp_path / "traj.txt").write_text(f"{REPLICA_POSE.format(0)}\n{REPLICA_POSE.format(1)}\n")
+    found = find_sequence(tmp_path)
+    assert [path.name for path in found.rgb_files] == ["frame9.png", "frame10.png"]
+    assert [path.name for path in found.depth_files] == ["depth9.png", "depth10.png"]
+
+
 def test_none_or_several_layouts_are_one_line(tmp_path):
     refused(
         find_sequence,

@@ -152,6 +152,15 @@ def test_a_recording_may_lack_depth(name, tmp_path):
     assert (found.camera, found.optics.distortion) == (whole.camera, whole.optics.distortion)
 
 
+def test_kitti_has_its_poses_beside_the_sequences(tmp_path):
+    # As the benchmark's archives unpack: dataset/sequences/07/image_2 and dataset/poses/07.txt.
+    folder, truth = tmp_path / "dataset/sequences/07", tmp_path / "dataset/poses/07.txt"
+    for path in (folder, truth.parent):
+        path.mkdir(parents=True)
+    truth.touch()
+    assert RECORDED["kitti"].poses_path(folder, "drop").samefile(truth)
+
+
 def test_kitti_has_the_poses_of_the_camera_that_is_read(tmp_path):
     written = kitti(tmp_path)
     found = find_sequence(tmp_path)

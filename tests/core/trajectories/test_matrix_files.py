@@ -133,6 +133,13 @@ def test_transforms_json(write):
     assert found.camera is None
 
 
+def test_the_camera_of_transforms_json_counts_from_the_middle_of_a_pixel(write):
+    # nerfstudio's rays go through half-numbered pixels: the middle of 640 pixels is 320 there, and 319.5 here.
+    stated = transforms(w=640, h=480, fl_x=500, fl_y=501, cx=320, cy=240)
+    camera = read_trajectory_file(write(json.dumps(stated))).camera
+    assert (camera.width_px, camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px) == (640, 500, 501, 319.5, 239.5)
+
+
 def test_declared_conventions_win_over_the_formats(write):
     file = write(json.dumps(transforms()), "transforms.json")
     as_opencv = read_trajectory(file, axes="opencv").c2w
