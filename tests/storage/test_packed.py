@@ -50,7 +50,10 @@ def test_what_is_left_of_a_pack_that_failed_is_mended_and_has_no_manifest(datase
     assert not (place / "manifest.json").exists()
     (place / "noise/hall.tar").write_bytes((packed / "noise/hall.tar").read_bytes()[:-512])
     (place / "clean/hall.tar").unlink()
+    whole = place / "late/hall.tar"
+    before = whole.stat().st_mtime_ns
     pack_to(dataset, f"file://{place}")
+    assert whole.stat().st_mtime_ns == before, "what is whole is not written again"
     for path in packed.rglob("*.tar"):
         assert (place / path.relative_to(packed)).read_bytes() == path.read_bytes()
 

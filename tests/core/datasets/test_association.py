@@ -146,6 +146,13 @@ def test_poses_that_cross_stay_with_their_images(tmp_path):
     assert found.notes == ()
 
 
+def test_a_frame_that_is_kept_without_a_pose_moves_no_other_pose(tmp_path):
+    colour, depth = (listed(tmp_path, name, [0.0, 1.0, 2.0]) for name in "cd")
+    found = associate_frames(tmp_path, colour, depth, path_at([-5.0, 1.0, 2.0]), policy="keep")
+    assert found.trajectory.known.tolist() == [False, True, True]
+    assert found.trajectory.c2w[1:, 0, 3].tolist() == [1, 2]
+
+
 def test_no_common_time_says_what_each_list_covers(tmp_path):
     colour, depth = (listed(tmp_path, name, [0.0, 1.0]) for name in "cd")
     named = ("within 0.02 s", "pose 50.000000 to 51.500000 s")

@@ -1,8 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Journals of scenes: what is read of them while they are written, and when they are written again."""
 
-import pytest
+import sys
 
+import pytest
+from refusals import refused
+
+from noisy_world.core.errors import StorageError
 from noisy_world.core.frame_table import FrameRecord, Journal, Journals, journal_line, journal_path
 
 ONE, TWO, OTHER = "clean/box", "fog/box", "clean/hall"
@@ -46,11 +50,26 @@ def test_lines_are_read_once_and_a_torn_one_never(work):
     assert frames(own) == frames(journals)
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="no limits of files")
+def test_a_line_of_which_a_part_is_written_is_an_error(work):
+    import resource
+
+    path = journal_path(work, "0", "box")
+    journal, limits = Journal(path), resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (path.stat().st_size + 10, limits[1]))
+    try:
+        refused(journal.append, ONE, record(3), names="no space left", error=StorageError)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+        journal.close()
+
+
 def test_what_is_left_of_a_sequence_counts_instead_of_its_frames(work):
-    journals = Journals(work)
+    journals, of_another_process = Journals(work), Journals(work)
     journals.read_on()
+    of_another_process.read_on()
     journals.rewrite({ONE: [record(1)], TWO: None}, work)
-    for read in (journals, Journals(work)):
+    for read in (journals, of_another_process, Journals(work)):
         read.read_on()
         assert frames(read) == {ONE: [1], OTHER: [7]}
         assert [name for name in (ONE, TWO, OTHER) if read.instead(name)] == [ONE]

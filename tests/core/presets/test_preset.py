@@ -56,6 +56,7 @@ def test_defaults(write):
         (MINIMAL + "camera: {width: 8, height: 8, fx: 0, fy: 1, cx: 1, cy: 1}\n", ["camera.fx", "above 0"]),
         (MINIMAL + "settings: []\n", ["settings", "is empty"]),
         (MINIMAL + "settings: [{name: a}, {name: a}]\n", ["settings.1.name", "given twice"]),
+        (MINIMAL + "settings: [{name: A}, {name: a}]\n", ["settings.1.name", "'A'", "'a'", "case"]),
         (MINIMAL + "settings: [{name: ../up}]\n", ["settings.0.name", "'../up'"]),
         (MINIMAL + "settings: [{name: off}]\n", ["settings.0.name", "the truth value false", "quotes"]),
         (MINIMAL + "output: {layout: tum, image: jpg}\n", ["output.image", "use png"]),
