@@ -19,6 +19,7 @@ from fuzz.structure import OF_TABLES, PLAIN, as_cell, as_json, as_table, beside,
 
 from noisy_world.core.errors import NoisyWorldError as Refused
 from noisy_world.trajectories import formats
+from noisy_world.trajectories.pose_files import PoseFile
 from noisy_world.evaluate.run_files import Outcome
 from noisy_world.evaluate.systems import Writes
 from noisy_world.evaluate.system_runs import normalised
@@ -308,7 +309,9 @@ def read(folder):
     assert len(trajectory)
     assert np.isfinite(trajectory.c2w).all()
     assert np.isfinite(trajectory.stamps_s).all()
-    return formats.detect_format(path), trajectory
+    file = PoseFile(path)
+    known = [item.name for item in formats.TRAJECTORY_FORMATS.values() if item.recognises(file)]
+    return known[0] if known else "", trajectory
 
 
 def differs(folder, meaning):

@@ -110,7 +110,7 @@ def load_path() -> at.Steps:
 
 def add_perturbations() -> at.Steps:
     """Add weak fog and Gaussian noise from the menu."""
-    for name, keys in (("fog", "BF"), ("gaussian_noise", "BN")):
+    for name, keys in (("fog", "BO"), ("gaussian_noise", "BN")):
         yield from at.look_for("NOISYWORLD_MT_add_step", "remove_step", share=0.9)
         if "remove_step" in at.under_mouse(at.view(), at.region("UI")):  # a menu's button has no name; it is above
             x, y = at.STATE["mouse"]
@@ -125,7 +125,7 @@ def add_perturbations() -> at.Steps:
         yield lambda name=name: name in [step.perturbation for step in settings().steps]
         yield from at.fill_in("].severity", "1")
         yield lambda: settings().steps[settings().active_step].severity == 1.0
-    assert [step.perturbation for step in settings().steps] == ["fog", "gaussian_noise"]
+    assert [step.perturbation for step in settings().steps] == ["motion_deviation", "fog", "gaussian_noise"]
     yield from photograph("perturbations")
 
 

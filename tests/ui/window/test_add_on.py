@@ -171,7 +171,7 @@ def test_enabling_and_reloading_leave_nothing(archive, tmp_path):
     assert "noisy_world" in enabled["properties"]["Scene"]
     assert any(enabled["handlers"].values())
     assert any(enabled["menus"].values())
-    assert {"paths._draw", "views._begin", "views._end"} <= set(enabled["called while drawing"])
+    assert {"drawn_paths._draw", "views._begin", "views._end"} <= set(enabled["called while drawing"])
     assert not any("noisy" in name.lower() for name in before["types"])
     for kind in before:
         assert seen["disabled"][kind] == seen["after"][kind] == before[kind], kind
