@@ -157,7 +157,7 @@ def look_for(*wanted: str, share: float = 0.6) -> Steps:
     """Move the mouse down the sidebar, which scrolls, until one of these is under it."""
     part = region("UI")
     x = int(part.x + share * (part.width - 20))
-    top, bottom = part.y + part.height - 6, part.y
+    top, bottom = part.y + part.height - 6, part.y + 12  # the edge itself is for resizing
     start = min(top, STATE["mouse"][1] + 2 * ROW_PX) if STATE["found"] else top  # what comes next is mostly below
     for page in range(10):
         with suppress(LookupError):
