@@ -65,11 +65,11 @@ def test_killed_at_random_moments(study, tmp_path):
     command = [sys.executable, str(ROOT / "headless/evaluate.py")]
     command += map(str, arguments(study, tmp_path / "out", "--jobs", 2, "--no-report"))
     killed = 0
-    for _ in range(3):
+    for runs in range(3):
         process = subprocess.Popen(command, stderr=subprocess.PIPE, stdout=subprocess.PIPE, start_new_session=True)
-        deadline = time.monotonic() + draw.uniform(0.5, 3.0)
-        while process.poll() is None and time.monotonic() < deadline:
-            time.sleep(0.02)
+        while process.poll() is None and len([*(tmp_path / "out").rglob("run.json")]) < runs:
+            time.sleep(0.005)
+        time.sleep(draw.uniform(0.0, 0.3) if runs else 1.0)  # while it starts, and after each of two runs
         killed += process.poll() is None
         process.kill()
         process.communicate(timeout=300)  # ends when the workers do, which have its standard error
