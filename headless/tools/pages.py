@@ -32,6 +32,7 @@ from noisy_world.evaluate.map_metrics import MAP_METRICS
 from noisy_world.evaluate.metrics import METRICS, Metric
 from noisy_world.evaluate.systems import find_system, shipped_names
 from noisy_world.layouts import EVERY, Layout, RecordedLayout
+from noisy_world.layouts.borrowed import BorrowedLayout
 from noisy_world.perturbations import registry
 from noisy_world.perturbations.kinds import STAGES, Perturbation
 from noisy_world.preset.camera_devices import CAMERA_DEVICES, CameraDevice
@@ -227,8 +228,10 @@ def layout_table() -> str:
 
 
 def recorded_layout_table() -> str:
-    """Return the table of the layouts of recordings that are read alone."""
-    own = (item for item in ours(EVERY) if isinstance(item, RecordedLayout))
+    """Return the table of the layouts of others' recordings; some are written too."""
+    own = sorted(
+        (item for item in ours(EVERY) if isinstance(item, RecordedLayout | BorrowedLayout)), key=lambda item: item.order
+    )
     return table(
         ("layout", "what it is", "its files"), ((item.label, item.meaning, quoted(item.files)) for item in own)
     )

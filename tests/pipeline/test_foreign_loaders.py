@@ -14,6 +14,10 @@ LOADERS = {
     "euroc": ("orb_slam3_mono_euroc", "evo_euroc"),
     "tum_vi": ("orb_slam3_mono_tum_vi", "dm_vio", "pandas_tum_vi"),
     "vslamlab": ("vslamlab",),
+    "kitti": ("pykitti_odometry",),
+    "scannet": ("slam_scannet",),
+    "nerfstudio": ("nerfstudio_parser",),
+    "colmap": ("colmap_text",),
 }
 CASES = [(layout, name) for layout, names in LOADERS.items() for name in names]
 BENCHMARK_STAMPS = ["1305031102.175304", "1305031102.211214", "1305031102.243211", "1305031102.275326"]
@@ -42,6 +46,8 @@ def check(found, frames, poses, stamps_s, scale_per_m):
         assert np.abs(np.array(found.stamps_s) - stamps_s).max() < 1e-6
     if found.c2w is not None:
         assert np.abs(found.c2w - poses).max() < 1e-9
+    if found.camera is not None:
+        assert found.camera == pytest.approx((4.0, 4.0, 3.5, 2.5), abs=1e-12)
 
 
 @pytest.mark.parametrize(("layout", "name"), CASES)

@@ -4,6 +4,7 @@
 import hashlib
 import json
 import sys
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -135,8 +136,7 @@ def test_intrinsics_that_the_sequence_tells_have_to_be_the_presets(tmp_path):
 MINE = ("mav0/cam0/data/notes.txt", "mav0/imu1/data.csv", "results/mine.png", "rgb/mine.png", "mine.txt")
 
 
-@pytest.mark.parametrize("new", list(LAYOUTS))
-@pytest.mark.parametrize("old", list(LAYOUTS))
+@pytest.mark.parametrize(("old", "new"), list(pairwise([*LAYOUTS, next(iter(LAYOUTS))])))
 def test_overwriting_removes_the_old_layouts_files_and_no_other(tmp_path, old, new):
     keys = {"rig": RIG, "settings": [{"name": "clean"}, SHAKY]}
     run(world(tmp_path / "old", old, frames=5, **keys), tmp_path / "out")

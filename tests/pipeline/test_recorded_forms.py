@@ -9,14 +9,16 @@ import pytest
 from refusals import refused
 from analytic import box_depth
 from probes import BOTH_PROBES, COLOUR, Probes
-from recorded_layouts import HALF_M, WRITERS, box_depth_m, image, poses
+from recorded_layouts import HALF_M, WRITERS, WRITTEN, box_depth_m, image, poses
 from runs import run
 
-from noisy_world.layouts import LAYOUTS, find_sequence
+from noisy_world.layouts import LAYOUTS, SequenceFacts, find_sequence
+from noisy_world.core.frame_request import SensorPaths
+from noisy_world.core.trajectory import Trajectory
 from noisy_world.images.measured_depth import Registration
 from noisy_world.core.geometry import Intrinsics
 from noisy_world.core.lens import DepthCamera, Distortion, Optics
-from noisy_world.preset.keys import read_preset
+from noisy_world.preset.keys import OutputSpec, read_preset
 from noisy_world.evaluate.system_input import sequence_input
 from noisy_world.perturb import frames
 from noisy_world.dataset.plan import make_plan
@@ -71,6 +73,53 @@ def test_what_is_written_is_what_was_recorded(name, layout, tmp_path):
         assert np.array_equal(same[0].rgb, noisy.rgb)
     notes = json.loads((tmp_path / "out/run.json").read_text())["notes"]
     assert any("registered into colour" in note for note in notes) == (before.optics.depth is not None)
+
+
+EXACT = {"tum", "euroc", "tum_vi", "vslamlab", "kitti"}  # their files hold nanoseconds
+
+
+@pytest.mark.parametrize("layout", list(LAYOUTS))
+def test_a_round_trip_loses_nothing_that_the_layout_holds(layout, tmp_path):
+    written = WRITTEN["euroc"](tmp_path / "euroc")  # with stamps that float64 seconds cannot hold
+    before = find_sequence(tmp_path / "euroc")
+    run(preset_of(tmp_path / "p", tmp_path / "euroc", layout=layout, steps=[]), tmp_path / "out")
+    after = find_sequence(tmp_path / "out/clean/box")
+    if layout in EXACT:
+        assert after.stamps.rgb.ns == before.stamps.rgb.ns
+    assert np.array_equal(after.stamps.rgb.seconds, before.stamps.rgb.seconds)
+    assert np.array_equal(after.stamps.depth.seconds, before.stamps.depth.seconds)
+    assert np.abs(after.trajectory.c2w - written.c2w).max() < 1e-9
+    assert after.known_camera == before.known_camera
+    for row, steps in enumerate(written.steps):
+        off_m = np.abs(after.frame(row).depth_m - steps / written.scale_per_m)
+        assert off_m.max() < 0.5001 / after.depth_scale_per_m + 1e-6
+
+
+@pytest.mark.parametrize("layout", ["nerfstudio", "colmap"])
+@pytest.mark.parametrize(
+    "lens",
+    [
+        Distortion("radial-tangential", (0.1, -0.05, 0.001, -0.002)),
+        Distortion("radial-tangential", (0.1, -0.05, 0.001, -0.002, 0.01)),
+        Distortion("equidistant", (0.1, -0.05, 0.01, -0.002)),
+    ],
+)
+def test_a_lens_stands_in_the_files_that_others_read(layout, lens):
+    camera, stamps = Intrinsics(64, 48, 61.0, 60.5, 31.25, 23.75), Trajectory(np.eye(4)[None], np.zeros(1))
+    facts = SequenceFacts(OutputSpec(layout).format, camera, None, (0,), SensorPaths(stamps), optics=Optics(None, lens))
+    texts = LAYOUTS[layout].sequence_texts(facts)
+    names = ("k1", "k2", "k3", "k4") if lens.model == "equidistant" else ("k1", "k2", "p1", "p2", "k3")
+    if layout == "nerfstudio":
+        told = json.loads(texts["transforms.json"])
+        assert tuple(told[key] for key in names[: len(lens.coefficients)]) == lens.coefficients
+        assert told["camera_model"] == ("OPENCV_FISHEYE" if lens.model == "equidistant" else "OPENCV")
+        return
+    words = texts["sparse/0/cameras.txt"].splitlines()[-1].split()
+    counts = {"OPENCV": 8, "FULL_OPENCV": 12, "OPENCV_FISHEYE": 8}
+    assert len(words) == 4 + counts[words[1]]
+    numbers = [*map(float, words[4:])]
+    assert numbers[:4] == [61.0, 60.5, 31.75, 24.25]
+    assert (*numbers[4:], 0.0)[: len(lens.coefficients)] == lens.coefficients
 
 
 def test_a_layout_that_cannot_say_it_refuses(tmp_path):

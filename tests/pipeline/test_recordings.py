@@ -102,7 +102,7 @@ def test_scenes_with_different_cameras(tmp_path, capfd):
                 found = find_sequence(out / setting / name)
                 assert found.size_px == size
                 assert found.known_camera.fx_px == fx
-                if layout in ("replica", "tum"):
+                if LAYOUTS[layout].setting_files:
                     assert manifest["files"][f"{setting}/{name}"]["cam_params.json"]
         (again,) = make_plan(read_preset(preset_of(tmp_path / f"q{layout}", {"sequence": f"{out}/clean/big"}))).renders
         assert again.camera.fx_px == 4.0
@@ -111,7 +111,7 @@ def test_scenes_with_different_cameras(tmp_path, capfd):
         alone = preset_of(tmp_path / f"alone_{layout}", scenes[0], output={"layout": layout})
         run(alone, out, overwrite=True)
         assert not {name for name in names_in(out) if "big" in name or "hazy" in name}
-        assert (out / "clean/cam_params.json").exists() == (layout in ("replica", "tum"))
+        assert (out / "clean/cam_params.json").exists() == bool(LAYOUTS[layout].setting_files)
         assert not (out / "clean/narrow/cam_params.json").exists()
     plan = make_plan(read_preset(preset))
     assert plan.camera is None

@@ -6,6 +6,7 @@ forgiving than the original: a header that they count, they count here.
 """
 
 import csv
+import json
 import re
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,12 +16,16 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Loaded:
-    """What a system has of a sequence: stamps in seconds, files and camera-to-world poses; None where it reads none."""
+    """What a system has of a sequence: stamps in seconds, files and camera-to-world poses; None where it reads none.
+
+    camera: fx, fy, cx, cy in pixels whose centres are at whole coordinates.
+    """
 
     rgb: list[Path]
     depth: list[Path] | None = None
     stamps_s: list[float] | None = None
     c2w: np.ndarray | None = None
+    camera: tuple[float, float, float, float] | None = None
 
 
 def pose_of(vector):
@@ -223,4 +228,93 @@ def vslamlab(folder):
         [folder / row["path_depth_0"] for row in rows],
         [int(row["ts_rgb_0 (ns)"]) / 1e9 for row in rows],
         np.array([pose_of(row[1:8]) for row in sorted(poses)]),
+    )
+
+
+# --- KITTI, ScanNet, nerfstudio, COLMAP ---
+
+
+def matrix_camera(matrix):
+    """fx, fy, cx, cy of a matrix whose pixels' centres are at whole coordinates."""
+    return matrix[0, 0], matrix[1, 1], matrix[0, 2], matrix[1, 2]
+
+
+def pykitti_odometry(folder):
+    """pykitti's odometry and evo's kitti: sorted images, and as many lines of times and poses; P2 is the camera's."""
+    rgb = sorted((folder / "image_2").glob("*.png"))
+    rows = {line.split(":")[0]: line.split(":")[1] for line in (folder / "calib.txt").read_text().splitlines()}
+    cameras = {name: np.array(text.split(), float).reshape(3, 4) for name, text in rows.items()}
+    assert sorted(cameras) == ["P0", "P1", "P2", "P3"]
+    poses = np.array([line.split() for line in (folder / "poses.txt").read_text().splitlines()], float)
+    c2w = np.tile(np.eye(4), (len(poses), 1, 1))
+    c2w[:, :3] = poses.reshape(-1, 3, 4)
+    beside = np.eye(4)  # P2 = K [1 | t]: where camera 0 is in the axes of camera 2
+    beside[:3, 3] = np.linalg.solve(cameras["P2"][:, :3], cameras["P2"][:, 3])
+    stamps_s = [float(line) for line in (folder / "times.txt").read_text().splitlines()]
+    assert len(rgb) == len(stamps_s) == len(c2w)
+    depth = sorted((folder / "depth_2").glob("*.png"))
+    return Loaded(rgb, depth, stamps_s, c2w @ np.linalg.inv(beside), matrix_camera(cameras["P2"]))
+
+
+def slam_scannet(folder):
+    """NICE-SLAM, Co-SLAM and SplaTAM: names sorted by their whole numbers; a pose of four lines in each file."""
+
+    def sorted_files(name, suffix):
+        return sorted((folder / name).glob(f"*.{suffix}"), key=lambda path: int(path.stem))
+
+    c2w = [
+        np.array([line.split() for line in path.read_text().splitlines()], float)
+        for path in sorted_files("pose", "txt")
+    ]
+    color, depth = (np.loadtxt(folder / f"intrinsic/intrinsic_{kind}.txt") for kind in ("color", "depth"))
+    assert color.shape == (4, 4)
+    assert np.array_equal(color, depth)
+    for kind in ("color", "depth"):
+        assert np.array_equal(np.loadtxt(folder / f"intrinsic/extrinsic_{kind}.txt"), np.eye(4))
+    return Loaded(sorted_files("color", "jpg"), sorted_files("depth", "png"), None, np.array(c2w), matrix_camera(color))
+
+
+def nerfstudio_parser(folder):
+    """nerfstudio's parser: frames sorted by their files' names, OpenGL's axes, pixels' corners at whole coordinates."""
+    meta = json.loads((folder / "transforms.json").read_text())
+    frames = sorted(meta["frames"], key=lambda frame: frame["file_path"])
+    opengl = np.array([frame["transform_matrix"] for frame in frames])
+    assert meta["camera_model"] == "OPENCV"
+    assert [meta[key] for key in ("k1", "k2", "p1", "p2")] == [0, 0, 0, 0]
+    assert all(frame["depth_path"] == frame["depth_file_path"] for frame in frames)  # Instant NGP's and SplaTAM's name
+    return Loaded(
+        [folder / frame["file_path"] for frame in frames],
+        [folder / frame["depth_file_path"] for frame in frames],
+        [frame["timestamp"] for frame in frames],
+        opengl @ np.diag([1.0, -1.0, -1.0, 1.0]),
+        (meta["fl_x"], meta["fl_y"], meta["cx"] - 0.5, meta["cy"] - 0.5),
+    )
+
+
+def colmap_text(folder):
+    """COLMAP's own reader of text models: each image's line, then that of its points whatever it holds."""
+    (camera,) = [line.split() for line in (folder / "sparse/0/cameras.txt").read_text().splitlines() if line[0] != "#"]
+    assert (camera[0], camera[1]) == ("1", "PINHOLE")
+    fx, fy, cx, cy = map(float, camera[4:])
+    found = {}
+    lines = iter((folder / "sparse/0/images.txt").read_text().split("\n"))
+    for line in lines:
+        if not line or line[0] == "#":
+            continue
+        words = line.split(" ")
+        assert len(words) == 10
+        assert words[8] == "1"
+        w, x, y, z, *shift = map(float, words[1:8])
+        w2c = pose_of([*shift, x, y, z, w])
+        found[words[9]] = int(words[0]), np.linalg.inv(w2c)
+        assert next(lines) == ""
+    assert len({number for number, _ in found.values()}) == len(found)
+    assert all(line[0] == "#" for line in (folder / "sparse/0/points3D.txt").read_text().splitlines())
+    names = sorted(found)
+    return Loaded(
+        [folder / "images" / name for name in names],
+        [folder / "depth" / name for name in names],
+        None,
+        np.array([found[name][1] for name in names]),
+        (fx, fy, cx - 0.5, cy - 0.5),
     )

@@ -178,6 +178,27 @@ def nerfstudio(folder):
     return Written(c2w, steps, 1000.0, seen, rgb)
 
 
+def colmap(folder):
+    """Images by names that no number pads; one has no pose, and points stand in the other lines."""
+    k = (64, 48, 61.0, 60.5, 31.25, 23.75)
+    c2w = poses(seed=13)
+    steps = _steps(k, c2w, 1000.0)
+    rows = ["# Image list with two lines of data per image:"]
+    for n in range(FRAMES):
+        image(folder / f"images/walk_{n + 8}.png", colour(k, n))
+        image(folder / f"depth/walk_{n + 8}.png", steps[n])
+        if n != 2:
+            w2c = np.linalg.inv(c2w[n])
+            x, y, z, w = Rotation.from_matrix(w2c[:3, :3]).as_quat().tolist()
+            numbers = " ".join(map(repr, [w, x, y, z, *w2c[:3, 3].tolist()]))
+            rows += [f"{9 - n} {numbers} 3 walk_{n + 8}.png", "" if n else "1.5 2.5 -1 3.5 4.5 7"]
+    (folder / "sparse/0").mkdir(parents=True)
+    (folder / "sparse/0/images.txt").write_text("\n".join([*rows[:1], *rows[3:], *rows[1:3], ""]))
+    camera = "3 OPENCV 64 48 61.0 60.5 31.75 24.25 0 0 0 0"  # pixels' corners are at whole coordinates
+    (folder / "sparse/0/cameras.txt").write_text(f"# Camera list\n{camera}\n")
+    return Written(c2w, steps, 1000.0, k, k, lost=(2,))
+
+
 # --- the layouts that Noisy World writes, as others write them ---
 
 START_NS = 1403636579763555584
@@ -320,5 +341,6 @@ def vslamlab(folder):
 
 WRITTEN = {writer.__name__: writer for writer in (replica, tum, euroc, tum_vi, vslamlab)}
 WRITERS = {
-    writer.__name__: writer for writer in (seven_scenes, bundlefusion, scannet, icl_nuim, open3d, redwood, nerfstudio)
+    writer.__name__: writer
+    for writer in (seven_scenes, bundlefusion, scannet, icl_nuim, open3d, redwood, nerfstudio, colmap)
 }

@@ -8,6 +8,7 @@ from pathlib import Path, PurePosixPath
 from ..core.entry_points import Door, Registry, held_in
 from ..core.errors import InputError
 from .association import PosePolicy
+from .borrowed import BorrowedLayout
 from .layout import Beyond, Colour, FrameNames, Image, Layout, Modality, OutputFormat, RecordedLayout, SequenceFacts
 from .stored_recording import StoredSequence
 
@@ -71,10 +72,11 @@ def known_recordings() -> str:
     return " or ".join(layout.label for layout in (*LAYOUTS.values(), *RECORDED.values()))
 
 
-def recognising(folder: Path) -> list[Layout] | list[RecordedLayout]:
-    """Return the layouts that recognise a folder: of those that are written here or, if none does, that are read."""
-    written = [layout for layout in LAYOUTS.values() if layout.recognises(folder)]
-    return written or [layout for layout in RECORDED.values() if layout.recognises(folder)]
+def recognising(folder: Path) -> list[Layout | RecordedLayout]:
+    """Return the layouts that recognise a folder: those that are ours to write or, if none does, those of others."""
+    of_others = (RecordedLayout, BorrowedLayout)
+    found = [layout for layout in EVERY.values() if layout.recognises(folder)]
+    return [layout for layout in found if not isinstance(layout, of_others)] or found
 
 
 def find_sequence(folder: Path, rate_hz: float | None = None, poses: PosePolicy = "drop") -> StoredSequence:

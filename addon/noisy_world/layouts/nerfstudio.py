@@ -7,20 +7,23 @@ nerfstudio/data/utils/data_utils.py (depth images are resized to the size of col
 other pixels). Pixels' corners, not their centres, are at whole coordinates there: cameras.py adds 0.5.
 """
 
+import json
 import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..core.errors import InputError
-from ..core.geometry import Intrinsics, opencv_from_blender_c2w
+from ..core.geometry import Intrinsics, blender_from_opencv_c2w, opencv_from_blender_c2w
 from ..core.json_text import finite_number, parse_json_file
 from ..core.lens import DepthCamera, Distortion, Optics, distortion_of
 from ..trajectories.formats import read_file_poses
 from .association import PosePolicy
-from .layout import MILLIMETRES, RECORDED_HZ, RecordedLayout, counted_note
+from .borrowed import BorrowedLayout
+from .layout import MILLIMETRES, RECORDED_HZ, Image, RecordedLayout, SequenceFacts, counted_note, numbered
 from .numbered import NumberedPoses, numbered_frames
 from .stored_recording import StoredSequence, check_files, checked_intrinsics, recorded_text, size_of
 
@@ -29,10 +32,11 @@ INTRINSICS = ("w", "h", "fl_x", "fl_y", "cx", "cy")
 _HALF_PX = 0.5
 # camera_model: its coefficients, in OpenCV's order ("OPENCV uses k1-2 and p1-2, OPENCV_FISHEYE uses k1-4").
 _LENSES = {"OPENCV": ("k1", "k2", "p1", "p2"), "OPENCV_FISHEYE": ("k1", "k2", "k3", "k4")}
+_RADIAL_TANGENTIAL = (*_LENSES["OPENCV"], "k3")
 _PINHOLES = ("PINHOLE", "SIMPLE_PINHOLE", "PERSPECTIVE")
 
 
-class NerfstudioLayout(RecordedLayout):
+class NerfstudioRecordings(RecordedLayout):
     """`transforms.json`, whose frames name colour (`file_path`) and depth (`depth_file_path`)."""
 
     name = "nerfstudio"
@@ -53,7 +57,7 @@ class NerfstudioLayout(RecordedLayout):
         frames = document.get("frames") if isinstance(document, dict) else None
         if not isinstance(frames, list) or not frames or not all(isinstance(frame, dict) for frame in frames):
             raise InputError(path, "is no list of frames", where="frames", remedy="as nerfstudio writes it")
-        order = sorted(range(len(frames)), key=lambda row: _by_number(str(frames[row].get("file_path", ""))))
+        order = sorted(range(len(frames)), key=lambda row: by_number(str(frames[row].get("file_path", ""))))
         has_depth = any("depth_file_path" in frame for frame in frames)
         colour = [_file(path, row, frames[row], "file_path") for row in order]
         depth = [_file(path, row, frames[row], "depth_file_path") for row in order] if has_depth else None
@@ -90,7 +94,7 @@ class NerfstudioLayout(RecordedLayout):
         )
 
 
-def _by_number(name: str) -> tuple[str, int, str]:
+def by_number(name: str) -> tuple[str, int, str]:
     """Return a key that sorts names by the last number in them, as people count."""
     match = re.fullmatch(r"(.*?)([0-9]{1,18})([^0-9]*)", name)
     return (match[1], int(match[2]), match[3]) if match else (name, -1, "")
@@ -161,6 +165,77 @@ def _seen_by_depth(camera: Intrinsics, size_px: tuple[int, int]) -> DepthCamera 
     fx_px, fy_px = camera.fx_px * across, camera.fy_px * down
     seen = Intrinsics(*size_px, float(fx_px), float(fy_px), float(cx_px), float(cy_px))
     return DepthCamera(seen, shares_lens=True)
+
+
+class NerfstudioLayout(BorrowedLayout):
+    """`images/000000.png`, `depth/000000.png` and `transforms.json`, which names them.
+
+    Instant NGP and SplaTAM read depth by `depth_path` and `integer_depth_scale`, metres a step; nerfstudio by
+    `depth_file_path`, in millimetres unless its `depth_unit_scale_factor` is set.
+    """
+
+    reader = NerfstudioRecordings()
+    name, order, label, meaning, files = reader.name, reader.order, reader.label, reader.meaning, reader.files
+    images = ("png", "jpg")
+    colours = ("rgb",)
+    depth_scale_per_m = MILLIMETRES
+    patterns = (*numbered("images/{}.png"), *numbered("images/{}.jpg"), *numbered("depth/{}.png"), TRANSFORMS)
+    gaps = False  # each of its frames has a transform_matrix
+
+    def rgb_name(self, frame: int, stamp_ns: int, image: Image) -> str:
+        """Return the name of a frame's colour image."""
+        del stamp_ns
+        return f"images/{frame:06d}.{image}"
+
+    def depth_name(self, frame: int, stamp_ns: int) -> str:
+        """Return the name of a frame's depth image."""
+        del stamp_ns
+        return f"depth/{frame:06d}.png"
+
+    def says_lens(self, lens: Distortion) -> bool:
+        """Tell whether the file can say how a lens distorts: not by the rational model."""
+        return len(lens.coefficients) <= len(_RADIAL_TANGENTIAL)
+
+    def sequence_texts(self, facts: SequenceFacts) -> dict[str, str]:
+        """Return transforms.json: the camera, and of each frame its files, its time and its pose."""
+        names, written = facts.names, facts.format
+        frames: list[dict[str, Any]] = []
+        c2w = blender_from_opencv_c2w(facts.chosen.rgb.c2w)
+        for row, frame in enumerate(facts.frames):
+            told: dict[str, Any] = {}
+            if "rgb" in written.modalities:
+                told["file_path"] = names.rgb(frame)
+            if "depth" in written.modalities:
+                told["depth_file_path"] = told["depth_path"] = names.depth(frame)
+            told["timestamp"] = float(facts.taken.rgb.seconds[row])
+            if facts.chosen.rgb.known[row]:
+                told["transform_matrix"] = c2w[row].tolist()
+            frames.append(told)
+        scale = {"integer_depth_scale": 1 / written.depth_scale_per_m} if "depth" in written.modalities else {}
+        document = {**_camera_text(facts.camera, facts.optics.distortion), **scale, "frames": frames}
+        return {TRANSFORMS: json.dumps(document, indent=2) + "\n"}
+
+    def poses_file(self, folder: Path) -> tuple[Path, NDArray[np.float64]]:
+        """Return transforms.json and its poses."""
+        path = folder / TRANSFORMS
+        return path, opencv_from_blender_c2w(read_file_poses(path, format="transforms").poses)
+
+
+def _camera_text(camera: Intrinsics, lens: Distortion | None) -> dict[str, Any]:
+    """Return a camera as transforms.json says it: pixels' corners are at whole coordinates there."""
+    angle = lens is not None and lens.model == "equidistant"
+    names = _LENSES["OPENCV_FISHEYE"] if angle else _RADIAL_TANGENTIAL
+    coefficients = lens.coefficients if lens is not None else (0.0,) * len(_LENSES["OPENCV"])
+    return {
+        "camera_model": "OPENCV_FISHEYE" if angle else "OPENCV",
+        "w": camera.width_px,
+        "h": camera.height_px,
+        "fl_x": float(camera.fx_px),
+        "fl_y": float(camera.fy_px),
+        "cx": float(camera.cx_px) + _HALF_PX,
+        "cy": float(camera.cy_px) + _HALF_PX,
+        **dict(zip(names, coefficients, strict=False)),
+    }
 
 
 LAYOUT = NerfstudioLayout()

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from ..core.errors import InputError
 from ..core.geometry import Intrinsics
 from ..core.lens import PINHOLE, Optics
-from ..core.trajectory import FrameStamps, Trajectory
+from ..core.trajectory import FrameStamps, Stamps, Trajectory
 from ..trajectories.formats import read_file_poses
 from .association import MatchedFrames, PosePolicy, chosen_by_pose, truth_file
 from .layout import MILLIMETRES, RECORDED_HZ, RecordedLayout, counted_note
@@ -228,8 +228,11 @@ class NumberedLayout(RecordedLayout):
         """Return colour and depth by number; None for depth where there is none."""
         return self.rgb.of(folder), None if self.depth is None else self.depth.there(folder)
 
-    def times(self, folder: Path) -> tuple[Path, NDArray[np.float64]] | None:
-        """Return the file of the images' times, and these by number, seconds, increasing; None where none says them."""
+    def times(self, folder: Path) -> tuple[Path, NDArray[np.float64] | Stamps] | None:
+        """Return the file of the images' times, and these, increasing; None where none says them.
+
+        Seconds, or stamps in nanoseconds: of as many images in their order, else by number.
+        """
         del folder
 
     def stated_rate_hz(self, folder: Path) -> float | None:
@@ -263,7 +266,8 @@ class NumberedLayout(RecordedLayout):
         if cameras.posed_from_camera is not None:
             trajectory = replace(trajectory, c2w=trajectory.c2w @ cameras.posed_from_camera, curve=None)
         if timed is not None:
-            stamps = FrameStamps.of(_times_of(*timed, rgb, found.rgb_files))
+            taken = _times_of(*timed, rgb, found.rgb_files)
+            stamps = FrameStamps(taken, taken, taken)
             trajectory = trajectory.at(slice(None), stamps.rgb.seconds)
         return StoredSequence(
             folder,
@@ -289,10 +293,14 @@ class NumberedLayout(RecordedLayout):
 
 
 def _times_of(
-    path: Path, times_s: NDArray[np.float64], images: Mapping[int, Path], chosen: Collection[Path]
-) -> NDArray[np.float64]:
-    """Return the times of chosen images, by their numbers. Raises InputError where one has none."""
-    numbers = [number for number, file in sorted(images.items()) if file in set(chosen)]
-    if numbers[-1] >= len(times_s):
-        raise InputError(path, f"has {len(times_s)} times, but images are numbered to {numbers[-1]}")
-    return times_s[numbers]
+    path: Path, times: NDArray[np.float64] | Stamps, images: Mapping[int, Path], chosen: Collection[Path]
+) -> Stamps:
+    """Return the times of chosen images. Raises InputError where one has none."""
+    stamps, of_chosen = times if isinstance(times, Stamps) else Stamps(times), set(chosen)
+    numbers = [number for number, file in sorted(images.items()) if file in of_chosen]
+    if len(images) == len(stamps):
+        there = {number: place for place, number in enumerate(sorted(images))}
+        return stamps.take([there[number] for number in numbers])
+    if numbers[-1] >= len(stamps):
+        raise InputError(path, f"has {len(stamps)} times, but images are numbered to {numbers[-1]}")
+    return stamps.take(numbers)

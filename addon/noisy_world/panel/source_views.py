@@ -18,7 +18,7 @@ from ..core.geometry import Intrinsics
 from ..core.trajectory import Trajectory, rounded_path
 from ..images.measured_depth import Registration
 from ..images.pixels import as_float
-from ..layouts import LAYOUTS, RECORDED
+from ..layouts import EVERY, recognising
 from ..nodes.datablocks import layout_of
 from ..preset.keys import Preset
 from ..render.source import RenderedFrame, RenderOptions, Source
@@ -125,8 +125,8 @@ class NOISYWORLD_PT_layouts(bpy.types.Panel):
 
 def known_layouts() -> list[tuple[str, str]]:
     """Return the name of each layout that is read, and the files by which it is told."""
-    written = [(layout.label, f"as Noisy World writes it: {layout.meaning}") for layout in LAYOUTS.values()]
-    return written + [(layout.label, layout.files) for layout in RECORDED.values()]
+    ours = "as Noisy World writes it: {}"
+    return [(item.label, getattr(item, "files", "") or ours.format(item.meaning)) for item in EVERY.values()]
 
 
 def layout_names(folder: str) -> str:
@@ -141,10 +141,7 @@ def layout_names(folder: str) -> str:
 
 @lru_cache(maxsize=16)
 def _read_layout_names(folder: str, _changed_ns: int) -> str:
-    path = Path(folder)
-    found = [layout.label for layout in LAYOUTS.values() if layout.recognises(path)]
-    found = found or [layout.label for layout in RECORDED.values() if layout.recognises(path)]
-    return " and ".join(found)
+    return " and ".join(layout.label for layout in recognising(Path(folder)))
 
 
 register, unregister = bpy.utils.register_classes_factory((NOISYWORLD_PT_layouts,))

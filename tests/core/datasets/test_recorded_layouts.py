@@ -138,7 +138,7 @@ def without_depth(folder):
 
 
 @pytest.mark.parametrize(
-    "name", ["bundlefusion", "euroc", "nerfstudio", "open3d", "scannet", "seven_scenes", "tum", "vslamlab"]
+    "name", ["bundlefusion", "colmap", "euroc", "nerfstudio", "open3d", "scannet", "seven_scenes", "tum", "vslamlab"]
 )
 def test_a_recording_may_lack_depth(name, tmp_path):
     {**WRITERS, **WRITTEN}[name](tmp_path)
@@ -158,7 +158,7 @@ def test_kitti_has_its_poses_beside_the_sequences(tmp_path):
     for path in (folder, truth.parent):
         path.mkdir(parents=True)
     truth.touch()
-    assert RECORDED["kitti"].poses_path(folder, "drop").samefile(truth)
+    assert LAYOUTS["kitti"].reader.poses_path(folder, "drop").samefile(truth)
 
 
 def test_kitti_has_the_poses_of_the_camera_that_is_read(tmp_path):
@@ -204,7 +204,7 @@ def test_a_list_of_pairs_is_a_recording(tmp_path):
     refused(find_sequence, tmp_path, names=("calibration.txt", "fx fy cx cy"))
 
 
-@pytest.mark.parametrize("name", sorted(WRITERS.keys() - {"icl_nuim", "nerfstudio"}))  # told by their poses
+@pytest.mark.parametrize("name", sorted(WRITERS.keys() - {"icl_nuim", "nerfstudio", "colmap"}))  # told by their poses
 def test_frames_are_kept_where_no_file_has_poses(name, tmp_path):
     WRITERS[name](tmp_path)
     for path in [path for path in tmp_path.rglob("*") if path.is_file()]:
@@ -219,6 +219,31 @@ def test_frames_are_kept_where_no_file_has_poses(name, tmp_path):
     kept = find_sequence(tmp_path, poses="keep")
     assert (len(kept.trajectory), kept.trajectory.known.any(), kept.trajectory_path) == (FRAMES, False, None)
     assert "4 of 4 frames have no valid pose; they are kept, and no pose is written for them" in kept.notes
+
+
+@pytest.mark.parametrize(
+    ("file", "text", "told"),
+    [
+        ("cameras.txt", "1 THIN_PRISM_FISHEYE 64 48 1 2 3 4\n", ("line 1", "THIN_PRISM_FISHEYE", "FULL_OPENCV")),
+        ("cameras.txt", "1 PINHOLE 64 48 60 60 32\n", ("3 parameters", "PINHOLE has fx, fy, cx, cy")),
+        ("cameras.txt", "1 PINHOLE 64 48 60 60 32 24\n2 PINHOLE 64 48 61 60 32 24\n", ("2 cameras", "single_camera")),
+        ("cameras.txt", "1 PINHOLE 64 48 60 nan 32 24\n", "no finite number"),
+        ("images.txt", "1 1 0 0 0 0 0 0 3 other.png\n\n", ("images.txt", "other.png, which is not there")),
+        ("images.txt", "1 1 0 0 0 0 0 3\n", "IMAGE_ID, QW"),
+        ("images.txt", "1 0 0 0 0 0 0 0 3 walk_8.png\n", "quaternion of zeros"),
+    ],
+)
+def test_what_is_wrong_with_a_model_of_colmap(file, text, told, tmp_path):
+    WRITERS["colmap"](tmp_path)
+    (tmp_path / "sparse/0" / file).write_text(text)
+    refused(find_sequence, tmp_path, names=told)
+
+
+def test_a_model_of_colmap_in_its_binary_form_is_refused(tmp_path):
+    WRITERS["colmap"](tmp_path)
+    for path in sorted((tmp_path / "sparse/0").iterdir()):
+        path.rename(path.with_suffix(".bin"))
+    refused(find_sequence, tmp_path, names=("cameras.bin", "model_converter", "TXT"))
 
 
 def test_a_lens_is_told(tmp_path):
