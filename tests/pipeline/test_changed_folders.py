@@ -20,7 +20,7 @@ from noisy_world.core.errors import StorageError
 from noisy_world.core.progress import PlainProgress
 from noisy_world.dataset.status import read_status
 from noisy_world.dataset.recipe import recipe_of
-from noisy_world.dataset.finished import read_content
+from noisy_world.dataset.stored import finished_folder
 
 pytestmark = pytest.mark.usefixtures("no_blender")
 
@@ -130,7 +130,7 @@ def test_nothing_is_written_or_believed_through_a_link(tmp_path):
             left_alone(preset, out, str(name), "link")
             if name.name != "manifest.json":
                 for act in (
-                    read_content,
+                    finished_folder,
                     lambda out: recipe_of(out, PlainProgress(sys.stderr)),
                     lambda out: read_status(out, PlainProgress(sys.stderr)),
                 ):

@@ -12,7 +12,7 @@ from many_settings import COUNT, SETTINGS, make_shard
 from worlds import write_world
 
 from noisy_world.cli.listing import cell, family_of
-from noisy_world.dataset.inventory import FileInventory, JournalTimes
+from noisy_world.dataset.stored import FileInventory, JournalTimes
 from noisy_world.dataset.shard_folders import shard_folder
 from noisy_world.core.errors import InterruptedRunError
 from noisy_world.dataset.shards import shards_of

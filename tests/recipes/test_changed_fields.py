@@ -17,7 +17,7 @@ from noisy_world.core.progress import PlainProgress
 from noisy_world.dataset.status import read_status
 from noisy_world.dataset.recipe import read_recipe, recipe_of
 from noisy_world.dataset.verifying import verify
-from noisy_world.dataset.finished import read_content
+from noisy_world.dataset.stored import finished_folder
 
 VALUES = (None, True, -1, 1.5, 10**30, "", "../../x", "f" * 300, [], {}, [[]], [None], {"": None}, {"a": {"b": []}})
 WRONG_FILE = "does not tell a name inside the dataset and its SHA-256 of"
@@ -96,7 +96,7 @@ def test_every_field_of_a_dataset(name, dataset):
     acts = (
         lambda: read_status(out, quiet, check=True),
         lambda: recipe_of(out, quiet),
-        lambda: [read_content(out).frames(sequence) for sequence in read_content(out).sequences],
+        lambda: [finished_folder(out).frames(sequence) for sequence in finished_folder(out).sequences],
     )
     for number, (at, value, changed) in enumerate(changes(json.loads(first), 3)):
         path.write_text("\n".join([json.dumps(changed), *rest]) + "\n")
@@ -126,7 +126,7 @@ def test_what_is_wrong_in_a_manifest_is_told(at, value, told, dataset):
         node = node[key]
     node[at[-1]] = value
     path.write_text(json.dumps(document))
-    assert f"manifest.json {told}" in said(lambda: read_content(out), at)
+    assert f"manifest.json {told}" in said(lambda: finished_folder(out), at)
     path.write_text(text)
 
 

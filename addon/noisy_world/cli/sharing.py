@@ -14,11 +14,11 @@ from .generate import need_blender
 
 def _publish(options: argparse.Namespace, _: Entry) -> int:
     """Pack the dataset, and print what was written."""
-    from ..dataset.finished import read_content
     from ..dataset.packing import publish
     from ..dataset.store import open_store
+    from ..dataset.stored import finished_folder
 
-    read_content(options.dataset)  # first: what is wrong with it comes before what packing needs
+    finished_folder(options.dataset)  # first: what is wrong with it comes before what packing needs
     progress, stop = listener("text")
     try:
         store = open_store(options.address)

@@ -20,7 +20,6 @@ from ..core.progress import Progress
 from .completed_images import CompletedImages
 from .differences import identity_mismatch, why_not
 from .estimate import size_text
-from .finished import read_written
 from .folder_state import RUN, WORK_FOLDER, read_dataset_state
 from .identity import plain_identity, versions_of
 from .overview import needed_frames
@@ -32,6 +31,7 @@ from .shard_folders import read_shard, remove_shard, shard_folder, shard_folders
 from .shard_objects import ShardImages, StoredShard, get_shard, put_shard, record_of_shard, shard_records
 from .shards import Shard, render_of, shards_of
 from .store import Store
+from .stored import written_dataset
 
 SHARD_BYTES = 10**9  # of a shard at most, roughly; chosen: several fit on any disk, and take minutes to put
 UPLOADS = 2  # shards that are put while others are made; those that wait take room
@@ -249,7 +249,7 @@ class AddressDestination(Destination):
 
     def seal(self, run_text: Callable[[], str], progress: Progress, stop: threading.Event) -> None:
         """Pack all at the address."""
-        written = read_written(self.folder)
+        written = written_dataset(self.folder)
         pack(written, self._images, self._store, progress, stop, beside=lambda: {RUN: run_text().encode()})
         self._sealed = True
 

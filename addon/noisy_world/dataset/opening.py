@@ -7,12 +7,12 @@ from pathlib import Path
 from ..core.errors import InputError, nearest
 from ..core.file_access import with_home
 from .clean_store import read_store
-from .finished import is_packed
 from .loader import Opened
 from .recipe import read_recipe
 from .recipe_frames import OpenedRecipe
 from .remaking import made_here, made_otherwise
 from .store import is_address
+from .stored import is_packed
 from .stored_frames import OpenedFolder, OpenedPacked
 
 

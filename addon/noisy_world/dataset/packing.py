@@ -18,30 +18,19 @@ from typing import Any, TypeAlias
 from ..channels import CHANNELS
 from ..core.atomic_files import sha256_of_bytes
 from ..core.dependencies import missing_packages
-from ..core.errors import StorageError
+from ..core.errors import InterruptedRunError, StorageError
 from ..core.file_access import read_bytes
 from ..core.json_text import canonical, parse_json
+from ..core.lens import DEPTH_CAMERA, DepthCamera
 from ..core.machine import done_ahead
 from ..core.progress import Progress
 from ..layouts import Modality
 from .differences import first_difference
-from .finished import (
-    CARD,
-    CROISSANT,
-    FRAMES_FOLDER,
-    TABLE,
-    Content,
-    FrameImages,
-    ImageReaders,
-    PackedFile,
-    read_content,
-    sealed_state,
-    tar_name,
-)
 from .folder_state import IDENTITY, MANIFEST, OVERVIEW, RUN, WORK_FOLDER
 from .identity import CONVENTIONS, FORMAT
 from .store import Store, missing
-from .tar_files import FrameSpans, Sink, Span, perturbed_text, write_sequence
+from .stored import FolderDataset, FrameImages, ImageReaders, ReadImage, finished_folder, sealed_state
+from .tar_files import CARD, CROISSANT, FRAMES_FOLDER, TABLE, FrameSpans, PackedFile, Sink, Span, TarStream, tar_name
 
 # README.md of a packed dataset: the dataset card that people and Hugging Face's hub read, made from its Croissant.
 
@@ -49,7 +38,7 @@ from .tar_files import FrameSpans, Sink, Span, perturbed_text, write_sequence
 HUB_SIZES = ((10**3, "n<1K"), (10**4, "1K<n<10K"), (10**5, "10K<n<100K"), (10**6, "100K<n<1M"), (10**7, "1M<n<10M"))
 
 
-def card(content: Content, described: dict[str, Any], tables_by: str) -> str:
+def card(content: FolderDataset, described: dict[str, Any], tables_by: str) -> str:
     """Return the card. described: what croissant.json says. tables_by: the version of what wrote the table."""
     frames = sum(content.manifest["frames"].values())
     settings = sorted({name.split("/")[0] for name in content.sequences})
@@ -158,7 +147,7 @@ def need_writer(store: Store) -> None:
 class FrameTable:
     """The table while it is written; memory holds a sequence of it. made_with: the version of what writes it."""
 
-    def __init__(self, sink: Sink, content: Content) -> None:
+    def __init__(self, sink: Sink, content: FolderDataset) -> None:
         import pyarrow
         import pyarrow.parquet
 
@@ -279,7 +268,7 @@ NO_LICENCE = "The licences of the scenes apply; the dataset states none of its o
 TYPES = {"string": "sc:Text", "int32": "sc:Integer", "int64": "sc:Integer", "float64": "sc:Float", "pose": "sc:Float"}
 
 
-def croissant(content: Content, name: str, tars: list[PackedFile], table: PackedFile) -> dict[str, Any]:
+def croissant(content: FolderDataset, name: str, tars: list[PackedFile], table: PackedFile) -> dict[str, Any]:
     """Return the content of croissant.json. name: the dataset's. tars: of the sequences. table: manifest.parquet."""
     frames = [
         {
@@ -338,7 +327,7 @@ def _file(file: PackedFile, encoding: str, description: str) -> dict[str, Any]:
     }
 
 
-def _images(content: Content, modality: Modality, tars: list[PackedFile]) -> dict[str, Any]:
+def _images(content: FolderDataset, modality: Modality, tars: list[PackedFile]) -> dict[str, Any]:
     suffix = content.suffix(modality)
     ending = f"{modality}.{suffix}"
     what = CHANNELS[modality].describe_files(content.depth_scale_per_m, suffix)
@@ -353,7 +342,7 @@ def _images(content: Content, modality: Modality, tars: list[PackedFile]) -> dic
     }
 
 
-def _description(content: Content) -> str:
+def _description(content: FolderDataset) -> str:
     settings, scenes = ({name.split("/")[place] for name in content.sequences} for place in (0, 1))
     several = "s" if len(settings) > 1 else ""
     return (
@@ -361,6 +350,93 @@ def _description(content: Content) -> str:
         f"setting{several}, {sum(content.manifest['frames'].values())} frames; made by Noisy World "
         f"{content.identity['versions']['noisy_world']}, seed {content.identity['seed']}."
     )
+
+
+# A sequence as one tar, which serves two kinds of readers.
+#
+# Streams take `SETTING/SCENE/frames/000012.rgb.jpg`, `.depth.png` and `.json`, which follow one another: a sample of
+# WebDataset's, with all that a reader needs in its JSON. Unpacked, the tar is the folder that loaders of the layout
+# read: each image and text has the layout's name too, as a hard link, which streams pass over. Text files are stored
+# under names without a dot, by which streams pass over them as well.
+
+
+def member_name(sequence: str, frame: int, ending: str) -> str:
+    """Return the name of a file of a frame inside the tar; ending: "json" for instance."""
+    return f"{sequence}/{FRAMES_FOLDER}/{frame:06d}.{ending}"
+
+
+def write_sequence(
+    content: FolderDataset, sequence: str, images: ImageReaders, sink: Sink, stop: threading.Event
+) -> list[FrameSpans]:
+    """Write the tar of a sequence; return where its frames lie. Raises InterruptedRunError where `stop` is set."""
+    tar = TarStream(sink)
+    frames = content.frames(sequence)
+    read = images.reader(sequence, frames)
+    spans: list[FrameSpans] = []
+    for frame in frames:
+        if stop.is_set():
+            raise InterruptedRunError("stopped")
+        spans.append(_write_frame(tar, content, sequence, frame, read))
+    for name, digest in content.texts(sequence).items():
+        stored = f"{sequence}/{FRAMES_FOLDER}/texts/{name.removeprefix(f'{sequence}/').replace('.', '_')}"
+        tar.add(stored, content.file(name, digest))
+        tar.link(name, stored)
+    tar.close()
+    return spans
+
+
+def _write_frame(
+    tar: TarStream, content: FolderDataset, sequence: str, frame: FrameImages, read: ReadImage
+) -> FrameSpans:
+    images: dict[Modality, Span] = {}
+    links: dict[str, str] = {}
+    for modality, (name, digest) in frame.images.items():
+        stored = member_name(sequence, frame.number, f"{modality}.{content.suffix(modality)}")
+        data = read(name, digest)
+        images[modality] = Span(tar.add(stored, data), len(data))
+        links[f"{sequence}/{name}"] = stored
+    metadata = json.dumps(frame_metadata(content, sequence, frame), separators=(",", ":")).encode()
+    at = tar.add(member_name(sequence, frame.number, "json"), metadata)
+    for name, stored in links.items():
+        tar.link(name, stored)
+    return FrameSpans(Span(at, len(metadata)), images)
+
+
+def frame_metadata(content: FolderDataset, sequence: str, frame: FrameImages) -> dict[str, Any]:
+    """Return what the JSON of a frame says: the same keys with values of the same types for every frame of a dataset.
+
+    c2w: 4 x 4. camera: its intrinsics in pixels, and where a lens of the dataset distorts, its own. depth_camera: that
+    of depth, where any of the dataset's has another than colour. perturbed: what was done to the frame, as a text of
+    JSON, since it has other keys for other perturbations.
+    """
+    setting, scene = sequence.split("/")
+    return {
+        "setting": setting,
+        "scene": scene,
+        "frame": frame.number,
+        "time_s": frame.record.time_s,
+        "depth_time_s": frame.depth_time_s,
+        "c2w": frame.c2w.tolist(),
+        "camera": asdict(content.camera(sequence)) | (_lens(content, sequence) if content.distorts else {}),
+        **(_depth_camera(content, sequence) if content.seen_apart else {}),
+        "depth_scale_per_m": content.depth_scale_per_m,
+        "perturbed": perturbed_text(frame),
+    }
+
+
+def _lens(content: FolderDataset, sequence: str) -> dict[str, Any]:
+    lens = content.optics(sequence).distortion
+    return {"distortion": {"model": "pinhole", "coefficients": []} if lens is None else lens.content()}
+
+
+def _depth_camera(content: FolderDataset, sequence: str) -> dict[str, Any]:
+    own = content.optics(sequence).depth or DepthCamera(content.camera(sequence))
+    return {DEPTH_CAMERA: own.content() | {"rgb_from_depth": own.matrix.tolist()}}
+
+
+def perturbed_text(frame: FrameImages) -> str:
+    """Return what was done to a frame, as a text of JSON."""
+    return json.dumps(frame.record.perturbed, separators=(",", ":"))
 
 
 ELSEWHERE = "choose another address"
@@ -373,7 +449,7 @@ WrittenTar: TypeAlias = tuple[PackedFile, list[FrameSpans]]
 
 
 def pack(
-    content: Content,
+    content: FolderDataset,
     images: ImageReaders,
     store: Store,
     progress: Progress,
@@ -480,7 +556,7 @@ def remove_work(store: Store) -> None:
 
 
 def _packed_sequences(
-    content: Content, images: ImageReaders, store: Store, stop: threading.Event
+    content: FolderDataset, images: ImageReaders, store: Store, stop: threading.Event
 ) -> Iterator[tuple[str, WrittenTar]]:
     """Yield each sequence with its tar, in order; several are written at a time."""
 
@@ -492,7 +568,7 @@ def _packed_sequences(
 
 
 def _packed_sequence(
-    content: Content, sequence: str, images: ImageReaders, store: Store, stop: threading.Event
+    content: FolderDataset, sequence: str, images: ImageReaders, store: Store, stop: threading.Event
 ) -> WrittenTar:
     """Return a sequence's tar at the address and where its frames lie in it; write it, unless it is there."""
     name, note = tar_name(sequence), f"{PACKED_SEQUENCES}/{sequence}.json"
@@ -548,7 +624,7 @@ def publish(folder: Path, store: Store, progress: Progress, stop: threading.Even
     address cannot be written or holds another dataset; BusyError where another process writes it; InterruptedRunError
     where `stop` is set.
     """
-    content = read_content(folder)
+    content = finished_folder(folder)
 
     def difference(there: dict[str, Any]) -> str:
         return first_difference(there, content.identity) or ""

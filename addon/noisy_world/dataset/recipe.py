@@ -17,10 +17,10 @@ from ..core.dependencies import package_version
 from ..core.errors import InputError
 from ..core.json_text import read_json
 from ..core.progress import Progress
-from .finished import Content, Packed, open_finished
 from .folder_state import MANIFEST, OVERVIEW
 from .identity import FORMAT as IDENTITY_FORMAT
 from .identity import identity_problem, is_inside
+from .stored import StoredDataset, finished_dataset
 
 # The numbers of a sequence's frames, however many: ranges in place of lists.
 
@@ -301,9 +301,8 @@ def recipe_of(dataset: Path | str, progress: Progress) -> Recipe:
     dataset: a folder, or the address of a packed dataset. Raises InputError where no finished dataset is there,
     InputError or StorageError where its records are not as they were written or a store refuses.
     """
-    content = open_finished(dataset)
-    if isinstance(content, Packed):
-        content.check_table()
+    content = finished_dataset(dataset)
+    content.check_records()
     progress.start("reading records", sum(content.manifest["frames"].values()))
     sequences: dict[str, SequenceDigests] = {}
     for name in content.sequences:
@@ -316,7 +315,7 @@ def recipe_of(dataset: Path | str, progress: Progress) -> Recipe:
     return Recipe(Path(content.store.of(MANIFEST)), content.identity, sequences, texts)
 
 
-def _digests(content: Content | Packed, sequence: str) -> SequenceDigests:
+def _digests(content: StoredDataset, sequence: str) -> SequenceDigests:
     """Return the digests of a sequence."""
     images: dict[str, dict[int, tuple[str, str]]] = {}  # name and SHA-256 by series and frame
     frames: list[int] = []

@@ -18,11 +18,11 @@ from ..core.atomic_files import sha256_of_bytes
 from ..core.errors import StorageError
 from ..core.file_access import read_bytes
 from ..core.json_text import parse_json
-from .finished import FrameImages, ReadImage
 from .folder_state import WORK_FOLDER
 from .shard_folders import SHARDS, ShardRecord
 from .shards import Shard
 from .store import Store
+from .stored import FrameImages, ReadImage
 from .tar_files import TarStream
 
 PLACE = f"{WORK_FOLDER}/{SHARDS}"

@@ -6,7 +6,6 @@ needed, and nothing is changed.
 """
 
 import contextlib
-import threading
 import time
 from collections.abc import Container, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -15,11 +14,10 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from ..core.atomic_files import Hasher, sha256_of_bytes
+from ..core.atomic_files import sha256_of_bytes
 from ..core.errors import StorageError
-from ..core.json_text import parse_json, read_json
+from ..core.json_text import parse_json
 from ..core.progress import Progress
-from .finished import Packed, is_packed, sealed_state, tar_name
 from .folder_state import (
     IDENTITY,
     MANIFEST,
@@ -32,23 +30,26 @@ from .folder_state import (
     merged_identity,
     read_dataset_state,
 )
-from .identity import FORMAT, Described, identity_problem
-from .inventory import (
-    FileInventory,
-    FolderPart,
-    HashedPart,
-    JournalTimes,
-    PackedFiles,
-    Part,
-    SequenceInTar,
-    counted,
-    inventory,
-    journals_of,
-)
+from .identity import Described, identity_problem
 from .packing import CLAIM, PACKED_SEQUENCES, claimed
 from .shard_folders import ShardRecord, merged_shards, read_shard, shard_folders
 from .shard_objects import PLACE, StoredShard, damaged_contents, get_shard, shard_records
 from .store import Store, open_store
+from .stored import (
+    Digests,
+    FileInventory,
+    FolderDataset,
+    JournalTimes,
+    PackedDataset,
+    Part,
+    Recorded,
+    StoredDataset,
+    folder_part,
+    hashed_part,
+    is_packed,
+    journals_of,
+    sealed_state,
+)
 
 # How fast a run goes, by when its newest files were written, and how long the rest takes at that pace.
 #
@@ -163,14 +164,14 @@ def _add_finished(found: Shards, folder: Path, record: ShardRecord) -> None:
     found.finished.append(record.shard.name)
     found.identities.append(record.identity)
     for sequence, records in record.frames.items():
-        found.add(sequence, FolderPart(folder / sequence, sequence, records=records))
+        found.add(sequence, folder_part(folder / sequence, sequence, records=records))
 
 
 def _add_unfinished(found: Shards, folder: Path) -> None:
     work = folder / WORK_FOLDER
     journals = journals_of(work)
     for sequence in sorted(journals.sequences):
-        found.add(sequence, FolderPart(folder / sequence, sequence, journals))
+        found.add(sequence, folder_part(folder / sequence, sequence, journals))
     times_s = [journal.stat().st_mtime for journal in journals.files if journal.exists()]
     state = read_dataset_state(folder)
     if state is not None and state.identity is not None and not state.problem:
@@ -192,18 +193,17 @@ def read_shards_at(store: Store, progress: Progress, *, check: bool) -> Shards:
         else:
             found.finished.append(stored.record.shard.name)
             damaged = damaged_contents(store, stored) if check else frozenset[str]()
-            digest = partial(_digest, damaged)
+            there = partial(_digests, damaged)
             for sequence, records in stored.record.frames.items():
-                found.add(sequence, HashedPart(records, digest, times_s.get(name)))
+                found.add(sequence, hashed_part(records, there, times_s.get(name)))
         progress.advance()
     progress.finish()
     return found
 
 
-def _digest(damaged: frozenset[str], name: str, wanted: str) -> str:
-    """Return the SHA-256 of a content of a tar that is whole. damaged: those that have another, which is not known."""
-    del name
-    return "" if wanted in damaged else wanted
+def _digests(damaged: frozenset[str], files: Recorded) -> Digests:
+    """Return the SHA-256 of files in a tar that is whole. damaged: those that have another, which is not known."""
+    return {name: "" if wanted in damaged else wanted for name, (_, wanted) in files.items()}
 
 
 def _stored(store: Store, names: list[str]) -> Iterator[tuple[str, StoredShard | None]]:
@@ -276,206 +276,122 @@ def read_status(place: Path | str, progress: Progress, *, chosen: slice | None =
 
     Raises StorageError where nothing is there, or nothing that can be understood, and where a store refuses.
     """
-    seen = _read_place(place, chosen, progress, check=check)
-    described = seen.whole() or _described(seen)
-    seen.begin(described)
+    seen = _look(place, chosen, progress, check=check)
+    dataset, notes = seen.dataset, list(seen.notes)
+    described = seen.counted() or seen.described()
+    if seen.packed_tars:
+        notes.append(f"{seen.packed_tars} of {len(described)} tars are packed from the shards")
+    lost, damaged = dataset.own_problems(check=check)
     progress.start("checking", sum(len(item.frames or ()) for item in described))
     found: list[SequenceStatus] = []
-    for item in described:
-        found.append(SequenceStatus(item.setting, item.scene, seen.count(item), seen.inventory(item)))
+    wanted = [(item.folder, seen.asked(item)) for item in described]
+    for item, there in zip(described, dataset.inventories(wanted, check=check), strict=True):
+        found.append(SequenceStatus(item.setting, item.scene, seen.count(item), there))
         progress.advance(len(item.frames or ()))
     progress.finish()
-    seen.check_texts()
+    for name, written in dataset.text_files.items():
+        digest = dataset.digest(name) if check else written if dataset.holds(name) else None
+        if digest != written:
+            (lost if digest is None else damaged).append(name)
+    run = _run_of(dataset.store)
     if check and seen.ended:
-        seen.check_manifest()
+        known = manifest_sha256_in(run)
+        notes += [UNCHECKED] if known is None else []
+        damaged += [MANIFEST] if known not in (None, sha256_of_bytes(dataset.store.read(MANIFEST) or b"")) else []
     return Status(
-        seen.out,
+        place if isinstance(place, Path) and isinstance(dataset, FolderDataset) else dataset.store.text,
         seen.ended,
         check,
         tuple(found),
-        tuple(dict.fromkeys((*seen.lost, *(name for item in found for name in item.inventory.lost)))),
-        tuple(dict.fromkeys((*seen.damaged, *(name for item in found for name in item.inventory.damaged)))),
-        _pace(_described(seen) if any(not item.whole for item in found) else described, found),
-        _total_s(seen.run) if seen.ended else None,
+        tuple(dict.fromkeys((*lost, *(name for item in found for name in item.inventory.lost)))),
+        tuple(dict.fromkeys((*damaged, *(name for item in found for name in item.inventory.damaged)))),
+        _pace(seen.described() if any(not item.whole for item in found) else described, found),
+        _total_s(run) if seen.ended else None,
         seen.shards,
-        (*seen.notes, *seen.shards.notes),
+        (*notes, *seen.shards.notes),
     )
 
 
-def _described(seen: "_Seen") -> tuple[Described, ...]:
-    """Return the sequences, with what their frames cost: steps that decide which they are have to be known for that."""
-    from ..perturbations import registry
-    from .estimate import described_sequences
+@dataclass(frozen=True)
+class _Seen:
+    """What is seen of a dataset.
 
-    return described_sequences(seen.identity, registry(), seen.chosen)
+    chosen: the frames that are asked for, or that it is made of. ended: whether its run has come to its end.
+    packed_tars: how many are there of a dataset that is being packed.
+    """
+
+    dataset: StoredDataset
+    chosen: slice | None
+    ended: bool
+    shards: Shards = Shards()
+    notes: tuple[str, ...] = ()
+    packed_tars: int = 0
+
+    @property
+    def _made(self) -> dict[str, int]:
+        """How many frames the run has made of each sequence that has come to its end; it chose them by --frames."""
+        manifest = self.dataset.state.manifest
+        return manifest["frames"] if manifest is not None and self.ended and self.chosen is None else {}
+
+    def counted(self) -> tuple[Described, ...]:
+        """Return the sequences of a dataset whose run has ended, as its manifest counts them; else none."""
+        sequences = self.dataset.identity["sequences"]
+        if not self._made.keys() >= set(sequences):
+            return ()
+        names = [folder.split("/") for folder in sequences]
+        return tuple(
+            Described(setting, scene, range(self._made[f"{setting}/{scene}"]), 1.0) for setting, scene in names
+        )
+
+    def described(self) -> tuple[Described, ...]:
+        """Return the sequences, with what their frames cost: steps that decide these have to be known for that."""
+        from ..perturbations import registry
+        from .estimate import described_sequences
+
+        return described_sequences(self.dataset.identity, registry(), self.chosen)
+
+    def count(self, item: Described) -> int | None:
+        """Return how many frames a sequence has to have."""
+        return self._made.get(item.folder, None if item.frames is None else len(item.frames))
+
+    def asked(self, item: Described) -> Container[int] | None:
+        """Return the frames of a sequence that are asked for; None for all."""
+        return None if self.chosen is None or item.frames is None else frozenset(item.frames)
 
 
-def _read_place(place: Path | str, chosen: slice | None, progress: Progress, *, check: bool) -> "_Seen":
+def _look(place: Path | str, chosen: slice | None, progress: Progress, *, check: bool) -> _Seen:
     if isinstance(place, Path) and not is_packed(place):
-        return _Folder(place, chosen, check=check)
+        return _look_into(place, chosen)
     store = open_store(place)
     state = sealed_state(store)
     if state is not None and (state.problem or state.manifest is None):
         raise StorageError(state.problem, file=store.text)
-    if state is not None and state.manifest is not None:
-        return _Packed(Packed(store, state.manifest), chosen, check=check)
+    if state is not None:
+        return _Seen(PackedDataset(store, state), chosen, ended=True)
     begun = claimed(store)
     if begun is None:
         raise StorageError(NOTHING, file=store.text)
-    if problem := identity_problem(begun["identity"]):
+    identity = begun["identity"]
+    if problem := identity_problem(identity):
         raise StorageError(problem, file=store.of(CLAIM))
-    return _UnderWay(store, begun, chosen, read_shards_at(store, progress, check=check))
+    made = None if begun["chosen"] is None else slice(*begun["chosen"])
+    shards = read_shards_at(store, progress, check=check)
+    state = DatasetState(identity, None, frozenset(identity["sequences"]), holds_frames=True)
+    packed = sum(name.endswith(".json") for name in store.sizes(PACKED_SEQUENCES))
+    return _Seen(StoredDataset(store, state, shards.parts), chosen or made, False, shards, packed_tars=packed)
 
 
-def _pace(described: Sequence[Described], found: Sequence[SequenceStatus]) -> Pace:
-    costs_s = {item.folder: item.seconds_each for item in described}
-    left = {f"{item.setting}/{item.scene}": item.of - item.inventory.done for item in found if item.of is not None}
-    written = [(f"{item.setting}/{item.scene}", part) for item in found for part in item.inventory.written]
-    return pace_of(written, costs_s, left if len(left) == len(found) else None, time.time())
-
-
-def _total_s(run: Any) -> float | None:
-    """Return how long the run took that has ended, by what run.json says; None where it does not say so."""
-    found = run.get("total_s") if isinstance(run, dict) else None
-    return float(found) if isinstance(found, int | float) and not isinstance(found, bool) else None
-
-
-class _Seen:
-    """What is seen of a dataset.
-
-    identity, manifest: as of `DatasetState`. chosen: the frames that are asked for, or that it is made of. ended:
-    whether its run has come to its end. run: what run.json says. lost, damaged: files that are no images.
-    """
-
-    manifest: dict[str, Any] | None = None
-    ended = False
-    run: Any = None
-
-    def __init__(self, out: Path | str, identity: dict[str, Any], chosen: slice | None, shards: Shards) -> None:
-        self.out = out
-        self.identity = identity
-        self.chosen = chosen
-        self.shards = shards
-        self.notes: list[str] = []
-        self.lost: list[str] = []
-        self.damaged: list[str] = []
-        self._images_each = len(identity["output"].get("modalities") or ("rgb", "depth"))
-
-    def whole(self) -> tuple[Described, ...]:
-        """Return the sequences of a dataset whose run has ended, as its manifest counts them; else none."""
-        frames = {} if self.manifest is None or not self.ended or self.chosen is not None else self.manifest["frames"]
-        if not frames.keys() >= set(self.identity["sequences"]):
-            return ()
-        names = [folder.split("/") for folder in self.identity["sequences"]]
-        return tuple(Described(setting, scene, range(frames[f"{setting}/{scene}"]), 1.0) for setting, scene in names)
-
-    def begin(self, described: Sequence[Described]) -> None:
-        """Hear which sequences will be asked for."""
-
-    def count(self, item: Described) -> int | None:
-        """Return how many frames a sequence has to have."""
-        made = self.manifest["frames"].get(item.folder) if self.manifest and self.ended else None
-        if made is not None and self.chosen is None:
-            return made  # by --frames it may have fewer than its path
-        return None if item.frames is None else len(item.frames)
-
-    def _asked(self, item: Described) -> Container[int] | None:
-        return None if self.chosen is None or item.frames is None else frozenset(item.frames)
-
-    def inventory(self, item: Described) -> FileInventory:
-        """Return what there is of a sequence."""
-        return inventory(item.folder, self.shards.parts.get(item.folder, ()), self._images_each, self._asked(item))
-
-    def check_texts(self) -> None:
-        """Find the dataset's files other than images that are lost or damaged; after the sequences."""
-        for name, wanted in _texts(self.manifest).items():
-            digest = self._digest(name, wanted)
-            if digest != wanted:
-                (self.lost if digest is None else self.damaged).append(name)
-
-    def check_manifest(self) -> None:
-        """Compare the manifest with what run.json says of it."""
-        known = manifest_sha256_in(self.run)
-        if known is None:
-            self.notes.append(UNCHECKED)
-        elif known != self._manifest_sha256():
-            self.damaged.append(MANIFEST)
-
-    def _digest(self, name: str, wanted: str) -> str | None:
-        """Return the SHA-256 of a text file, `wanted` where it is there and not to be hashed; None where it is not."""
-        del name
-        return wanted
-
-    def _manifest_sha256(self) -> str | None:
-        return None
-
-
-def _texts(manifest: dict[str, Any] | None) -> dict[str, str]:
-    """Return the files that a manifest names, SHA-256 by name from the dataset on; none of another version's."""
-    named: dict[str, str] = {}
-    if manifest is not None and manifest["identity"]["format"] == FORMAT:
-        for name, found in manifest["files"].items():
-            named |= {name: found} if isinstance(found, str) else {f"{name}/{key}": found[key] for key in found}
-    return named
-
-
-class _UnderWay(_Seen):
-    """A dataset that is being made at an address."""
-
-    def __init__(self, store: Store, begun: dict[str, Any], chosen: slice | None, shards: Shards) -> None:
-        made = None if begun["chosen"] is None else slice(*begun["chosen"])
-        super().__init__(store.text, begun["identity"], chosen or made, shards)
-        self._packed = len([name for name in store.sizes(PACKED_SEQUENCES) if name.endswith(".json")])
-
-    def begin(self, described: Sequence[Described]) -> None:
-        if self._packed:
-            self.notes.append(f"{self._packed} of {len(described)} tars are packed from the shards")
-
-
-class _Folder(_Seen):
-    """A dataset in a folder, finished or under way."""
-
-    def __init__(self, out: Path, chosen: slice | None, *, check: bool) -> None:
-        if not out.is_dir():
-            raise StorageError("is not a folder" if out.exists() else "there is no such folder", file=out)
-        shards = read_shards(out)
-        state = _state(out, shards)
-        assert state.identity is not None
-        super().__init__(out, state.identity, chosen, shards)
-        check_no_links(out, state.sequences)
-        self._folder, self._work = out, out / WORK_FOLDER
-        self.manifest = state.manifest
-        self.notes += [state.note] if state.note else []
-        begun = (self._work / IDENTITY).exists() or bool(shards.finished or shards.unfinished)
-        self.ended = state.manifest is not None and not begun
-        with contextlib.suppress(FileNotFoundError, ValueError):
-            self.run = read_json(out / RUN)
-        self._journals = journals_of(self._work)
-        self._hasher = Hasher() if check else None
-
-    def inventory(self, item: Described) -> FileInventory:
-        made = self.manifest["frames"].get(item.folder) if self.manifest else None
-        own = FolderPart(self._folder / item.folder, item.folder, self._journals)
-        of_shards = self.shards.parts.get(item.folder, [])
-        if (
-            self._hasher is None
-            and self.chosen is None
-            and made is not None
-            and not (item.folder in self._journals.sequences or of_shards)
-        ):
-            quick = counted(own.images, made, self._images_each)
-            if quick is not None:
-                return quick
-        return inventory(item.folder, (*of_shards, own), self._images_each, self._asked(item), self._hasher)
-
-    def _digest(self, name: str, wanted: str) -> str | None:
-        path = self._folder / name
-        if not path.is_file():
-            return None
-        return wanted if self._hasher is None else self._hasher.sha256(path) or ""
-
-    def _manifest_sha256(self) -> str | None:
-        return Hasher().sha256(self._folder / MANIFEST)
+def _look_into(out: Path, chosen: slice | None) -> _Seen:
+    """Look into a folder, in which the dataset is finished or under way."""
+    if not out.is_dir():
+        raise StorageError("is not a folder" if out.exists() else "there is no such folder", file=out)
+    shards = read_shards(out)
+    state = _state(out, shards)
+    check_no_links(out, state.sequences)
+    begun = (out / WORK_FOLDER / IDENTITY).exists() or bool(shards.finished or shards.unfinished)
+    ended = state.manifest is not None and not begun
+    notes = (state.note,) if state.note else ()
+    return _Seen(FolderDataset(out, state, shards.parts), chosen, ended, shards, notes)
 
 
 def _state(out: Path, shards: Shards) -> DatasetState:
@@ -494,60 +410,21 @@ def _state(out: Path, shards: Shards) -> DatasetState:
     return state
 
 
-class _Packed(_Seen):
-    """A finished packed dataset."""
+def _run_of(store: Store) -> Any:
+    """Return what run.json says; None where it says nothing that can be read."""
+    with contextlib.suppress(ValueError, StorageError):
+        return parse_json((store.read(RUN) or b"").decode())
+    return None
 
-    ended = True
 
-    def __init__(self, packed: Packed, chosen: slice | None, *, check: bool) -> None:
-        super().__init__(packed.store.text, packed.identity, chosen, Shards())
-        self.manifest = packed.manifest
-        self._packed = packed
-        self._check = check
-        self._files = PackedFiles(packed, check=check)
-        self.lost, self.damaged = self._files.own_problems()
-        with contextlib.suppress(ValueError):
-            self.run = parse_json((packed.store.read(RUN) or b"").decode())
-        self._tars: Iterator[tuple[str, SequenceInTar]] = iter(())
-        self._hashed: dict[str, str | None] = {}  # the texts of sequences
+def _pace(described: Sequence[Described], found: Sequence[SequenceStatus]) -> Pace:
+    costs_s = {item.folder: item.seconds_each for item in described}
+    left = {f"{item.setting}/{item.scene}": item.of - item.inventory.done for item in found if item.of is not None}
+    written = [(f"{item.setting}/{item.scene}", part) for item in found for part in item.inventory.written]
+    return pace_of(written, costs_s, left if len(left) == len(found) else None, time.time())
 
-    def begin(self, described: Sequence[Described]) -> None:
-        if self._check:
-            there = [item.folder for item in described if self._there(item)]
-            self._tars = self._files.each(there, threading.Event())
 
-    def _there(self, item: Described) -> bool:
-        return item.folder in self._packed.sequences and self._files.has(item.folder)
-
-    def inventory(self, item: Described) -> FileInventory:
-        tar, asked = tar_name(item.folder), self._asked(item)
-        if not self._there(item):
-            return FileInventory(0, lost=(tar,) if item.folder in self._packed.sequences else ())
-        if self._check:
-            return self._read(item, asked)
-        description = self._packed.described.get(tar)
-        if description is not None and description.size != self._packed.store.size(tar):
-            return FileInventory(0, damaged=(tar,))
-        if asked is None:
-            return FileInventory(self._packed.manifest["frames"][item.folder])
-        return FileInventory(sum(frame in asked for frame, _ in self._packed.files(item.folder)))
-
-    def _read(self, item: Described, asked: Container[int] | None) -> FileInventory:
-        """Return what a tar holds."""
-        _, own = next(self._tars)
-        found = inventory(item.folder, [HashedPart(own.records().values(), own.digest)], self._images_each, asked)
-        texts: dict[str, str] = self._packed.manifest["files"][item.folder]
-        digests = dict(zip(texts, own.digests(list(texts)), strict=True))
-        self._hashed |= {f"{item.folder}/{name}": digest for name, digest in digests.items()}
-        if found.lost or found.damaged or digests != texts or not (tar := own.damaged_whole()):
-            return found
-        return FileInventory(found.done, damaged=(tar,))  # in headers, or in samples' descriptions
-
-    def _digest(self, name: str, wanted: str) -> str | None:
-        folder = name.rpartition("/")[0]
-        if self._check and folder.count("/"):
-            return self._hashed.get(name, wanted)  # of a tar that is not there the tar is named alone
-        return self._files.digest(name) if self._check else wanted if folder or self._files.beside_has(name) else None
-
-    def _manifest_sha256(self) -> str | None:
-        return sha256_of_bytes(self._packed.store.read(MANIFEST) or b"")
+def _total_s(run: Any) -> float | None:
+    """Return how long the run took that has ended, by what run.json says; None where it does not say so."""
+    found = run.get("total_s") if isinstance(run, dict) else None
+    return float(found) if isinstance(found, int | float) and not isinstance(found, bool) else None

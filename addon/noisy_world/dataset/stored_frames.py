@@ -27,11 +27,11 @@ from ..images.image_files import damage
 from ..images.pixels import as_bytes
 from ..layouts import LAYOUTS, Modality, file_of, find_sequence
 from ..layouts.stored_recording import StoredFrame, StoredSequence
-from .finished import AGAIN, Packed, open_packed
 from .folder_state import MANIFEST, DatasetState, read_dataset_state
 from .loader import Frame, Opened, OpenedSequence, decoded
 from .recipe import FrameNumbers, series_of
-from .tar_files import texts_of
+from .stored import PackedDataset, packed_dataset
+from .tar_files import AGAIN, texts_of
 
 KEPT = 64  # sequences whose files and poses stay in memory, a megabyte or two each
 MEND = "'noisy-world verify' tells what else is damaged; the command that made the dataset mends it"
@@ -278,7 +278,7 @@ class OpenedPacked(Opened):
 
     def _open(self) -> None:
         self._process = os.getpid()
-        self._packed = open_packed(self._place)
+        self._packed = packed_dataset(self._place)
         _ = self._packed.table
         self._opened = lru_cache(maxsize=KEPT)(self._read)
 
@@ -286,7 +286,7 @@ class OpenedPacked(Opened):
         return OpenedPacked, (self._place,)
 
     @property
-    def packed(self) -> Packed:
+    def packed(self) -> PackedDataset:
         """The dataset, as this process has opened it: connections do not outlive a fork."""
         if self._process != os.getpid():
             self._lock = threading.Lock()  # a thread that is not here may have held the other one

@@ -1,24 +1,59 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the tars of a packed dataset hold, hashed: each is read once, from its beginning to its end."""
+"""The files of a packed dataset: its tars, written and read, and the table that says where each frame lies in them."""
 
 import contextlib
 import hashlib
 import io
-import json
 import tarfile
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from typing import Any, Protocol
 
-from ..core.errors import InterruptedRunError
+from ..core.errors import InputError, InterruptedRunError
 from ..core.frame_table import FRAMES, FrameRecord, joined_records, records_in
-from ..core.lens import DEPTH_CAMERA, DepthCamera
+from ..core.json_text import parse_json
 from ..core.machine import done_ahead
 from ..layouts import Modality
-from .finished import FRAMES_FOLDER, Content, FrameImages, ImageReaders, ReadImage, tar_name
-from .store import Store
+from .store import Store, missing
+
+TABLE = "manifest.parquet"
+CROISSANT = "croissant.json"
+CARD = "README.md"
+FRAMES_FOLDER = "frames"  # in a tar
+TAR_SUFFIX = ".tar"
+
+
+@dataclass(frozen=True)
+class PackedFile:
+    """A file of a packed dataset. name: from its place on. size: bytes."""
+
+    name: str
+    size: int
+    sha256: str
+
+
+@dataclass(frozen=True)
+class Span:
+    """Where the content of a file lies in its tar. offset, size: in bytes."""
+
+    offset: int
+    size: int
+
+
+@dataclass(frozen=True)
+class FrameSpans:
+    """Where a frame lies in its sequence's tar: its JSON and its images."""
+
+    json: Span
+    images: dict[Modality, Span]
+
+
+def tar_name(sequence: str) -> str:
+    """Return the name of a sequence's tar, from the dataset's place on."""
+    return f"{sequence}{TAR_SUFFIX}"
+
 
 READERS = 4  # tars that are read at once: stores answer late; chosen: 30 MB of memory each
 PIECE_BYTES = 2**20
@@ -51,7 +86,7 @@ class TarContent:
 
 
 def tar_contents(
-    store: Store, sequences: list[str], sizes: dict[str, int], stop: threading.Event
+    store: Store, sequences: Sequence[str], sizes: dict[str, int], stop: threading.Event
 ) -> Iterator[tuple[str, TarContent]]:
     """Yield the sequences with what their tars hold, in order; several are read at a time.
 
@@ -227,102 +262,117 @@ def _entry(name: str) -> tarfile.TarInfo:
     return info
 
 
-# A sequence as one tar, which serves two kinds of readers.
-#
-# Streams take `SETTING/SCENE/frames/000012.rgb.jpg`, `.depth.png` and `.json`, which follow one another: a sample of
-# WebDataset's, with all that a reader needs in its JSON. Unpacked, the tar is the folder that loaders of the layout
-# read: each image and text has the layout's name too, as a hard link, which streams pass over. Text files are stored
-# under names without a dot, by which streams pass over them as well.
+# Reading manifest.parquet: the rows of a sequence and the columns that are asked for, by ranges of the file.
 
 
-@dataclass(frozen=True)
-class Span:
-    """Where the content of a file lies in its tar. offset, size: in bytes."""
-
-    offset: int
-    size: int
+AGAIN = "'noisy-world verify' tells what else is damaged; publish the dataset again, to another address"
 
 
-@dataclass(frozen=True)
-class FrameSpans:
-    """Where a frame lies in its sequence's tar: its JSON and its images."""
+class PackedTable:
+    """The table of a packed dataset. Memory holds its index, and what is asked for; threads may share it."""
 
-    json: Span
-    images: dict[Modality, Span]
+    def __init__(self, store: Store) -> None:
+        """Read the table's index. Raises InputError where there is no table or it is damaged."""
+        try:
+            import pyarrow
+            import pyarrow.parquet
+        except ImportError as error:
+            raise missing(store.text, "pyarrow") from error
+        self._place = store.of(TABLE)
+        # What pyarrow raises where a file is no Parquet, or its bytes are not what its index says.
+        self._damage = (pyarrow.ArrowInvalid, pyarrow.ArrowNotImplementedError, pyarrow.ArrowKeyError)
+        size = store.size(TABLE)
+        if size is None:
+            raise InputError(self._place, "is not there", remedy=AGAIN)
+        self._lock = threading.Lock()
+        try:
+            file = pyarrow.PythonFile(_Ranges(store, TABLE, size), mode="r")
+            self._file: Any = pyarrow.parquet.ParquetFile(file, pre_buffer=True)
+            self._groups = self._groups_of_sequences()
+        except (*self._damage, OSError) as error:
+            raise self._damaged(error) from error
 
+    def rows(self, sequence: str, columns: list[str]) -> Any:
+        """Return some columns of a sequence's rows, in the order of its frames, as a table of pyarrow.
 
-def member_name(sequence: str, frame: int, ending: str) -> str:
-    """Return the name of a file of a frame inside the tar; ending: "json" for instance."""
-    return f"{sequence}/{FRAMES_FOLDER}/{frame:06d}.{ending}"
+        Raises InputError where the table is damaged or has no such rows.
+        """
+        groups = self._groups.get(sequence)
+        if groups is None:
+            raise InputError(self._place, f"has no rows of {sequence}", remedy=AGAIN)
+        try:
+            with self._lock:
+                return self._file.read_row_groups(groups, columns=columns, use_threads=False)
+        except (*self._damage, OSError) as error:
+            raise self._damaged(error) from error
 
+    def _groups_of_sequences(self) -> dict[str, list[int]]:
+        """Return the row groups of each sequence, which begin and end with it, by the statistics of their columns."""
+        leaves = {self._file.schema.column(place).path: place for place in range(len(self._file.schema))}
+        if not leaves.keys() >= {"setting", "scene"}:
+            raise InputError(self._place, "says neither setting nor scene of its rows", remedy=AGAIN)
+        about = self._file.metadata
+        found: dict[str, list[int]] = {}
+        for group in range(about.num_row_groups):
+            lines = [about.row_group(group).column(leaves[name]).statistics for name in ("setting", "scene")]
+            if not all(item is not None and item.has_min_max and item.min == item.max for item in lines):
+                raise InputError(self._place, "its rows are not grouped by sequence", remedy=AGAIN)
+            found.setdefault("/".join(str(item.min) for item in lines), []).append(group)
+        return found
 
-def write_sequence(
-    content: Content, sequence: str, images: ImageReaders, sink: Sink, stop: threading.Event
-) -> list[FrameSpans]:
-    """Write the tar of a sequence; return where its frames lie. Raises InterruptedRunError where `stop` is set."""
-    tar = TarStream(sink)
-    frames = content.frames(sequence)
-    read = images.reader(sequence, frames)
-    spans: list[FrameSpans] = []
-    for frame in frames:
-        if stop.is_set():
-            raise InterruptedRunError("stopped")
-        spans.append(_write_frame(tar, content, sequence, frame, read))
-    for name, digest in content.texts(sequence).items():
-        stored = f"{sequence}/{FRAMES_FOLDER}/texts/{name.removeprefix(f'{sequence}/').replace('.', '_')}"
-        tar.add(stored, content.file(name, digest))
-        tar.link(name, stored)
-    tar.close()
-    return spans
-
-
-def _write_frame(tar: TarStream, content: Content, sequence: str, frame: FrameImages, read: ReadImage) -> FrameSpans:
-    images: dict[Modality, Span] = {}
-    links: dict[str, str] = {}
-    for modality, (name, digest) in frame.images.items():
-        stored = member_name(sequence, frame.number, f"{modality}.{content.suffix(modality)}")
-        data = read(name, digest)
-        images[modality] = Span(tar.add(stored, data), len(data))
-        links[f"{sequence}/{name}"] = stored
-    metadata = json.dumps(frame_metadata(content, sequence, frame), separators=(",", ":")).encode()
-    at = tar.add(member_name(sequence, frame.number, "json"), metadata)
-    for name, stored in links.items():
-        tar.link(name, stored)
-    return FrameSpans(Span(at, len(metadata)), images)
-
-
-def frame_metadata(content: Content, sequence: str, frame: FrameImages) -> dict[str, Any]:
-    """Return what the JSON of a frame says: the same keys with values of the same types for every frame of a dataset.
-
-    c2w: 4 x 4. camera: its intrinsics in pixels, and where a lens of the dataset distorts, its own. depth_camera: that
-    of depth, where any of the dataset's has another than colour. perturbed: what was done to the frame, as a text of
-    JSON, since it has other keys for other perturbations.
-    """
-    setting, scene = sequence.split("/")
-    return {
-        "setting": setting,
-        "scene": scene,
-        "frame": frame.number,
-        "time_s": frame.record.time_s,
-        "depth_time_s": frame.depth_time_s,
-        "c2w": frame.c2w.tolist(),
-        "camera": asdict(content.camera(sequence)) | (_lens(content, sequence) if content.distorts else {}),
-        **(_depth_camera(content, sequence) if content.seen_apart else {}),
-        "depth_scale_per_m": content.depth_scale_per_m,
-        "perturbed": perturbed_text(frame),
-    }
+    def _damaged(self, error: Exception) -> InputError:
+        problem = " ".join(str(error).split())
+        return InputError(self._place, f"is damaged: {problem}", remedy=AGAIN)
 
 
-def _lens(content: Content, sequence: str) -> dict[str, Any]:
-    lens = content.optics(sequence).distortion
-    return {"distortion": {"model": "pinhole", "coefficients": []} if lens is None else lens.content()}
+class _Ranges(io.RawIOBase):
+    """A file in a store that is read by ranges, and only where it is asked for."""
+
+    def __init__(self, store: Store, name: str, size: int) -> None:
+        super().__init__()
+        self._store = store
+        self._name = name
+        self._size = size
+        self._at = 0
+
+    def readable(self) -> bool:
+        return True
+
+    def seekable(self) -> bool:
+        return True
+
+    def seek(self, offset: int, whence: int = io.SEEK_SET) -> int:
+        self._at = offset + {io.SEEK_SET: 0, io.SEEK_CUR: self._at, io.SEEK_END: self._size}[whence]
+        return self._at
+
+    def tell(self) -> int:
+        return self._at
+
+    def size(self) -> int:
+        """The file's size, as pyarrow asks for it."""
+        return self._size
+
+    def read(self, size: int = -1) -> bytes:
+        stop = self._size if size is None or size < 0 else min(self._size, self._at + size)
+        data = b"" if stop <= self._at else self._store.read_range(self._name, self._at, stop)
+        self._at += len(data)
+        return data
 
 
-def _depth_camera(content: Content, sequence: str) -> dict[str, Any]:
-    own = content.optics(sequence).depth or DepthCamera(content.camera(sequence))
-    return {DEPTH_CAMERA: own.content() | {"rgb_from_depth": own.matrix.tolist()}}
+# croissant.json says the size and the hash of each of these; `packing` writes it.
 
 
-def perturbed_text(frame: FrameImages) -> str:
-    """Return what was done to a frame, as a text of JSON."""
-    return json.dumps(frame.record.perturbed, separators=(",", ":"))
+def described_files(data: bytes | None) -> dict[str, PackedFile]:
+    """Return the files that croissant.json's content describes, by name; {} where it is of no use."""
+    try:
+        items = () if data is None else parse_json(data.decode())["distribution"]
+        return {file.name: file for item in items if (file := _file_of(item)) is not None}
+    except (ValueError, KeyError, TypeError, AttributeError):
+        return {}
+
+
+def _file_of(item: Any) -> PackedFile | None:
+    """Return a file of croissant.json's distribution; None for what is no file."""
+    if item["@type"] != "cr:FileObject":
+        return None
+    return PackedFile(str(item["@id"]), int(item["contentSize"].removesuffix(" B")), str(item["sha256"]))

@@ -13,8 +13,7 @@ from pathlib import Path
 from ..core.errors import one_line
 from ..core.frame_table import FRAMES, FrameRecord
 from ..core.progress import Progress
-from .folder_state import DatasetState
-from .inventory import DatasetFiles, SequenceFiles, files_of
+from .folder_state import MANIFEST, DatasetState
 from .recipe import (
     Digests,
     FrameNumbers,
@@ -27,6 +26,7 @@ from .recipe import (
     short_of_hex,
 )
 from .remaking import written_otherwise
+from .stored import SequenceFiles, StoredDataset, stored_dataset
 
 # The result of comparing a dataset with a recipe, and its text.
 
@@ -163,7 +163,7 @@ def verify(recipe: Recipe, dataset: Path | str, progress: Progress, stop: thread
     dataset: a folder, or the address of a packed dataset. stop: when set, InterruptedRunError is raised after the
     current sequence. Raises InputError where there is no dataset, StorageError where a store refuses.
     """
-    files = files_of(dataset)
+    files = stored_dataset(dataset)
     state = files.state
     here = state.identity
     findings = Findings("" if here is None else written_otherwise(recipe.identity, here))
@@ -176,8 +176,10 @@ def verify(recipe: Recipe, dataset: Path | str, progress: Progress, stop: thread
     for name, own in files.each(sorted(there), stop):
         found = _Sequence(name, recipe.sequences[name], own, state, bool(findings.made_otherwise)).compared()
         findings.sequences.append(found)
-        if not found.problems and (tar := own.damaged_whole()):
-            findings.rest.add(DAMAGED, tar)  # in what no file of the dataset is: headers, samples' descriptions
+        if not found.problems and own.damaged_whole:
+            findings.rest.add(
+                DAMAGED, own.damaged_whole
+            )  # in what no file of the dataset is: headers, samples' descriptions
         progress.advance(len(recipe.sequences[name].frames))
     progress.finish()
     _compare_rest(recipe, files, findings)
@@ -198,7 +200,7 @@ class _Sequence:
         """Hash its files, and return what was found."""
         found = FolderFindings(self.name)
         written: Mapping[str, str] = self.state.files.get(self.name, {})
-        records = self.files.records()
+        records = self.files.records
         (recorded,) = self.files.digests([FRAMES])
         intact = recorded is not None and written.get(FRAMES) in (None, recorded)
         frames = FrameNumbers.of(frame for frame in records if frame in self.wanted.frames)
@@ -266,7 +268,7 @@ class _Sequence:
         return ""
 
 
-def _compare_rest(recipe: Recipe, files: DatasetFiles, findings: Findings) -> None:
+def _compare_rest(recipe: Recipe, files: StoredDataset, findings: Findings) -> None:
     """Compare the files beside the sequences, and look for what belongs to nothing."""
     state = files.state
     settings = {name.split("/")[0] for name in state.sequences}
@@ -280,7 +282,9 @@ def _compare_rest(recipe: Recipe, files: DatasetFiles, findings: Findings) -> No
             findings.rest.add(DAMAGED, name)
         elif name in wanted and short_of_hex(digest) != wanted[name]:
             findings.rest.add(NOT_COMPARABLE if findings.made_otherwise else OTHER, name)
-    for kind, names in zip((MISSING, DAMAGED), files.own_problems(), strict=True):
+    if state.manifest is None:
+        findings.rest.add(MISSING, MANIFEST)
+    for kind, names in zip((MISSING, DAMAGED), files.own_problems(check=True), strict=True):
         for name in names:
             findings.rest.add(kind, name)
     sequences = {*recipe.sequences, *state.sequences, *findings.unknown}
