@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A scene of one's own as it is rendered: its depth, its colour, its camera, against what is calculated without it."""
 
+from functools import partial
+
 import bpy
 import cv2
 import numpy as np
@@ -12,7 +14,7 @@ from cases import cases
 from own_scenes import LAST, cast, evaluated_triangles, key, new_scene, opened, relative_errors, save
 
 from noisy_world.nodes.datablocks import muted_output
-from noisy_world.render.own_view import sampled_camera, camera_parameters
+from noisy_world.render.own_view import camera_parameters, numbered_objects, sampled_camera
 from noisy_world.render.scene_inspection import inspect_scene, open_file
 from noisy_world.channels import CHANNELS
 from noisy_world.channels.channel import View
@@ -57,12 +59,24 @@ def test_normals_and_objects_are_those_of_the_triangles_that_rays_meet(tmp_path)
     scene = new_scene()
     scene.objects["Wall"].pass_index = 7
     key(scene.objects["Ball"], "pass_index", {1: 3, LAST: 9})
+    numbered = partial(numbered_objects, list(scene.objects))
+    lacking = CHANNELS["semantic"].problem_of
+    assert "custom property `class`" in lacking(numbered)
+    scene.objects["Ball"]["class"] = "toy"
+    scene.collection.children.link(walls := bpy.data.collections.new("structure"))
+    walls.objects.link(scene.objects["Wall"])
+    assert lacking(numbered) == ""
+    listed = [{"id": 1, "name": "structure"}, {"id": 2, "name": "toy"}]
+    assert CHANNELS["semantic"].content_of(numbered()) == {"void": 0, "classes": listed}
     file = save(tmp_path)
     with opened(file) as (session, paths, camera):
         alone = [session.frame(paths.request(index)) for index in (4, 1)]
     assert not session._images.needs
     with opened(file, others={"normal", "instance"}) as (session, _, _):
         beside = [session.frame(paths.request(index)) for index in (4, 1)]
+    classes = np.array([0, 2, 1])  # of nothing, the ball, the wall: numbered by the names of their classes
+    with opened(file, rgb=False, depth=False, others={"semantic"}) as (session, _, _):
+        assert np.array_equal(session.frame(paths.request(4)).image("semantic"), classes[beside[0].image("instance")])
     with opened(file, rgb=False, depth=False, others={"instance"}) as (session, _, _):
         assert np.array_equal(session.frame(paths.request(4)).image("instance"), beside[0].image("instance"))
     for index, before, frame in zip((4, 1), alone, beside, strict=True):

@@ -173,6 +173,7 @@ CHANGES = {
     "output.modalities[]": ("mesh", "output.modalities=[rgb]"),
     "output.formats.normal": ("surfaces", "output.formats.normal=exr"),
     "output.formats.instance": ("surfaces", "output.formats.instance=npy"),
+    "output.formats.semantic": ("surfaces", "output.formats.semantic=npy"),
     "output.formats.flow": ("surfaces", "output.formats.flow=npy"),
     "output.overview": ("mesh", "output.overview=true"),
     "output.licence": ("mesh", "output.licence=cc-by-4.0"),
@@ -235,6 +236,8 @@ def presets(tmp_path_factory):
     numbered = {"name": "box", "mesh": "numbered.ply", "trajectory": "traj.txt"}
     text = (folder / "mesh.ply").read_text().replace("end_header", "property int object_id\nend_header")
     (folder / "numbered.ply").write_text(re.sub(r"(?m)^(4 .*)$", r"\1 1", text))
+    wall = {"id": 1, "class_id": 93, "class_name": "wall"}
+    (folder / "info_semantic.json").write_text(json.dumps({"objects": [wall]}))
     made = {
         "mesh": document,
         "stamped": {**document, "scenes": [{**box, "trajectory": {"file": "stamped.txt", "stamp_unit": "s"}}]},
@@ -256,7 +259,11 @@ def presets(tmp_path_factory):
             "camera": {**document["camera"], "distortion": {"k1": 0.01}},
             "render": {"engine": "embree", "backend": "reference"},
         },
-        "surfaces": {**document, "scenes": [numbered], "output": {"modalities": ["rgb", "normal", "instance", "flow"]}},
+        "surfaces": {
+            **document,
+            "scenes": [numbered],
+            "output": {"modalities": ["rgb", "normal", "instance", "semantic", "flow"]},
+        },
         "grey": {**document, "output": {"layout": "euroc"}},
         "recording": {**bare, "scenes": [{"name": "box", "sequence": "tum"}]},
         "lens": {**bare, "scenes": [{"name": "box", "sequence": "lens"}]},

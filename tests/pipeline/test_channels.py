@@ -151,3 +151,28 @@ def test_instances_have_a_file_of_ids_and_names(tmp_path):
     preset = write_world(large, frames=2, **keys)
     with_objects(large, [1, 2, 3, 4, 5, 65536])
     refused(lambda: run(preset, tmp_path / "third"), names="object_id 65536", error=NoisyWorldError)
+
+
+def test_classes_are_those_of_the_objects_and_named(tmp_path):
+    keys = {"render": RAYS, "output": {"layout": "replica", "modalities": ["instance", "semantic"]}}
+    preset, out = write_world(tmp_path / "world", frames=2, **keys), tmp_path / "out"
+    with_objects(tmp_path / "world", [300, 7, 8, 9, -1, 12])
+    refused(make_plan, read_preset(preset), names=["scenes.0.mesh: ", "semantic", "info_semantic.json"])
+    names = tmp_path / "world/info_semantic.json"
+    classes = {300: (93, "wall"), 7: (93, "wall"), 8: (40, "floor"), 9: (-1, "undefined"), 55: (2, "bed")}
+    objects = [{"id": number, "class_id": of, "class_name": name} for number, (of, name) in classes.items()]
+    names.write_text(json.dumps({"objects": objects, "classes": []}))
+    run(preset, out)
+    told = json.loads((out / "clean/box/semantic.json").read_text())
+    assert told == {"void": 0, "classes": [{"id": 40, "name": "floor"}, {"id": 93, "name": "wall"}]}
+    seen = set()
+    for path in sorted((out / "clean/box/semantic").iterdir()):
+        found = cv2.imread(str(path), cv2.IMREAD_UNCHANGED)
+        ids = cv2.imread(str(out / "clean/box/instance" / path.name), cv2.IMREAD_UNCHANGED)
+        assert found.dtype == np.uint16
+        assert np.array_equal(found, np.where((ids == 300) | (ids == 7), 93, np.where(ids == 8, 40, 0)))
+        seen |= set(np.unique(found).tolist())
+    assert len(seen) > 1
+    for wrong, said in (({"id": 7, "class_name": "wall"}, "class_id"), ({**objects[0], "class_id": 70000}, "70000")):
+        names.write_text(json.dumps({"objects": [wrong]}))
+        refused(lambda: run(preset, tmp_path / "other"), names=["info_semantic.json: ", said])

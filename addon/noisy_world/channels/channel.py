@@ -267,6 +267,11 @@ class SurfaceChannel(Channel):
         del mesh
         return ""
 
+    def problem_of(self, objects: Callable[[], Sequence[SceneObject]]) -> str:
+        """Return why a scene in Blender cannot give it, or "". objects: returns those that it has."""
+        del objects
+        return ""
+
     def files(self, mesh: str) -> tuple[Path, ...]:
         """Return the files beside a mesh's that decide what `content` says."""
         del mesh
@@ -294,3 +299,8 @@ class SurfaceChannel(Channel):
         What it keeps of the mesh stays in memory while that is rendered. Raises ValueError, saying why, where the mesh
         cannot give it.
         """
+
+    def of_objects(self, objects: Sequence[SceneObject]) -> Callable[[Surface], NDArray[Any]]:
+        """Return the same for a scene in Blender with some objects; by default as `of_mesh` without a mesh."""
+        del objects
+        return self.of_mesh(None)

@@ -12,10 +12,8 @@ from ..core.errors import InputError
 from ..core.json_text import read_json
 from ..images.pixels import UINT16_MAX
 from ..scenes.polygon_mesh import OBJECT_ID as PROPERTY
-from ..scenes.polygon_mesh import Mesh, SceneObject
+from ..scenes.polygon_mesh import OBJECT_NAMES, Mesh, SceneObject
 from .channel import Surface, SurfaceChannel
-
-NAMES = "info_semantic.json"  # beside Replica's mesh_semantic.ply
 
 
 class Instance(SurfaceChannel):
@@ -49,7 +47,7 @@ class Instance(SurfaceChannel):
 
     def files(self, mesh: str) -> tuple[Path, ...]:
         """Return the file of the objects' names, where there is one."""
-        beside = Path(mesh).parent / NAMES
+        beside = Path(mesh).parent / OBJECT_NAMES
         return (beside,) if beside.is_file() else ()
 
     def of_mesh(self, mesh: Mesh | None) -> Callable[[Surface], NDArray[Any]]:

@@ -398,6 +398,8 @@ def check_surface(scene: Scene, preset: Preset) -> None:
             raise place.error(f"{problem} as it is rendered here", "take it out, or leave that scene out")
         if stored and (problem := item.problem(scene.source.location)):
             raise scene.error(f"has no {item.name}: {problem}", "name such a mesh", "take it out")
+        if capabilities.objects is not None and (problem := item.problem_of(capabilities.objects)):
+            raise scene.error(f"has no {item.name}: {problem}", "give objects one", "take it out")
     if capabilities.own is None and engine not in SURFACE_ENGINES:
         problem = Message(f"{what}: ", PresetKey("render.engine"), f" {engine} cannot tell it")
         raise place.error(problem, f"use {' or '.join(SURFACE_ENGINES)}")

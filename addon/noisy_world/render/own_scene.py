@@ -23,7 +23,15 @@ from ..nodes.datablocks import cycles as cycles_of
 from ..perturbations.groups import BRIGHTEST
 from .engines import FILTER_MIDDLE, Band, RenderFile, bands_of, behind_lens, joined, whole, without_void
 from .own_depth import DepthScene, may_be_seen_through, panes_of, set_frame, volumes_of
-from .own_view import RenderCamera, ShownColour, make_repeatable, rendered_layer, show_frame, show_numbers
+from .own_view import (
+    RenderCamera,
+    ShownColour,
+    make_repeatable,
+    numbered_objects,
+    rendered_layer,
+    show_frame,
+    show_numbers,
+)
 from .scene_dependencies import blocks_of
 from .scene_inspection import open_file, show_scene
 from .source import Motion, RenderedFrame, RenderOptions, SceneLight, surfaces_bent
@@ -99,7 +107,7 @@ class OwnSceneSession:
         masked = may_be_seen_through(blocks)
         alone = paths.depth is None and not masked and not volumes_of(blocks).any and not file.keep_compositor
         together = options.rgb and options.depth and alone and _shows_centre(scene, file)
-        self._images = SurfaceImages(options.channels, None)
+        self._images = SurfaceImages(options.channels, None, numbered_objects(blocks) if options.channels else ())
         facts = self._images.needs
         if "objects" in facts:
             show_numbers(blocks)

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """How a scene of one's own is looked at: its camera, the settings that are overridden, its colours as shown."""
 
+import re
 from collections.abc import Iterable, Mapping
 from operator import itemgetter
 from pathlib import Path
@@ -395,12 +396,25 @@ class ShownColour:
 # The objects of a scene of one's own, numbered alike by the inspection and the renderer.
 
 
+_UNNAMED = re.compile(r"Collection([ .][0-9]+)?")  # as Blender names new ones
 WITH_SURFACE = ("MESH", "CURVE", "SURFACE", "META", "FONT", "CURVES", "POINTCLOUD")
 
 
 def numbered_objects(blocks: Iterable[bpy.types.ID]) -> tuple[SceneObject, ...]:
     """Return the objects with a surface among the data-blocks of a scene, those of libraries too, in order."""
-    return tuple(SceneObject(number, item.name_full, item.pass_index) for number, item in _numbered(blocks))
+    return tuple(
+        SceneObject(number, item.name_full, item.pass_index, _category(item)) for number, item in _numbered(blocks)
+    )
+
+
+def _category(item: bpy.types.Object) -> str:
+    """Return an object's class: its custom property `class`, or its first collection that has a name of its own."""
+    given = item.get("class")
+    if isinstance(given, str | int) and str(given).strip():
+        return str(given).strip()
+    own = (found for found in item.users_collection if bpy.data.collections.get(found.name) == found)
+    names = sorted(found.name for found in own if not _UNNAMED.fullmatch(found.name))
+    return names[0] if names else ""
 
 
 def show_numbers(blocks: Iterable[bpy.types.ID]) -> None:

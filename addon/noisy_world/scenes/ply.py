@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from ..core.errors import InputError
 from ..core.file_access import open_regular
 from .mesh_formats import FORMAT_BYTES, link_notes, not_a_ply
-from .polygon_mesh import OBJECT_ID, Mesh, Texture
+from .polygon_mesh import OBJECT_ID, OBJECT_NAMES, Mesh, Texture
 from .textures import TextureFile, locate_texture, read_picture
 
 _Int64s: TypeAlias = NDArray[np.int64]
@@ -582,7 +582,17 @@ def read_ply(path: Path) -> Mesh:
         objects = _object_ids(tables["face"], faces)
     all_notes = tuple(notes + face_notes)
     return Mesh(
-        vertices_m, colours.rgb, faces.corners, faces.starts, all_notes, colours.corner_rgb, colours.texture, objects
+        *(
+            vertices_m,
+            colours.rgb,
+            faces.corners,
+            faces.starts,
+            all_notes,
+            colours.corner_rgb,
+            colours.texture,
+            objects,
+        ),
+        names_path=beside if objects is not None and (beside := path.with_name(OBJECT_NAMES)).is_file() else None,
     )
 
 

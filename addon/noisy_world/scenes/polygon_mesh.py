@@ -4,12 +4,14 @@
 import fnmatch
 import re
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 OBJECT_ID = "object_id"  # the property of faces in Replica's mesh_semantic.ply
+OBJECT_NAMES = "info_semantic.json"  # beside it
 NEUTRAL_GREY = 128 / 255  # display-encoded colour of a mesh without colours; chosen
 
 
@@ -40,6 +42,7 @@ class Mesh:
     corner_rgb: (C, 3) float32 as rgb, instead of it: equal at all corners of a face that has one colour.
     texture: what is shown instead of other colours, where a face has a picture.
     object_ids: (F,) int64, the object that each face belongs to, as the file numbers them; None where it does not.
+    names_path: the file beside the mesh's that names these objects and their classes, where there is one.
     """
 
     vertices_m: NDArray[np.float64]
@@ -50,6 +53,7 @@ class Mesh:
     corner_rgb: NDArray[np.float32] | None = None
     texture: Texture | None = None
     object_ids: NDArray[np.int64] | None = None
+    names_path: Path | None = None
 
     @property
     def face_sizes(self) -> NDArray[np.int32]:
@@ -80,11 +84,15 @@ def turned(mesh: Mesh, stands: Up, asked: Up) -> Mesh:
 
 @dataclass(frozen=True)
 class SceneObject:
-    """An object of a scene in Blender: its number, its name, and the pass index that the artist gave it."""
+    """An object of a scene in Blender: its number, its name, and the pass index that the artist gave it.
+
+    category: its class of things, "" without one.
+    """
 
     number: int
     name: str
     pass_index: int
+    category: str = ""
 
 
 # The names of the embedded rooms: `embedded:room`, and `embedded:room?seed=0` to 7, the first of which is the same.
