@@ -2,7 +2,6 @@
 """What stands below Blender is tested as it has to work: without Blender."""
 
 import sys
-from functools import lru_cache
 from pathlib import Path
 
 import pytest
@@ -54,21 +53,12 @@ def _no_bpy(request, monkeypatch):
         monkeypatch.setitem(sys.modules, "bpy", None)  # importing it raises ImportError
 
 
-@pytest.fixture(scope="session", autouse=True)
-def kept_rooms(pytestconfig):
-    """The embedded rooms, each built once; the program takes them from there too, where it runs in this process."""
-    from kept_rooms import KEPT, KeptRooms
-
-    kept = KeptRooms(pytestconfig.cache.mkdir(KEPT))
-    with pytest.MonkeyPatch.context() as patched:
-        patched.setattr("noisy_world.sources.rendered_mesh._room", lru_cache(maxsize=1)(kept.room))
-        yield kept
-
-
 @pytest.fixture(scope="session")
-def room(kept_rooms):
+def room():
     """The embedded room: one for all."""
-    return kept_rooms.room()
+    from noisy_world.rooms import kept_room
+
+    return kept_room()
 
 
 @pytest.fixture(scope="session")

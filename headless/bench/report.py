@@ -32,7 +32,7 @@ from noisy_world.core.dependencies import package_version
 from noisy_world.core.geometry import Intrinsics
 from noisy_world.core.machine import available_threads, processor_features
 from noisy_world.images.pixels import rgb_bytes
-from noisy_world.rooms import build_room
+from noisy_world.rooms import kept_room
 from noisy_world.scenes.ply_writer import write_ply
 from noisy_world.scenes.polygon_mesh import Mesh
 from noisy_world.trajectories.handheld import handheld_path
@@ -132,7 +132,7 @@ def _cpuinfo() -> Iterable[str]:
 
 def write_room(work: Path) -> None:
     """Write the embedded room as triangles (programs triangulate quads differently), and a path through it."""
-    room = build_room()
+    room = kept_room()
     write_ply(work / "room.ply", room, triangulate=True)
     path = handheld_path(room, seed=1, frames=PATH_FRAMES, rate_hz=2.0)
     np.savetxt(work / "room.txt", path.c2w.reshape(-1, 16), fmt="%.17g")

@@ -32,7 +32,7 @@ from noisy_world.perturbations.kinds import ColourPerturbation
 from noisy_world.perturbations.parsing import parse_steps
 from noisy_world.preset.camera_devices import CAMERA_DEVICES
 from noisy_world.preset.keys import read_preset
-from noisy_world.rooms import build_room
+from noisy_world.rooms import kept_room
 from noisy_world.scenes.polygon_mesh import ROOMS, Mesh, room_mesh
 from pictures import gallery
 from pictures.lit_chain import ColourStep, perturbed, shown
@@ -96,7 +96,7 @@ def draw_rooms(options: argparse.Namespace) -> None:
 def block(seed: int) -> Image:
     """Return a room's two frames and its plan beside each other, under its name."""
     frames, path_m = rendered(seed, SHOWN[seed])
-    mesh, length_m = build_room(seed), np.linalg.norm(np.diff(path_m, axis=0), axis=1).sum()
+    mesh, length_m = kept_room(seed), np.linalg.norm(np.diff(path_m, axis=0), axis=1).sum()
     print(f"room {seed}: {len(mesh.vertices_m):,} vertices, path of {length_m:.0f} m")
     tiles = [np.asarray(cv2.resize(frame, TILE_PX, interpolation=cv2.INTER_AREA), np.uint8) for frame in frames]
     tiles.append(plan(mesh, path_m))

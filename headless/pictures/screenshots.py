@@ -41,7 +41,7 @@ from noisy_world.perturbations.groups import build_group
 from noisy_world.perturbations.kinds import ColourPerturbation
 from noisy_world.preset.keys import read_preset
 from noisy_world.render.mesh_session import add_camera, add_mesh, key_trajectory, set_intrinsics
-from noisy_world.rooms import build_room
+from noisy_world.rooms import kept_room
 
 DEMO = ROOT / "presets" / "demo.yaml"
 FRAME = 8
@@ -333,7 +333,7 @@ def frame_selected(editor: bpy.types.Area) -> Iterator[float]:
 def prepare_scene() -> bpy.types.Scene:
     """Put the demo's room and camera into the scene that the window shows."""
     plan = make_plan(read_preset(DEMO, ["settings=[{name: clean}]"]))
-    mesh = build_room()
+    mesh = kept_room()
     scene = bpy.context.scene
     for item in list(scene.objects):
         bpy.data.objects.remove(item)

@@ -43,8 +43,7 @@ def test_only_ply_is_written(tmp_path, name, capsys):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_the_room_comes_back_as_it_is(tmp_path, monkeypatch, room):
-    monkeypatch.setattr("noisy_world.rooms.build_room", lambda seed: room)
+def test_the_room_comes_back_as_it_is(tmp_path, room):
     assert command.run("export", ["embedded:room", str(tmp_path / "room.ply")], Entry("export_mesh.py", ())) == 0
     header = (tmp_path / "room.ply").read_bytes()[:400].split(b"end_header")[0].decode().splitlines()
     assert header[:2] == ["ply", "format binary_little_endian 1.0"]

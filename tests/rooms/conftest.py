@@ -3,8 +3,10 @@
 
 import pytest
 
+from noisy_world.rooms import build_room
+
 
 @pytest.fixture(scope="session")
-def room(kept_rooms):
+def room():
     """The embedded room, built here and now, as these tests are about that."""
-    return kept_rooms.built(0)
+    return build_room()

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from noisy_world.scenes.polygon_mesh import Mesh
-from noisy_world.rooms import INTERIOR_MAX_M, INTERIOR_MIN_M
+from noisy_world.rooms.living_room import INTERIOR_MAX_M, INTERIOR_MIN_M
 
 ADDON = Path(__file__).resolve().parents[2] / "addon"
 DIGEST_IN_ANOTHER_PROCESS = """

@@ -1,11 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The embedded rooms: each is well formed, unlike the others, and walked through by a path that comes back."""
 
+import sys
+
 import numpy as np
 import pytest
 
 from noisy_world.scenes.polygon_mesh import EMBEDDED_ROOM, ROOMS, is_embedded, room_mesh, room_name, room_seeds
-from noisy_world.rooms import build_room
+from noisy_world import rooms
+from noisy_world.rooms import build_room, kept_room
 from noisy_world.trajectories.handheld import handheld_path
 
 FRAMES = 2000
@@ -35,8 +38,8 @@ def seed(request):
 
 
 @pytest.fixture(scope="module")
-def room(kept_rooms, seed):
-    return kept_rooms.built(seed)
+def room(seed):
+    return build_room(seed)
 
 
 @pytest.fixture(scope="module")
@@ -53,8 +56,8 @@ def inside(plan, xy_m):
     return crossed % 2 == 1
 
 
-def test_living_room_is_as_it_was(kept_rooms):
-    room = kept_rooms.room()
+def test_living_room_is_as_it_was():
+    room = kept_room()
     assert room.vertices_m.shape == (873_341, 3)
     np.testing.assert_allclose(room.vertices_m.sum(axis=0), LIVING_ROOM_SUMS_M, rtol=0, atol=1e-6)
     np.testing.assert_allclose(room.rgb.mean(axis=0), LIVING_ROOM_RGB, rtol=0, atol=1e-5)
@@ -159,3 +162,63 @@ def test_a_room_that_is_not_there_is_an_error(mesh):
 def test_another_seed_is_an_error():
     with pytest.raises(ValueError, match="0 to 7"):
         build_room(8)
+
+
+@pytest.fixture
+def drawn(tmp_path, monkeypatch):
+    """How often a room was drawn, which here is one sheet, beside an empty folder of caches."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    count = []
+
+    def draw(seed):
+        count.append(seed)
+        square = np.array([[0, 0, 0], [1_000_000, 0, 0], [0, 1, 0], [1, 1, 333_333]], np.int32)
+        return rooms._Drawn(square, np.arange(12, dtype=np.uint8).reshape(4, 3) * 20, np.array([[2, 2]], np.int32))
+
+    monkeypatch.setattr(rooms, "_draw", draw)
+    return count
+
+
+def kept_files(folder):
+    return list((folder / "noisy-world").glob("*.npz"))
+
+
+def test_a_room_is_drawn_once_and_read_as_it_was(drawn, tmp_path):
+    meshes = [kept_room(3), kept_room(3), build_room(3)]
+    assert drawn == [3, 3]
+    for mesh in meshes:
+        assert mesh.vertices_m.tolist() == [[0, 0, 0], [1, 0, 0], [0, 1e-6, 0], [1e-6, 1e-6, 0.333333]]
+        assert np.array_equal(mesh.rgb, (np.arange(12).reshape(4, 3) * 20 / 255).astype(np.float32))
+        assert mesh.corner_vertices.tolist() == [0, 1, 3, 2]
+        assert [part.dtype for part in (mesh.vertices_m, mesh.rgb, mesh.corner_vertices)] == ["f8", "f4", "i4"]
+
+
+def test_a_room_whose_code_changed_is_drawn_anew_in_the_place_of_the_old_one(drawn, tmp_path, monkeypatch):
+    for digest in ("a", "b"):
+        monkeypatch.setattr(rooms, "_digest", lambda digest=digest: digest)
+        kept_room(3)
+    assert drawn == [3, 3]
+    assert [file.name for file in kept_files(tmp_path)] == ["room3-b.npz"]
+
+
+@pytest.mark.parametrize("damage", ["cut", "flipped", "empty", "other"])
+def test_a_damaged_file_is_drawn_anew(drawn, tmp_path, damage):
+    kept_room(3)
+    (file,) = kept_files(tmp_path)
+    whole = file.read_bytes()
+    at = whole.index(np.int32(333_333).tobytes())
+    flipped = whole[:at] + bytes([whole[at] ^ 1]) + whole[at + 1 :]
+    file.write_bytes({"cut": whole[: len(whole) // 2], "flipped": flipped, "empty": b"", "other": b"no zip"}[damage])
+    assert kept_room(3).vertices_m[3, 2] == 0.333333
+    assert drawn == [3, 3]
+    assert file.read_bytes() == whole
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="folders are made so by its umask")
+def test_a_folder_of_caches_that_others_could_write_into_is_not_used(drawn, tmp_path):
+    (tmp_path / "noisy-world").mkdir(mode=0o700)
+    (tmp_path / "noisy-world").chmod(0o777)
+    kept_room(3)
+    kept_room(3)
+    assert drawn == [3, 3]
+    assert not kept_files(tmp_path)

@@ -316,7 +316,7 @@ def _export_options(parser: Parser) -> None:
 
 def _export(options: argparse.Namespace, _: Entry) -> int:
     """Write the mesh, and print what was written."""
-    from ..rooms import build_room
+    from ..rooms import kept_room
     from ..scenes.ply import read_header
     from ..scenes.ply_writer import write_ply, write_textured_ply
     from ..scenes.polygon_mesh import is_embedded
@@ -328,7 +328,7 @@ def _export(options: argparse.Namespace, _: Entry) -> int:
     name = str(options.mesh)
     if options.up is not None and is_embedded(name):
         raise InputError("--up", "goes with the file of a mesh", remedy="leave it out")
-    mesh = build_room(_one_room(name)) if is_embedded(name) else read_mesh(options.mesh, options.up)
+    mesh = kept_room(_one_room(name)) if is_embedded(name) else read_mesh(options.mesh, options.up)
     pictures: Sequence[Path] = ()
     if mesh.texture is None:
         write_ply(options.out, mesh, triangulate=options.triangulate)

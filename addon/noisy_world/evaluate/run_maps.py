@@ -13,7 +13,7 @@ from ..core.errors import InputError
 from ..core.geometry import Intrinsics
 from ..dataset.loader import Frame
 from ..dataset.opening import open_path
-from ..rooms import build_room
+from ..rooms import kept_room
 from ..scenes.ply import read_ply
 from ..scenes.polygon_mesh import MEANT, Mesh, is_embedded, room_seeds
 from ..sources.rendered_mesh import read_mesh
@@ -50,7 +50,7 @@ def read_scene(name: str) -> Mesh:
         raise InputError(name, str(error), remedy=MEANT) from error
     if len(seeds) != 1:
         raise InputError(name, f"is {len(seeds)} rooms", remedy="name one of them")
-    return build_room(seeds[0])
+    return kept_room(seeds[0])
 
 
 def read_sequence(folder: Path, camera: Intrinsics | None = None) -> SequenceToMap:

@@ -11,7 +11,7 @@ import numpy as np
 from . import finishes as pic
 from . import surfaces as pt
 from .finishes import garden
-from .furniture import COFFEE_AT_M, CONSOLE_AT_M, SIDEBOARD_AT_M, TABLE_AT_M
+from .furniture import COFFEE_AT_M, CONSOLE_AT_M, SIDEBOARD_AT_M, TABLE_AT_M, furniture
 from .light import Lighting, Window
 from .openings import REVEAL_M, TRIM, Hole, curtains, door, outdoors, window
 from .surfaces import Array, Painter, Piece, Point, box, joined, placed, rect, rounded_box, shadeless, sheet
@@ -265,3 +265,8 @@ def decor() -> Piece:
             placed(pouf(), (-2.35, -0.75, 0.0)),
         ]
     )
+
+
+def living_room() -> tuple[Piece, Lighting]:
+    """Everything in it, and its light."""
+    return shell() + furniture() + decor(), LIGHTING

@@ -475,9 +475,9 @@ def load_mesh(path: Path | None, room: int = 0, up: Up | None = None) -> Mesh:
 
 @lru_cache(maxsize=1)
 def _room(seed: int) -> Mesh:
-    from ..rooms import build_room
+    from ..rooms import kept_room
 
-    return build_room(seed)  # cached too: building takes seconds, and a path may need it before the renderer does
+    return kept_room(seed)  # in memory too: a path may need it before the renderer does
 
 
 def forget_rooms_and_meshes() -> None:

@@ -13,7 +13,7 @@ from odd_meshes import KINDS, odd_mesh
 
 from noisy_world.core.errors import NoisyWorldError
 from noisy_world.scenes.polygon_mesh import Mesh
-from noisy_world.rooms import build_room
+from noisy_world.rooms import kept_room
 from noisy_world.trajectories.handheld import handheld_path
 from noisy_world.trajectories.room_map import faces_of
 from noisy_world.trajectories.room_map import Grid, largest_part
@@ -32,7 +32,7 @@ def triangles(corners_m):
 
 @pytest.fixture(scope="module")
 def embedded_room():
-    return build_room()
+    return kept_room()
 
 
 @pytest.mark.one_python
