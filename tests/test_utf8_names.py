@@ -11,7 +11,7 @@ import pytest
 from recorded_layouts import tum
 from worlds import ROOT, write_world
 
-from noisy_world.cli.command import MODULES, main
+from noisy_world.cli.command import COMMANDS, main
 from noisy_world.dataset.identity import identity
 from noisy_world.images.video_files import read_video, write_video
 from noisy_world.core.errors import InputError
@@ -102,7 +102,7 @@ def test_what_a_preset_leads_to_is_refused_in_a_line(given, tmp_path):
     assert "rename it" in str(raised.value)
 
 
-@pytest.mark.parametrize("name", sorted(MODULES))
+@pytest.mark.parametrize("name", sorted(COMMANDS))
 def test_a_command_refuses_it_before_anything_is_made(name, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     with pytest.raises(SystemExit) as raised:

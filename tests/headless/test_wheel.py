@@ -217,7 +217,7 @@ def test_defaults_are_listed_as_yaml_has_them(capsys):
 
 
 def test_every_subcommand_has_help(capsys):
-    for name in command.MODULES:
+    for name in command.COMMANDS:
         with pytest.raises(SystemExit) as ended:
             command.main([name, "--help"])
         assert ended.value.code == 0

@@ -5,7 +5,7 @@ import re
 from collections.abc import Iterable
 from typing import TypeVar
 
-from ..core.entry_points import Door, Registry, held_in
+from ..core.entry_points import Door, Registry
 from ..core.errors import NoisyWorldError
 from .channel import Channel, PairChannel, SurfaceChannel
 
@@ -30,7 +30,7 @@ def contract_problem(item: Channel) -> str:
 KINDS = (SurfaceChannel, PairChannel)
 DOOR = Door[Channel]("noisy_world.channels", "channel", "CHANNEL", KINDS, contract_problem)
 
-CHANNELS = Registry[Channel](DOOR, lambda: held_in(__name__, DOOR.attribute, Channel))
+CHANNELS = Registry[Channel](DOOR, __name__, own=Channel)
 """Every channel by its name in presets, ours and those of installed packages, in the order in which they are made."""
 
 COLOUR_AND_DEPTH = frozenset({"rgb", "depth"})
@@ -43,7 +43,7 @@ def in_order(names: Iterable[str]) -> tuple[str, ...]:
     Raises NoisyWorldError for a channel of a package that is not installed here.
     """
     wanted = set(names)
-    if unknown := sorted(wanted.difference(CHANNELS)):
+    if unknown := sorted(name for name in wanted if name not in CHANNELS):
         message = f"there is no channel {', '.join(unknown)} here"
         raise NoisyWorldError(f"{message}: install the package that brings it; known are {', '.join(CHANNELS)}")
     return tuple(name for name in CHANNELS if name in wanted)

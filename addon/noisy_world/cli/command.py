@@ -2,55 +2,23 @@
 """The installed command `noisy-world`, also `python -m noisy_world`, and the registry of its subcommands.
 
 A subcommand is a `Command`: all that is said of it stands there, and help, docs and completion are made from it. Ours
-are in modules of this package, which MODULES names; those of installed packages come by entry points.
+are held by modules of this package as their COMMAND; those of installed packages come by entry points.
 """
 
 import argparse
-import importlib
 import sys
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, NoReturn
 
 from ..core.dependencies import NEEDED
-from ..core.entry_points import Door, Registry, held_in
+from ..core.entry_points import LAST, Door, Registry
 from ..core.errors import did_you_mean
 from .arguments import Parser
 from .entry import CONTINUES, Entry, ended, exit_status, say
 
-COMMAND = "noisy-world"
+PROGRAM = "noisy-world"
 
-MODULES = {
-    "generate": "generate",
-    "plan": "sharding",
-    "shard": "sharding",
-    "merge": "sharding",
-    "list": "listing",
-    "status": "listing",
-    "view": "viewing",
-    "video": "viewing",
-    "publish": "sharing",
-    "recipe": "sharing",
-    "verify": "sharing",
-    "remake": "sharing",
-    "render-clean": "sharing",
-    "evaluate": "studies",
-    "threshold": "studies",
-    "report": "studies",
-    "run-odometry": "slam_systems",
-    "systems": "slam_systems",
-    "score": "scoring",
-    "score-map": "scoring",
-    "simulate": "preparing",
-    "scan": "preparing",
-    "bag": "preparing",
-    "export": "preparing",
-}
-"""Our subcommands in the order of --help, and the module of each, which holds it under its name: RENDER_CLEAN.
-
-A module is imported when one of its subcommands is used, or asked what it is. What is not here is found in a module
-that holds a COMMAND.
-"""
 # What people look for under another word, and under the names that there were before 0.1.0.
 OTHER_WORDS = {
     "clean": "render-clean",
@@ -72,6 +40,7 @@ class Command:
     """A subcommand of `noisy-world`.
 
     name: the word for it. group: the heading that it stands under in `noisy-world --help`. help: its line there.
+    order: in lists, ours first.
     description, epilog: what its own --help says before and after its options.
     options: adds its options to a parser. settle: returns the parsed options as `run` takes them; for what is wrong in
     several together it calls the parser's `error`.
@@ -95,6 +64,7 @@ class Command:
     stopped: str = CONTINUES
     again: Callable[[argparse.Namespace, list[str]], Sequence[str] | None] = lambda _options, _arguments: None
     busy: int = 1
+    order: int = LAST
 
     def parse(self, arguments: Sequence[str], entry: Entry) -> argparse.Namespace:
         """Parse the command line; exit with a usage line if it is wrong."""
@@ -124,32 +94,25 @@ def _problem(command: Command) -> str:
     return "" if command.group and command.help else f"its subcommand {command.name} needs a group and a line of help"
 
 
-def _own() -> Iterable[Command]:
-    return (*map(_own_command, MODULES), *held_in(__package__, DOOR.attribute, Command))
-
-
-def _own_command(name: str) -> Command:
-    module = importlib.import_module(f".{MODULES[name]}", __package__)
-    return getattr(module, name.upper().replace("-", "_"))
-
-
 DOOR = Door("noisy_world.commands", "subcommand", "COMMAND", (Command,), _problem)
 
-COMMANDS: Registry[Command] = Registry(DOOR, _own)
+COMMANDS = Registry(DOOR, __package__)
 """All subcommands by name, ours first; those that packages bring come by entry points."""
 
 
 def find_command(name: str) -> Command | None:
-    """Return a subcommand, for which no other is imported if it is ours; None where there is no such one.
+    """Return a subcommand, whatever packages bring if it is ours; None where there is no such one.
 
     Raises NoisyWorldError where a package's subcommand cannot be loaded.
     """
-    return _own_command(name) if name in MODULES else COMMANDS.get(name)
+    return COMMANDS.ours(name) or COMMANDS.get(name)
 
 
 def run(name: str, arguments: list[str], entry: Entry | None = None) -> int:
     """Run one of our subcommands and return its exit status. entry: how it was started, if not by `noisy-world`."""
-    return _own_command(name).main(arguments, entry or own_entry(name))
+    command = COMMANDS.ours(name)
+    assert command is not None, "a subcommand of ours"
+    return command.main(arguments, entry or own_entry(name))
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -170,20 +133,20 @@ def _carry_out(words: Sequence[str]) -> int:
         name, *rest = words
         command = find_command(name)
     except NoisyWorldError as error:  # of a package's subcommand
-        say(f"{COMMAND}: {error.message}")
+        say(f"{PROGRAM}: {error.message}")
         return 1
     if command is not None:
         return command.main(rest, own_entry(name))
     meant = OTHER_WORDS.get(name.casefold())
     asked = did_you_mean(name, COMMANDS) if meant is None else f"did you mean {meant!r}?"
-    say(f"{COMMAND}: {name!r} is no subcommand; {asked or 'there are ' + ', '.join(COMMANDS)}")
+    say(f"{PROGRAM}: {name!r} is no subcommand; {asked or 'there are ' + ', '.join(COMMANDS)}")
     return 2
 
 
 def own_entry(subcommand: str) -> Entry:
     """Return how to start a subcommand again: by this Python, as its folder of commands may not be on the path."""
     return Entry(
-        f"{COMMAND} {subcommand}",
+        f"{PROGRAM} {subcommand}",
         (sys.executable, "-m", "noisy_world", subcommand),
         remedy=f"install them with {sys.executable} -m pip install",
     )
@@ -192,7 +155,7 @@ def own_entry(subcommand: str) -> Entry:
 def help_text() -> str:
     """Return what `noisy-world --help` prints: the subcommands in their groups, each with its line."""
     parser = _parser()
-    parser.epilog = f"{groups_text()}\n\n'{COMMAND} SUBCOMMAND --help' tells more."
+    parser.epilog = f"{groups_text()}\n\n'{PROGRAM} SUBCOMMAND --help' tells more."
     return parser.format_help().rstrip("\n")
 
 
@@ -208,14 +171,14 @@ def groups_text() -> str:
 def _version() -> str:
     from ..core.dependencies import package_version
 
-    return f"{COMMAND} {package_version()}"
+    return f"{PROGRAM} {package_version()}"
 
 
 def _parser() -> Parser:
     """Return the parser of what stands before a subcommand."""
     parser = Parser(
-        prog=COMMAND,
-        usage=f"{COMMAND} SUBCOMMAND ...",
+        prog=PROGRAM,
+        usage=f"{PROGRAM} SUBCOMMAND ...",
         description="Clean 3D scenes in, noisy RGB-D worlds out.",
         formatter_class=argparse.RawDescriptionHelpFormatter,
         allow_abbrev=False,

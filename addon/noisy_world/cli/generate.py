@@ -274,6 +274,7 @@ def _named(out: Path, sequence: "PlannedSequence") -> Path:
 
 GENERATE = Command(
     name="generate",
+    order=10,
     group="make a dataset",
     help="make the RGB-D dataset that a preset describes",
     description="Make the RGB-D dataset that a preset describes.",
@@ -284,3 +285,5 @@ GENERATE = Command(
     run=_generate,
     again=_again,
 )
+
+COMMAND = GENERATE

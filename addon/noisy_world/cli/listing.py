@@ -256,6 +256,7 @@ def _list(options: argparse.Namespace, entry: Entry) -> int:
 
 LIST = Command(
     name="list",
+    order=50,
     group="look at what there is",
     help="list what a preset may say and what is shipped, or what a preset holds",
     description="List the keys of presets, or what a preset holds.",
@@ -457,6 +458,7 @@ def _tell_status(options: argparse.Namespace, _: Entry) -> int:
 
 STATUS = Command(
     name="status",
+    order=60,
     group="look at what there is",
     help="say how far a dataset has come, and what of it is missing or damaged",
     description="Say how far a dataset has come, while a run makes it or after that: a table of settings and "
@@ -464,3 +466,5 @@ STATUS = Command(
     options=_status_options,
     run=_tell_status,
 )
+
+COMMAND = LIST, STATUS

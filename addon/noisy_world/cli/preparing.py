@@ -87,6 +87,7 @@ def _simulate(options: argparse.Namespace, _: Entry) -> int:
 
 SIMULATE = Command(
     name="simulate",
+    order=210,
     group="prepare and convert",
     help="let a robot's body follow a scene's path, by physics: a path file",
     description="Let a quadruped or a rover, the body of a scene's trajectory, follow that path over the floor by "
@@ -225,6 +226,7 @@ def _clouds(
 
 SCAN = Command(
     name="scan",
+    order=220,
     group="prepare and convert",
     help="spin a lidar along the paths of meshes: point clouds with times",
     description="Spin a lidar along the path of each of a preset's meshes, at the place of the rig's depth sensor "
@@ -284,6 +286,7 @@ def _fill_bag(sequence: Path, out: Path, storage: str) -> Counter[str]:
 
 BAG = Command(
     name="bag",
+    order=230,
     group="prepare and convert",
     help="write a sequence of the layout euroc as a bag of ROS 2",
     description="Write a sequence of the layout euroc as a bag of ROS 2: images, depth in metres, cameras, the "
@@ -358,6 +361,7 @@ def _one_room(mesh: str) -> int:
 
 EXPORT = Command(
     name="export",
+    order=240,
     group="prepare and convert",
     help="write a mesh as PLY in Replica's layout",
     description="Write a mesh as PLY in Replica's layout.",
@@ -365,3 +369,5 @@ EXPORT = Command(
     run=_export,
     needs=("numpy", "cv2"),
 )
+
+COMMAND = SIMULATE, SCAN, BAG, EXPORT

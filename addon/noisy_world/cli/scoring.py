@@ -247,6 +247,7 @@ def _not_negative(text: str) -> float:
 
 SCORE = Command(
     name="score",
+    order=190,
     group="evaluate SLAM systems",
     help="compare an estimated trajectory with the true one",
     description="Compare an estimated trajectory with the true one: absolute and relative errors, and how much of "
@@ -458,6 +459,7 @@ def _length(text: str) -> float:
 
 SCORE_MAP = Command(
     name="score-map",
+    order=200,
     group="evaluate SLAM systems",
     help="compare the map of a SLAM system with the true scene",
     description="Compare a map with the true scene, as far as the true cameras saw it: accuracy, completion, depth "
@@ -466,3 +468,5 @@ SCORE_MAP = Command(
     run=_score_map,
     stopped="nothing was written",
 )
+
+COMMAND = SCORE, SCORE_MAP

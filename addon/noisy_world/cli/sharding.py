@@ -144,6 +144,7 @@ def _slurm(plan: "Plan", options: argparse.Namespace, tasks: "tuple[Task, ...]")
 
 PLAN = Command(
     name="plan",
+    order=20,
     group="make a dataset",
     help="print what a preset comes to, or the commands that make it in shards",
     description="Print what a preset comes to; with --shards the commands that make its dataset in shards, one a "
@@ -206,6 +207,7 @@ def _make_shards(options: argparse.Namespace, entry: Entry) -> int:
 
 SHARD = Command(
     name="shard",
+    order=30,
     group="make a dataset",
     help="make one shard of a dataset, on any machine that sees its folder",
     description="Make shards of a dataset, one after another: each is a range of source frames of one render, with "
@@ -283,6 +285,7 @@ def _error(plan: "Plan", out: str, work: "Work", shards: tuple["Shard", ...], le
 
 MERGE = Command(
     name="merge",
+    order=40,
     group="make a dataset",
     help="merge the shards of a dataset, and complete it",
     description="Merge the finished shards of a dataset, check every file, and complete the dataset. Where frames "
@@ -293,3 +296,5 @@ MERGE = Command(
     run=_merge,
     stopped="what was merged stays, and the same command continues from there",
 )
+
+COMMAND = PLAN, SHARD, MERGE

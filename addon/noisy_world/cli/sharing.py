@@ -39,6 +39,7 @@ def _publish_options(parser: Parser) -> None:
 
 PUBLISH = Command(
     name="publish",
+    order=90,
     group="share a dataset, and make it again",
     help="pack a finished dataset as tars, in an object store or a folder",
     description="Pack a finished dataset: a tar for each sequence, a table of all frames, metadata and a card.",
@@ -81,6 +82,7 @@ def _write_recipe(options: argparse.Namespace, _: Entry) -> int:
 
 RECIPE = Command(
     name="recipe",
+    order=100,
     group="share a dataset, and make it again",
     help="write what makes a dataset, and the digests of its files",
     description="Write the recipe of a finished dataset: its preset, versions, the hashes of its inputs, and "
@@ -112,6 +114,7 @@ def _verify(options: argparse.Namespace, _: Entry) -> int:
 
 VERIFY = Command(
     name="verify",
+    order=110,
     group="share a dataset, and make it again",
     help="hash a dataset's files and compare them with a recipe",
     description="Hash every file of a dataset and say what is missing, damaged, extra, or not as a recipe says. A "
@@ -161,6 +164,7 @@ def _generate_options(options: argparse.Namespace, entry: Entry) -> argparse.Nam
 
 REMAKE = Command(
     name="remake",
+    order=120,
     group="share a dataset, and make it again",
     help="make a recipe's dataset again, or a part of it, and verify it",
     description="Make a recipe's dataset again, or a part of it, from the inputs that the recipe names, and verify "
@@ -199,6 +203,7 @@ def _render(options: argparse.Namespace, entry: Entry) -> int:
 
 RENDER_CLEAN = Command(
     name="render-clean",
+    order=130,
     group="share a dataset, and make it again",
     help="render the clean frames that noisy_world.open makes a recipe's frames of",
     description="Render the clean frames of a recipe into a folder, lossless, for noisy_world.open(RECIPE, "
@@ -208,3 +213,5 @@ RENDER_CLEAN = Command(
     run=_render,
     again=as_given,
 )
+
+COMMAND = PUBLISH, RECIPE, VERIFY, REMAKE, RENDER_CLEAN

@@ -138,6 +138,7 @@ def _systems_options(parser: Parser) -> None:
 
 SYSTEMS = Command(
     name="systems",
+    order=180,
     group="evaluate SLAM systems",
     help="list the systems and whether they can be run here; install one",
     description="List the SLAM systems that come with Noisy World, what each needs, and whether it can run here.",
@@ -213,6 +214,7 @@ def _tracked(sequence: Path, out: Path, progress: Progress, stop: "threading.Eve
 
 RUN_ODOMETRY = Command(
     name="run-odometry",
+    order=170,
     group="evaluate SLAM systems",
     help="follow the camera through a dataset with rgbd_odometry",
     description="Follow the camera through the sequences of a dataset with rgbd_odometry, which is given the "
@@ -224,3 +226,5 @@ RUN_ODOMETRY = Command(
     needs=("numpy", "cv2", "yaml"),
     stopped="the sequences that were followed to their end are written",
 )
+
+COMMAND = RUN_ODOMETRY, SYSTEMS

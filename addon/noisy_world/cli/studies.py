@@ -102,6 +102,7 @@ def _settle_report(parser: Parser, options: argparse.Namespace) -> argparse.Name
 
 REPORT = Command(
     name="report",
+    order=160,
     group="evaluate SLAM systems",
     help="write the report of a study anew",
     description="Write the report of a study into its folder of results, from what is there: report.html, one page "
@@ -241,6 +242,7 @@ def _found_system(name: str) -> str:
 
 EVALUATE = Command(
     name="evaluate",
+    order=140,
     group="evaluate SLAM systems",
     help="run SLAM systems on the sequences of a preset or a dataset, and score them",
     description="Run SLAM systems on the sequences of a preset, each made when it is needed and removed after, or "
@@ -415,6 +417,7 @@ def _given(texts: list[str], searched: str) -> dict[str, Any]:
 
 THRESHOLD = Command(
     name="threshold",
+    order=150,
     group="evaluate SLAM systems",
     help="search for the value of a perturbation at which a system's success falls to one half",
     description="Search for the value of a perturbation at which a system's success falls to one half: run after "
@@ -428,3 +431,5 @@ THRESHOLD = Command(
     stopped="the runs that have ended stay, and the same command goes on from there",
     again=as_given,
 )
+
+COMMAND = EVALUATE, THRESHOLD, REPORT

@@ -172,6 +172,7 @@ def _write_sheet(opened: "Opened", parts: dict[str, list[int]], count: int, out:
 
 VIDEO = Command(
     name="video",
+    order=80,
     group="look at what there is",
     help="write a dataset's sequences as videos to look at, or as one sheet",
     description="Write sequences of a dataset as videos to look at: colour beside depth, behind the clean colour "
@@ -262,6 +263,7 @@ def _prepare_viewer() -> None:
 
 VIEW = Command(
     name="view",
+    order=70,
     group="look at what there is",
     help="open a dataset's images, paths, IMU and perturbations in Rerun's viewer",
     description="Open Rerun's viewer with sequences of a dataset: colour and depth, true and planned paths, the "
@@ -271,3 +273,5 @@ VIEW = Command(
     needs=("numpy", "cv2"),
     stopped="nothing was written",
 )
+
+COMMAND = VIEW, VIDEO

@@ -48,7 +48,7 @@ class Door(Generic[T]):
 
     group: of the entry points. word: what such a thing is called. attribute: under which a module holds it.
     kinds: the classes of which it is an instance; each has a name. problem: returns what is wrong with one in a
-    sentence, or "".
+    sentence, or "". owned: returns one as it is kept, with the package that brought it.
     """
 
     group: str
@@ -56,6 +56,7 @@ class Door(Generic[T]):
     attribute: str
     kinds: tuple[type[T], ...]
     problem: Callable[[T], str] = lambda _: ""
+    owned: Callable[[T, Distribution], T] = lambda item, _: item
 
 
 @dataclass(frozen=True)
@@ -97,38 +98,6 @@ def _entry_points(_path: tuple[str, ...]) -> Any:  # EntryPoints; under Python 3
     return entry_points()
 
 
-def collected(door: Door[T], own: Iterable[T]) -> dict[str, Brought[T]]:
-    """Return things of one kind by name: our own, and then those of installed packages.
-
-    Raises NoisyWorldError naming the package that brings something else, or a name that is in use.
-    """
-    found = {_name(item): Brought(item, None) for item in own}
-    for entry in loaded_entries(door.group):
-        for item in _brought_by(entry, door):
-            add(found, _name(item), Brought(item, entry.distribution), door.word)
-    return found
-
-
-def held_in(package: str | None, attribute: str, kind: type[T]) -> list[T]:
-    """Return what the modules of a package of ours hold under a name, sorted by `order` and name.
-
-    So a file is enough to bring one; it may hold a tuple of several. Only those whose text has a line that sets the
-    name are imported, and those whose names begin with an underscore are passed over.
-    """
-    assert package is not None, "a module of ours is in one"
-    spec = importlib.util.find_spec(package)
-    assert spec is not None
-    holds = re.compile(rf"^{attribute}\b.* = ", re.MULTILINE)
-    held: list[T] = []
-    for folder in spec.submodule_search_locations or ():
-        for file in sorted(Path(folder).glob("[!_]*.py")):
-            if holds.search(file.read_text(encoding="utf-8")):
-                found = getattr(importlib.import_module(f"{package}.{file.stem}"), attribute)
-                several = found if isinstance(found, tuple) else (found,)
-                held += [item for item in several if isinstance(item, kind)]
-    return sorted(held, key=lambda item: (getattr(item, "order", LAST), _name(item)))
-
-
 def add(found: dict[str, Brought[T]], name: str, new: Brought[T], word: str) -> None:
     """Add what a package brings by its name. Raises NoisyWorldError naming the package where the name is in use."""
     if name in found:
@@ -141,32 +110,117 @@ def add(found: dict[str, Brought[T]], name: str, new: Brought[T], word: str) -> 
     found[name] = new
 
 
-class Registry(Mapping[str, T]):
-    """Things of one kind by name, our own first; those of installed packages are found when it is first asked.
+# A name as our files say it: name="tum", in a class or where an object is made, or the first that makes a constant.
+_NAMED = re.compile(r'\bname(?:: .+)? ?= ?"([\w-]+)"|^[A-Z]\w+(?:: .+)? = \w+\(\s*"([\w-]+)"', re.MULTILINE)
 
-    Raises NoisyWorldError then, naming the package that brings something else, or a name that is in use.
+
+class Registry(Mapping[str, T]):
+    """Things of one kind by name: our own in their order, and then those of installed packages.
+
+    One of ours is held by a module of a package under the door's attribute, or by a tuple there, so a file is enough to
+    bring one. It is imported when its name is asked for, and all are when they are gone through.
+
+    Raises NoisyWorldError when it is first asked, naming the package that brings something else, or a name in use.
     """
 
-    def __init__(self, door: Door[T], own: Callable[[], Iterable[T]]) -> None:
+    def __init__(
+        self,
+        door: Door[T],
+        package: str | None,
+        *,
+        own: type[T] | None = None,
+        listed: Iterable[T] = (),
+        key: Callable[[T], Any] | None = None,
+    ) -> None:
+        """Look in a package of ours for such objects.
+
+        own: their class, where that is another than those of packages. listed: others of ours, which are the first.
+        key: by which all are sorted, those of packages among them.
+        """
+        assert package is not None, "a module of ours is in one"
         self.door = door
-        self._own = own
+        self._package = package
+        self._own = door.kinds if own is None else own
+        self._listed = {_name(item): item for item in listed}
+        self._key = key
+        self._asked: dict[str, T] = {}
 
     @cached_property
-    def _found(self) -> dict[str, Brought[T]]:
-        return collected(self.door, self._own())
+    def _folders(self) -> list[Path]:
+        spec = importlib.util.find_spec(self._package)
+        assert spec is not None
+        return [Path(folder) for folder in spec.submodule_search_locations or ()]
+
+    @cached_property
+    def _modules(self) -> dict[str, set[str]]:
+        """The modules that hold things of ours, with the names that their texts say; not all are of such things."""
+        holds = re.compile(rf"^{self.door.attribute}\b.* = ", re.MULTILINE)
+        files = [file for folder in self._folders for file in sorted(folder.glob("[!_]*.py"))]
+        texts = {file.stem: file.read_text(encoding="utf-8") for file in files}
+        return {
+            module: {keyword or first for keyword, first in _NAMED.findall(text)}
+            for module, text in texts.items()
+            if holds.search(text)
+        }
+
+    def _held(self, module: str) -> list[T]:
+        found = getattr(importlib.import_module(f"{self._package}.{module}"), self.door.attribute, None)
+        return [item for item in (found if isinstance(found, tuple) else (found,)) if isinstance(item, self._own)]
+
+    def _places(self, name: str) -> Iterator[str]:
+        """Yield the modules that may hold what has a name: the one that is called so, and then those that say it."""
+        if not isinstance(name, str):
+            return  # such as a key of a document that is a number
+        if name.isidentifier() and any((folder / f"{name}.py").is_file() for folder in self._folders):
+            yield name
+        yield from (module for module, names in self._modules.items() if name in names)
+
+    def ours(self, name: str) -> T | None:
+        """Return one of ours, whatever packages bring; None where there is none of the name."""
+        if name in self._listed:
+            return self._listed[name]
+        return next((item for module in self._places(name) for item in self._held(module) if _name(item) == name), None)
+
+    def load(self) -> None:
+        """Load what installed packages bring, if that was not done."""
+        _ = self._brought
+
+    @cached_property
+    def _brought(self) -> dict[str, Brought[T]]:
+        found: dict[str, Brought[T]] = {}
+        for entry in loaded_entries(self.door.group):
+            for item in _brought_by(entry, self.door):
+                new = Brought(self.door.owned(item, entry.distribution), entry.distribution)
+                ours = self.ours(_name(item))
+                add(found if ours is None else {_name(item): Brought(ours, None)}, _name(item), new, self.door.word)
+        return found
+
+    @cached_property
+    def _every(self) -> dict[str, T]:
+        brought = [each.item for each in self._brought.values()]
+        held = [item for module in self._modules for item in self._held(module)]
+        if unsaid := [_name(item) for item in held if self.ours(_name(item)) is not item]:
+            raise AssertionError(f"{unsaid[0]} is not found by its name: its file has to say it as it is, in quotes")
+        held.sort(key=lambda item: (getattr(item, "order", LAST), _name(item)))
+        every = [*self._listed.values(), *held, *brought]
+        return {_name(item): item for item in (every if self._key is None else sorted(every, key=self._key))}
 
     def __getitem__(self, name: str) -> T:
-        return self._found[name].item
+        if name not in self._asked:
+            self.load()
+            ours = self.ours(name)
+            self._asked[name] = self._brought[name].item if ours is None else ours
+        return self._asked[name]
 
     def __iter__(self) -> Iterator[str]:
-        return iter(self._found)
+        return iter(self._every)
 
     def __len__(self) -> int:
-        return len(self._found)
+        return len(self._every)
 
     def distribution(self, name: str) -> Distribution | None:
         """Return the package that brought something; None for our own."""
-        return self._found[name].distribution
+        return self._brought[name].distribution if name in self._brought else None
 
     def origin(self, name: str) -> str:
         """Return where something is from, for a list: "; from my-layouts 1.0", or "" for our own."""
@@ -179,7 +233,9 @@ class Registry(Mapping[str, T]):
 
     def forget(self) -> None:
         """Look again for what is installed, when it is asked the next time."""
-        self.__dict__.pop("_found", None)
+        self._asked.clear()
+        for found in ("_brought", "_every"):
+            self.__dict__.pop(found, None)
 
 
 class _Only(Mapping[str, S]):

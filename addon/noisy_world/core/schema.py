@@ -10,10 +10,10 @@ and the panel's sliders are derived from it.
 import math
 import re
 import types
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import MISSING, Field, dataclass, field, fields, is_dataclass
 from decimal import Decimal
-from functools import cache, cached_property
+from functools import cache
 from pathlib import Path
 from typing import (
     TYPE_CHECKING,
@@ -35,6 +35,8 @@ from .labels import parameter_label
 if TYPE_CHECKING:
     import yaml
 
+
+Item = TypeVar("Item")
 
 InIdentity: TypeAlias = Literal["value", "meaning", "nothing"]
 
@@ -59,35 +61,38 @@ class Choice:
 
 
 class ChoicesOf(Mapping[str, Choice]):
-    """Choices that come from a registry, which is asked when they are first looked at: packages import this module."""
+    """Choices that come from a registry, of which each thing is imported when it is asked for."""
 
-    def __init__(self, make: Callable[[], Mapping[str, Choice]]) -> None:
-        self._make = make
-
-    @cached_property
-    def _made(self) -> Mapping[str, Choice]:
-        return self._make()
+    def __init__(
+        self, registry: Mapping[str, Item], words: Callable[[Item], Choice], others: Mapping[str, Choice] | None = None
+    ) -> None:
+        """Return those of a registry by `words`. others: choices that stand before them."""
+        self._registry: Mapping[str, Any] = registry
+        self._words = words
+        self._others = others or {}
 
     def __getitem__(self, name: str) -> Choice:
-        return self._made[name]
+        return self._others[name] if name in self._others else self._words(self._registry[name])
 
     def __iter__(self) -> Iterator[str]:
-        return iter(self._made)
+        yield from self._others
+        yield from self._registry
 
     def __len__(self) -> int:
-        return len(self._made)
+        return len(self._others) + len(self._registry)
 
 
 @dataclass(frozen=True)
 class KeyInfo:
     """What a key means. minimum and maximum are inclusive; above is an exclusive minimum.
 
-    choices: the words of each text that it may be; the texts too, where the field's type does not give them. identity:
-    how it stands in the identity of a dataset, which says what decided its bytes. file: of a text that names a file:
-    reads it, to check it. label, slider: for people, as `key` has them.
+    says: the meaning, or what works it out when it is read, where that takes a registry. choices: the words of each
+    text that it may be; the texts too, where the field's type does not give them. identity: how it stands in the
+    identity of a dataset, which says what decided its bytes. file: of a text that names a file: reads it, to check it.
+    label, slider: for people, as `key` has them.
     """
 
-    meaning: str
+    says: str | Callable[[], str]
     unit: str = ""
     minimum: float | None = None
     maximum: float | None = None
@@ -99,9 +104,14 @@ class KeyInfo:
     label: str = ""
     slider: tuple[float, float] | None = None
 
+    @property
+    def meaning(self) -> str:
+        """What the key means, for people."""
+        return self.says if isinstance(self.says, str) else self.says()
+
 
 def key(
-    meaning: str,
+    meaning: str | Callable[[], str],
     *,
     default: Any = MISSING,
     default_factory: Any = MISSING,
@@ -118,13 +128,14 @@ def key(
 ) -> Any:
     """Declare a dataclass field that a preset may set.
 
-    pattern: a function that returns what is wrong with a text, or nothing. choices: label and meaning of each value,
-    as this field means it; where the type is no Literal, as where values come from a registry, these are the values
-    that are allowed. identity: "value" where the value decides bytes, so that it stands in a dataset's identity as it
-    is, unless it is the default; "meaning" where what it means stands there in another form, as poses or hashes;
-    "nothing" where it decides no byte. file: of a perturbation's parameter that names a file, "" for none: a function
-    that reads it, and raises OSError, or ValueError with what is wrong. label: its name for people, where that is not
-    the key's own in words. slider: where a slider ends, as that is of use; the keyboard reaches the whole range.
+    meaning: a text, or a function that returns it, where that takes a registry. pattern: a function that returns what
+    is wrong with a text, or nothing. choices: label and meaning of each value, as this field means it; where the type
+    is no Literal, as where values come from a registry, these are the values that are allowed. identity: "value" where
+    the value decides bytes, so that it stands in a dataset's identity as it is, unless it is the default; "meaning"
+    where what it means stands there in another form, as poses or hashes; "nothing" where it decides no byte. file: of
+    a perturbation's parameter that names a file, "" for none: a function that reads it, and raises OSError, or
+    ValueError with what is wrong. label: its name for people, where that is not the key's own in words. slider: where a
+    slider ends, as that is of use; the keyboard reaches the whole range.
 
     A dataclass may say in a class attribute TOOLTIPS, by the names of fields, what one sees when a value grows.
     """
@@ -256,8 +267,8 @@ def _parse_value(hint: Any, value: object, place: ConfigPath, item: Field[Any]) 
         return _parse_value(hint, value, place, item)
     if origin is Literal:
         return _parse_choice(get_args(hint), value, place)
-    if hint is str and (choices := item.metadata["key"].choices):
-        return _parse_choice(tuple(choices), value, place)
+    if hint is str and (choices := item.metadata["key"].choices) is not None:
+        return _parse_choice(choices, value, place)
     if origin is tuple:
         return _parse_list(get_args(hint), value, place, item)
     if isinstance(hint, type) and is_dataclass(hint):
@@ -267,11 +278,11 @@ def _parse_value(hint: Any, value: object, place: ConfigPath, item: Field[Any]) 
     return _parse_plain(hint, value, place, item.metadata["key"])
 
 
-def _parse_choice(choices: tuple[str, ...], value: object, place: ConfigPath) -> str:
+def _parse_choice(choices: Collection[str], value: object, place: ConfigPath) -> str:
     if isinstance(value, str) and value in choices:
         return value
     if isinstance(value, str):
-        raise unknown_name(place, "value", value, choices)
+        raise unknown_name(place, "value", value, tuple(choices))
     if isinstance(value, bool) and len(meant := [word for word in choices if _TRUTH.get(word) is value]) == 1:
         return meant[0]
     raise place.error(f"is {describe(value)}, but has to be one of {', '.join(choices)}")

@@ -202,8 +202,9 @@ def _links(out: Path, sequences: Collection[str], work: Iterable[Path]) -> Itera
     for folder in work:
         yield from (link for link in (link_on_the_way(out, folder),) if link is not None)
         yield from _links_below(folder)
-    beside = {name for layout in LAYOUTS.values() for name in layout.setting_files}
-    for folder in sequences:
+    there = [folder for folder in sequences if (out / folder).parent.is_dir()]
+    beside = {name for layout in LAYOUTS.values() for name in layout.setting_files} if there else set[str]()
+    for folder in there:
         yield from (
             path for path in (out / folder, *((out / folder).parent / name for name in beside)) if path.is_symlink()
         )

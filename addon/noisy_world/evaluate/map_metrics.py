@@ -11,7 +11,7 @@ from typing import Literal, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..core.entry_points import Door, Registry, held_in
+from ..core.entry_points import Door, Registry
 from ..core.errors import InputError
 from ..core.geometry import nearest_rotation, pose, rotation_angle_rad
 from ..scenes.polygon_mesh import Mesh
@@ -486,7 +486,7 @@ _METRICS = (
 
 DOOR = Door("noisy_world.map_metrics", "metric", "METRIC", (MapMetric,))
 
-MAP_METRICS = Registry(DOOR, lambda: (*_METRICS, *held_in(__package__, DOOR.attribute, MapMetric)))
+MAP_METRICS = Registry(DOOR, __package__, listed=_METRICS)
 """In the order in which they are shown, then those of installed packages; in tables their names begin with `map.`."""
 
 MAP_PREFIX = "map."

@@ -2,14 +2,14 @@
 """Metrics of trajectories: how far an estimate is from the truth, and how much of it there is."""
 
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal, TypeAlias, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.entry_points import Door, Registry, held_in
+from ..core.entry_points import Door, Registry
 from ..core.errors import NoisyWorldError
 from .pose_errors import (
     CONDITIONING,
@@ -427,12 +427,9 @@ _SUCCESS = [
 DOOR = Door("noisy_world.metrics", "metric", "METRIC", (TrajectoryMetric,))
 
 
-def _own() -> Iterable[TrajectoryMetric]:
-    listed = (*_of_ate(), *_of_rpe(), *_COVERAGE, *_SUCCESS)
-    return (*listed, *held_in(__package__, DOOR.attribute, TrajectoryMetric))
+_LISTED = (*_of_ate(), *_of_rpe(), *_COVERAGE, *_SUCCESS)
 
-
-METRICS = Registry(DOOR, _own)
+METRICS = Registry(DOOR, __package__, listed=_LISTED)
 """What protocol strict gives, in the order in which it is shown; then those of installed packages."""
 
 

@@ -5,7 +5,7 @@ import re
 from collections.abc import Iterable
 from pathlib import Path, PurePosixPath
 
-from ..core.entry_points import Door, Registry, held_in
+from ..core.entry_points import Door, Registry
 from ..core.errors import InputError
 from .association import PosePolicy
 from .borrowed import BorrowedLayout
@@ -47,11 +47,7 @@ def _problem(layout: Layout | RecordedLayout) -> str:
 DOOR = Door[Layout | RecordedLayout]("noisy_world.layouts", "layout", "LAYOUT", (Layout, RecordedLayout), _problem)
 
 
-def _own() -> Iterable[Layout | RecordedLayout]:
-    return (layout for kind in DOOR.kinds for layout in held_in(__name__, DOOR.attribute, kind))
-
-
-EVERY = Registry[Layout | RecordedLayout](DOOR, _own)
+EVERY = Registry[Layout | RecordedLayout](DOOR, __name__)
 """Every layout by its name, ours and those of installed packages."""
 
 LAYOUTS = EVERY.only(Layout)

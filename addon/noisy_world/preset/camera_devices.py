@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from ..core.entry_points import Door, Registry, held_in
+from ..core.entry_points import Door, Registry
 from ..core.geometry import Intrinsics
 from ..core.schema import ConfigPath, describe, unknown_name
 
@@ -222,7 +222,7 @@ _OURS = (
 
 DOOR = Door("noisy_world.cameras", "camera", "CAMERA", (CameraDevice,), _problem)
 
-CAMERA_DEVICES = Registry[CameraDevice](DOOR, lambda: (*_OURS, *held_in(__package__, DOOR.attribute, CameraDevice)))
+CAMERA_DEVICES = Registry(DOOR, __package__, listed=_OURS)
 """The cameras, by the names that presets have for them."""
 
 

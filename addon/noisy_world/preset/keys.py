@@ -13,7 +13,7 @@ from ..channels.channel import FILE_KINDS
 from ..core.errors import CommandLineOnly, InputError, Message, PresetKey
 from ..core.file_access import check_utf8_values, open_regular, path_in
 from ..core.geometry import Intrinsics
-from ..core.schema import DEEPEST, LARGEST_BYTES, Choice, ConfigPath, describe, key, parse, quoted, read_yaml
+from ..core.schema import DEEPEST, LARGEST_BYTES, Choice, ChoicesOf, ConfigPath, describe, key, parse, quoted, read_yaml
 from ..layouts import LAYOUTS, Beyond, Colour, Image, Layout, OutputFormat
 from .camera_devices import CAMERA_DEVICES, with_device
 from .names import OnlySpec, chosen_part, safe_name, stream_name, template
@@ -183,13 +183,15 @@ class OutputSpec:
 
     layout: str = key(
         "the layout of the files; see --list layouts",
-        default=next(iter(LAYOUTS)),
-        choices={name: Choice(layout.label, layout.summary) for name, layout in LAYOUTS.items()},
+        default="replica",
+        choices=ChoicesOf(LAYOUTS, lambda layout: Choice(layout.label, layout.summary)),
         identity="meaning",
     )
     image: Image | None = key(
-        "colour images; jpg is quality 98 without chroma subsampling; exr is scene-linear light as half floats, of "
-        f"scenes with light of their own; {_defaults(lambda item: item.images[0])}",
+        lambda: (
+            "colour images; jpg is quality 98 without chroma subsampling; exr is scene-linear light as half floats, of "
+            f"scenes with light of their own; {_defaults(lambda item: item.images[0])}"
+        ),
         default=None,
         choices={
             "jpg": Choice("JPEG", "Quality 98 without chroma subsampling, as readers of Replica expect it"),
@@ -200,8 +202,10 @@ class OutputSpec:
         label="Images",
     )
     colour: Colour | None = key(
-        "what colour images hold: red, green and blue, or one channel of grey (BT.601 weights on encoded values); "
-        + _defaults(lambda item: item.colours[0]),
+        lambda: (
+            "what colour images hold: red, green and blue, or one channel of grey (BT.601 weights on encoded values); "
+            + _defaults(lambda item: item.colours[0])
+        ),
         default=None,
         choices={
             "rgb": Choice("Colour", "Red, green and blue"),
@@ -211,7 +215,7 @@ class OutputSpec:
         label="Channels",
     )
     depth_scale_per_m: float | None = key(
-        "steps of the 16-bit depth images a metre; " + _defaults(lambda item: f"{item.depth_scale_per_m:g}"),
+        lambda: "steps of the 16-bit depth images a metre; " + _defaults(lambda item: f"{item.depth_scale_per_m:g}"),
         default=None,
         unit="steps/m",
         above=0,
@@ -233,7 +237,7 @@ class OutputSpec:
     modalities: tuple[str, ...] = key(
         "the channels that are rendered and written; see --list channels",
         default=("rgb", "depth"),
-        choices={name: Choice(item.label, item.meaning) for name, item in CHANNELS.items()},
+        choices=ChoicesOf(CHANNELS, lambda item: Choice(item.label, item.meaning)),
         identity="meaning",
         label="Write",
     )

@@ -86,11 +86,6 @@ class BodySpec:
     )
 
 
-def _format_choices() -> dict[str, Choice]:
-    formats = {name: Choice(item.label, item.meaning) for name, item in TRAJECTORY_FORMATS.items()}
-    return {"auto": Choice("Automatic", "As the file's content tells"), **formats}
-
-
 @dataclass(frozen=True)
 class TrajectorySpec:
     """Where the camera goes: a file, or a path made here; a bare text is a file."""
@@ -113,7 +108,11 @@ class TrajectorySpec:
     format: str = key(
         "the file's format, where its content should not decide",
         default="auto",
-        choices=ChoicesOf(_format_choices),
+        choices=ChoicesOf(
+            TRAJECTORY_FORMATS,
+            lambda item: Choice(item.label, item.meaning),
+            {"auto": Choice("Automatic", "As the file's content tells")},
+        ),
         identity="meaning",
     )
     pose: Literal["auto", "c2w", "w2c"] = key(

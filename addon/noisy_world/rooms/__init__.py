@@ -91,10 +91,11 @@ def kept_room(seed: int = 0) -> Mesh:
 
 def _read(path: Path) -> _Drawn | None:
     """Return a room that was kept; None where there is none, or not all of it."""
-    with contextlib.suppress(OSError, EOFError, ValueError, TypeError, zipfile.BadZipFile):
+    try:
         with np.load(io.BytesIO(read_bytes(path, largest_bytes=None))) as parts:
             return _Drawn(**parts)
-    return None
+    except (OSError, EOFError, ValueError, TypeError, zipfile.BadZipFile):
+        return None
 
 
 def _keep(drawn: _Drawn, path: Path, seed: int) -> _Drawn:

@@ -9,7 +9,7 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import fields
 from typing import Any, TypeVar
 
-from ..core.entry_points import Door, Registry, held_in
+from ..core.entry_points import Door, Registry
 from ..core.schema import ConfigPath, KeyInfo, describe, list_keys, list_leaves, parse, unknown_name
 from ..preset.keys import Preset, PresetSpec
 from ..preset.names import selected
@@ -40,7 +40,7 @@ def _problem(kind: SourceKind[Any]) -> str:
 
 DOOR = Door[SourceKind[Any]]("noisy_world.sources", "source", "SOURCE", (SourceKind,), _problem)
 
-SOURCES = Registry[SourceKind[Any]](DOOR, lambda: held_in(__name__, DOOR.attribute, SourceKind))
+SOURCES = Registry[SourceKind[Any]](DOOR, __name__)
 """Every source by the key that names it in a preset's scene, ours and those of installed packages."""
 
 
@@ -85,6 +85,19 @@ def read_scenes(preset: Preset) -> list[SceneEntry[Any]]:
 
 
 def _entry(preset: Preset, given: Any, place: ConfigPath) -> SceneEntry[Any]:
+    said = given if isinstance(given, Mapping) else {}
+    kinds = [SOURCES[name] for name in said if said[name] is not None and name in SOURCES]
+    own = {item.name for kind in kinds for item in fields(kind.keys)}
+    if len(kinds) != 1 or not own.issuperset(said):
+        _check_keys(given, place)
+    (kind,) = kinds
+    keys = parse(kind.keys, {name: value for name, value in said.items() if name in own}, place)
+    kind.check(keys, place)
+    return SceneEntry(preset, place, kind, keys, SOURCES.distribution(kind.name))
+
+
+def _check_keys(given: Any, place: ConfigPath) -> None:
+    """Check an entry against the keys of all sources. Raises InputError where it does not name one, or has others'."""
     owners: dict[str, list[SourceKind[Any]]] = {}
     for kind in SOURCES.values():
         for item in fields(kind.keys):
@@ -104,9 +117,6 @@ def _entry(preset: Preset, given: Any, place: ConfigPath) -> SceneEntry[Any]:
         if name not in own and not _says_nothing(owners[name][0], name, given[name]):
             whose = " or ".join(item.name for item in owners[name])
             raise place.at(name).error(f"goes with {whose}", kind.instead.get(name, "leave it out"))
-    keys = parse(kind.keys, {name: value for name, value in given.items() if name in own}, place)
-    kind.check(keys, place)
-    return SceneEntry(preset, place, kind, keys, SOURCES.distribution(kind.name))
 
 
 def _says_nothing(owner: SourceKind[Any], name: str, value: Any) -> bool:
@@ -125,9 +135,8 @@ def find_scenes(preset: Preset, names: Collection[str] = ()) -> list[Scene]:
     wanted = set(selected([item.name for item in found], preset.spec.only.scenes, preset.place("only.scenes")))
     chosen = [item for item in found if item.name in wanted]
     chosen = [item for item in chosen if item.name in names] or chosen
-    for kind in SOURCES.values():
-        if of_kind := [item for item in chosen if item.entry.kind is kind]:
-            kind.check_found(of_kind)
+    for kind in {id(item.entry.kind): item.entry.kind for item in chosen}.values():
+        kind.check_found([item for item in chosen if item.entry.kind is kind])
     return [_opened(item) for item in chosen]
 
 

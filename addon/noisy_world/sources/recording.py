@@ -58,7 +58,10 @@ class RecordingKeys(SceneKeys):
     }
 
     sequence: str = key(
-        f"instead of mesh and trajectory: a folder laid out as {known_recordings()}, relative to the preset; * allowed",
+        lambda: (
+            f"instead of mesh and trajectory: a folder laid out as {known_recordings()}, relative to the preset; "
+            "* allowed"
+        ),
         identity="meaning",
         label="Folder",
     )

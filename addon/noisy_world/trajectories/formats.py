@@ -5,6 +5,7 @@
 """
 
 import re
+from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, TypeAlias
@@ -12,10 +13,9 @@ from typing import Literal, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.entry_points import Door, Registry, held_in
+from ..core.entry_points import Door, Registry
 from ..core.errors import InputError, Message, PresetKey
 from ..core.trajectory import AXES, DIRECTIONS, Axes, Direction, Trajectory, checked_rate, convert_convention
-from .matrix_poses import MATRICES
 from .pose_files import (
     LARGEST_STAMP_S,
     STAMP_UNITS,
@@ -26,7 +26,6 @@ from .pose_files import (
     StatedCamera,
     TrajectoryFormat,
 )
-from .stamped_poses import TUM
 
 Auto: TypeAlias = Literal["auto"]
 
@@ -42,7 +41,7 @@ def _problem(item: TrajectoryFormat) -> str:
 
 DOOR = Door("noisy_world.trajectory_formats", "trajectory format", "FORMAT", (TrajectoryFormat,), _problem)
 
-TRAJECTORY_FORMATS = Registry[TrajectoryFormat](DOOR, lambda: held_in(__package__, DOOR.attribute, TrajectoryFormat))
+TRAJECTORY_FORMATS = Registry(DOOR, __package__)
 """Every format of files of poses by its name, ours and those of installed packages."""
 
 
@@ -120,7 +119,7 @@ def read_file_poses(
     and so left out; else in `matrices` and `log` alone. Raises InputError as `read_trajectory` does, NotFiniteError,
     which is one, where a pose is not finite, and ValueError for an argument that does not exist.
     """
-    _check_name("format", format, tuple(TRAJECTORY_FORMATS))
+    _check_name("format", format, TRAJECTORY_FORMATS)
     _check_name("stamp_unit", stamp_unit, STAMP_UNITS)
     file, declared = PoseFile(path), format != "auto"
     known = TRAJECTORY_FORMATS[format] if declared else _recognised(file)
@@ -136,7 +135,7 @@ def _recognised(file: PoseFile) -> TrajectoryFormat:
     if len(names) > 1:
         remedy = Message("say which: ", PresetKey("format"))
         raise InputError(file.path, f"may be of the formats {' and '.join(names)}", remedy=remedy)
-    return TRAJECTORY_FORMATS[names[0]] if names else MATRICES if file.is_folder else TUM
+    return TRAJECTORY_FORMATS[names[0] if names else "matrices" if file.is_folder else "tum"]
 
 
 def _stamps_s(path: Path, poses: FilePoses, rate_hz: float, unit: StampUnit | None) -> NDArray[np.float64]:
@@ -162,6 +161,6 @@ def _stamps_s(path: Path, poses: FilePoses, rate_hz: float, unit: StampUnit | No
     return stamps_s
 
 
-def _check_name(what: str, name: str, known: tuple[str, ...]) -> None:
+def _check_name(what: str, name: str, known: Collection[str]) -> None:
     if name != "auto" and name not in known:
         raise ValueError(f"{what} is auto or one of {', '.join(known)}, not {name!r}")
