@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
-from pose_texts import NS, blocks, expected, rows
+from pose_texts import NS, POSITIONS, QUATS, blocks, colmap_text, expected, open3d_text, rows, saved
 from recorded_layouts import WRITERS
 
 from noisy_world import testing
@@ -68,12 +68,19 @@ POSES = {
     "matrices": lambda: "".join(blocks()),
     "log": lambda: "".join(f"{k} {k} {k + 1}\n{text}" for k, text in enumerate(blocks())),
     "transforms": lambda: json.dumps({"frames": [{"transform_matrix": pose.tolist()} for pose in expected()]}),
+    "kitti360": lambda: "".join(f"{3 * k} " + text.replace("\n", " ") + "\n" for k, text in enumerate(blocks())),
+    "vslamlab": lambda: "ts (ns),tx (m),ty (m),tz (m),qx,qy,qz,qw\n" + rows(NS, "pxyzw"),
+    "open3d": lambda: open3d_text(expected()),
+    "colmap": lambda: colmap_text(QUATS, POSITIONS),
+    "array": lambda: saved(np.save, expected()),
+    "splatam": lambda: saved(np.savez, cam_unnorm_rots=QUATS.T[None], cam_trans=POSITIONS.T[None]),
 }
 
 
 @pytest.mark.parametrize("name", list(TRAJECTORY_FORMATS))
 def test_trajectory_formats_keep_theirs(name, tmp_path):
-    (file := tmp_path / "poses").write_text(POSES[name]())
+    content = POSES[name]()
+    (file := tmp_path / "poses").write_bytes(content if isinstance(content, bytes) else content.encode())
     testing.check_trajectory_format(TRAJECTORY_FORMATS[name], file, tmp_path)
 
 

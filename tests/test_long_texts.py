@@ -10,7 +10,7 @@ from cases import cases
 
 from noisy_world.core.errors import InputError
 from noisy_world.scenes.mesh_files import check_numbers
-from noisy_world.trajectories.stamped_poses import _column_names
+from noisy_world.trajectories.pose_columns import _column_names
 from noisy_world.trajectories.transforms_json import _order_notes
 from noisy_world.dataset.recipe import series_of
 from noisy_world.sources.scene_files import _parts_of_name

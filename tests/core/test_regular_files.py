@@ -23,7 +23,7 @@ from noisy_world.trajectories.formats import read_trajectory
 from noisy_world.evaluate.frame_index import read_index
 from noisy_world.evaluate.systems import read_system
 from noisy_world.evaluate.run_files import read_estimate_file
-from noisy_world.evaluate.estimate_formats.pose_arrays import load_arrays
+from noisy_world.trajectories.pose_arrays import load_arrays
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="no pipes with names")
 FORMATS = (

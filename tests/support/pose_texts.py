@@ -1,6 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Four poses as the texts of trajectory files, and the matrices that they mean, worked out here."""
 
+import io
+import json
+
 import numpy as np
 
 # Four poses: position, then the quaternion w, x, y, z, normalised.
@@ -47,6 +50,30 @@ def rows(stamps, order="pwxyz", separator=",", more=()):
 
 def blocks(poses=None):
     return ["\n".join(" ".join(map(repr, row)) for row in pose.tolist()) + "\n" for pose in poses or expected()]
+
+
+def open3d_text(extrinsics):
+    """Open3D's PinholeCameraTrajectory of world-to-camera matrices, each written column by column."""
+    columns = [matrix.T.ravel().tolist() for matrix in extrinsics]
+    cameras = [{"class_name": "PinholeCameraParameters", "extrinsic": numbers} for numbers in columns]
+    return json.dumps({"class_name": "PinholeCameraTrajectory", "parameters": cameras, "version_major": 1})
+
+
+def colmap_text(quats, translations, names=None):
+    """COLMAP's images.txt of world-to-camera poses, with and without points."""
+    names = names or [f"rgb/{number}.png" for number in range(len(quats))]
+    lines = ["# Image list with two lines of data per image:"]
+    lines += ["#   IMAGE_ID, QW, QX, QY, QZ, TX, TY, TZ, CAMERA_ID, NAME"]
+    for number, (quat, at) in enumerate(zip(quats, translations, strict=True)):
+        numbers = " ".join(map(repr, [*quat.tolist(), *at.tolist()]))
+        lines += [f"{number + 1} {numbers} 1 {names[number]}", "2362.39 248.498 58396" if number else ""]
+    return "\n".join(lines) + "\n"
+
+
+def saved(save, *arrays, **named):
+    """Return what numpy's `save` or `savez` writes."""
+    save(stream := io.BytesIO(), *arrays, **named)
+    return stream.getvalue()
 
 
 def kitti_text(trajectory):

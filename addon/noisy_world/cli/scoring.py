@@ -91,10 +91,10 @@ def _score_options(parser: Parser) -> None:
 def _score_path(options: argparse.Namespace, _: Entry) -> int:
     """Score, print and write what is asked for; return 0 for a run that failed too, as that is a result."""
     from ..core.atomic_files import ELSEWHERE, storage_errors, write_atomic
-    from ..evaluate.estimates import FORMATS
     from ..evaluate.metrics import Alignment, frame_errors_text
     from ..evaluate.scored_poses import read_poses_to_compare
     from ..evaluate.trajectory_scores import score_trajectory
+    from ..trajectories.formats import TRAJECTORY_FORMATS as FORMATS
 
     if options.plot is not None:
         need(("matplotlib",), "evaluate")

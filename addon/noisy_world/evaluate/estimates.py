@@ -1,36 +1,25 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Estimates of SLAM systems: from what a system wrote to poses of frames. Studies, `score` and the library read so.
 
-A format is one module with a `FORMAT`, and its name in the list in `reading`.
+The formats are those of trajectories (`trajectories/formats.py`), for a path of which frames may be missing.
 """
 
-from collections import ChainMap
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path, PurePosixPath
-from typing import Any, TypeAlias, cast
+from pathlib import Path, PureWindowsPath
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..core.errors import InputError, NotFiniteError
-from ..core.file_access import open_regular
+from ..core.errors import InputError, Message, NotFiniteError, PresetKey
 from ..core.schema import quoted
-from ..core.trajectory import Axes, Direction
-from ..trajectories.pose_files import StampUnit
-from ..trajectories.stamped_poses import first_of_equal
-from .estimate_formats import (
-    LARGEST_READ_BYTES,
-    Asked,
-    Auto,
-    EstimateFormat,
-    ReadPoses,
-    colmap_images,
-    pose_arrays,
-    pose_texts,
-    splatam_parameters,
-    vslamlab_results,
-)
+from ..core.trajectory import Axes, Direction, convert_convention
+from ..trajectories.formats import TRAJECTORY_FORMATS, Auto, format_of, read_file_poses
+from ..trajectories.matrix_poses import AllLostError
+from ..trajectories.pose_columns import StampUnit, names_columns, split_cells
+from ..trajectories.pose_files import COLMAP_IMAGES, LARGEST_READ_BYTES, FilePoses, PoseFile, is_header, read_text
 
 # The frames that a system was given, which the poses of an estimate belong to.
 
@@ -135,33 +124,58 @@ class Estimate:
         return len(self.stamps_s)
 
 
-# The one reader of estimates: a file in any format, and the frames that its poses belong to.
+# A file in any format of trajectories, and the frames that its poses belong to.
 
 
-_RECOGNISED = (splatam_parameters.FORMAT, colmap_images.FORMAT, vslamlab_results.FORMAT, pose_arrays.FORMAT)
+StampsOf: TypeAlias = Literal["time", "index", "none"]
+"""How a pose says its frame: by its time, by the frame's number in place of the time, or by its order."""
 
-FORMATS: Mapping[str, EstimateFormat] = ChainMap(
-    {item.name: item for item in _RECOGNISED}, cast("Any", pose_texts.FORMATS)
-)
-"""Every format by the name that a system's definition and `score --format` give."""
-
-_HEAD_BYTES = 16
-_UNITS: tuple[StampUnit, ...] = ("s", "ns")
+_UNITS: tuple[StampUnit, ...] = ("s", "ns", "us", "ms")
 _FEW = 2  # poses that meet frames: one alone may do so in the wrong unit, in which all stamps are nearly one
 
 
-def format_of(path: Path) -> EstimateFormat:
-    """Return the format of a file or folder by its name and first bytes: `text.OF_ANY` where none is recognised."""
-    head = b""
-    if not path.is_dir():
-        try:
-            with open_regular(path) as stream:
-                head = stream.read(_HEAD_BYTES)
-        except InputError:
-            raise
-        except OSError:  # of which the format's reader says more
-            pass
-    return next((known for known in _RECOGNISED if known.recognises(path, head)), pose_texts.OF_ANY)
+@dataclass(frozen=True)
+class Asked:
+    """How a file is to be read, where its format leaves that open.
+
+    direction, axes: of the poses; "auto" is the format's own. stamps: how a pose says its frame. stamp_unit: of its
+    time; "auto" is what the file says or looks like. largest_bytes: that are read of a file with more than poses in it.
+    """
+
+    direction: Direction | Auto = "auto"
+    axes: Axes | Auto = "auto"
+    stamps: StampsOf = "time"
+    stamp_unit: StampUnit | Auto = "auto"
+    largest_bytes: int = LARGEST_READ_BYTES
+
+
+@dataclass(frozen=True, eq=False)
+class ReadPoses:
+    """The poses of a file: (M, 4, 4) float64, rigid, camera-to-world with OpenCV's axes, M >= 0.
+
+    One of three says which frame each belongs to. stamps_s: (M,) seconds, increasing. numbers: (M,) int64, of frames,
+    0 the first, increasing. names: the file of each frame's image; places: where each stands in the file, in words.
+    count: how many frames the file speaks of, where it has something for each frame in their order, lost ones too; None
+    where it leaves lost ones out. notes: what a user should know, one sentence each.
+    """
+
+    format: str
+    c2w: NDArray[np.float64]
+    stamps_s: NDArray[np.float64] | None = None
+    numbers: NDArray[np.int64] | None = None
+    names: tuple[str, ...] | None = None
+    places: tuple[str, ...] = ()
+    count: int | None = None
+    notes: tuple[str, ...] = ()
+
+    def __len__(self) -> int:
+        return len(self.c2w)
+
+
+def no_pose(format_name: str, count: int | None = None) -> ReadPoses:
+    """Return the estimate of a system that tracked no frame. count: of the frames that its file says are lost."""
+    empty = np.zeros(0, dtype=np.int64)
+    return ReadPoses(format_name, np.zeros((0, 4, 4)), numbers=empty, count=count)
 
 
 def read_poses(
@@ -174,40 +188,96 @@ def read_poses(
 
     frames_s: (N,) stamps of the frames, or of the truth, where they are known: where the unit of the poses' stamps is
     not declared, it is the one in which they are those of frames; ORB-SLAM3 writes nanoseconds into TUM's columns.
-    Raises NotFiniteError where a pose holds NaN or infinity and is no lost frame, InputError, of which it is one, where
-    the file is not of its format, and ValueError for an unknown format and what it does not leave open.
+    A file without a pose, a table's header alone among them, is the estimate of a system that tracked no frame. Raises
+    NotFiniteError where a pose holds NaN or infinity and is no lost frame, InputError, of which it is one, where the
+    file is not of its format, and ValueError for an unknown format and what it does not leave open.
     """
     asked = asked or Asked()
-    known = format_of(path) if format == "auto" else FORMATS.get(format)
-    if known is None:
-        raise ValueError(f"no reader is called {format!r}; known are {', '.join(FORMATS)}")
+    if format not in ("auto", *TRAJECTORY_FORMATS):
+        raise ValueError(f"no reader is called {format!r}; known are {', '.join(TRAJECTORY_FORMATS)}")
+    file = PoseFile(path)
+    arrays = format != "auto" and TRAJECTORY_FORMATS[format].reads_parts
+    if (text := None if arrays else _text_of(file)) is not None and holds_no_pose(text):
+        return no_pose(format)
+    known = format_of(file, format)
     given = [name for name in ("direction", "axes") if getattr(asked, name) != "auto"]
-    if given and not known.any_convention:
+    if given and known.one_convention:
         raise ValueError(f"the poses of {known.name} have one convention, so {' and '.join(given)} cannot be given")
-    if not known.any_unit or asked.stamp_unit != "auto" or asked.stamps != "time" or frames_s is None:
-        return known.read(path, asked)
-    return _in_the_unit_of(known, path, asked, frames_s)
+    if text is not None and known.name != "colmap":
+        check_whole(path, text)
+    if not known.stamped or asked.stamp_unit != "auto" or asked.stamps != "time" or frames_s is None:
+        return _read_once(file, format, asked)
+    return _in_the_unit_of(file, format, asked, frames_s)
 
 
-def _in_the_unit_of(known: EstimateFormat, path: Path, asked: Asked, frames_s: NDArray[np.float64]) -> ReadPoses:
+def _text_of(file: PoseFile) -> str | None:
+    """Return the text of a file of poses, or of COLMAP's folder; None for other folders and where it is no text."""
+    if file.is_folder:
+        images = file.path / COLMAP_IMAGES
+        return read_text(images) if images.is_file() else None
+    return None if file.is_binary else file.text
+
+
+def _read_once(file: PoseFile, format_name: str, asked: Asked) -> ReadPoses:
+    """Read a file that holds a pose."""
+    path = file.path
+    unit: StampUnit | Auto = "s" if asked.stamps == "index" else asked.stamp_unit
+    try:
+        poses = read_file_poses(
+            file, format=format_name, stamp_unit=unit, skip_lost=True, largest_bytes=asked.largest_bytes
+        )
+    except AllLostError as error:
+        return no_pose(format_name, None if path.is_dir() else error.count or None)
+    direction = poses.direction if asked.direction == "auto" else asked.direction
+    axes = poses.axes if asked.axes == "auto" else asked.axes
+    read = ReadPoses(poses.format, convert_convention(poses.poses, direction=direction, axes=axes), notes=poses.notes)
+    if asked.stamps == "none":
+        return replace(read, numbers=np.arange(len(read)), count=len(read))
+    if poses.names:
+        return replace(read, names=poses.names, places=poses.places)
+    if poses.stamps_s is not None and asked.stamps == "index":
+        return replace(read, numbers=_whole_numbers(path, poses.stamps_s))
+    if poses.stamps_s is not None:
+        return replace(read, stamps_s=poses.stamps_s)
+    return _numbered(path, poses, read, unit)
+
+
+def _numbered(path: Path, poses: FilePoses, read: ReadPoses, unit: StampUnit | Auto) -> ReadPoses:
+    """Return the poses of a format without stamps, by the numbers of their frames."""
+    assert poses.numbers is not None, "poses have stamps or numbers"
+    if unit != "auto" and not TRAJECTORY_FORMATS[poses.format].stamped:
+        remedy = Message("leave ", PresetKey("stamp_unit"), " out")
+        raise InputError(path, f"has no time stamps ({poses.format}), so none in {unit}", remedy=remedy)
+    listed = len(poses.poses) if poses.listed is None else len(poses.listed)
+    return replace(read, numbers=_whole_numbers(path, poses.numbers), count=None if poses.sparse else listed)
+
+
+def _whole_numbers(path: Path, values: np.ndarray) -> NDArray[np.int64]:
+    wrong = np.flatnonzero((values != np.floor(values)) | (values < 0.0) | (values > 2.0**53))
+    if wrong.size:
+        raise InputError(path, f"{values[wrong[0]]:g} is no number of a frame, 0 the first")
+    return values.astype(np.int64)
+
+
+def _in_the_unit_of(file: PoseFile, format_name: str, asked: Asked, frames_s: NDArray[np.float64]) -> ReadPoses:
     """Return the poses with stamps in the unit in which most of them are those of frames, the format's own first."""
     best: ReadPoses | None = None
     most, refused = -1, None
     for unit in ("auto", *_UNITS):
         try:
-            found = known.read(path, replace(asked, stamp_unit=unit))
+            read = _read_once(file, format_name, replace(asked, stamp_unit=unit))
         except NotFiniteError:
             raise
         except InputError as error:
             refused = refused or error
             continue
-        if found.stamps_s is None:
-            return found
-        met = len(associate_poses(np.unique(found.stamps_s), frames_s)[0])
+        if read.stamps_s is None:
+            return read
+        met = len(associate_poses(read.stamps_s, frames_s)[0])
         if best is None or (met > most and met >= _FEW):
-            note = () if unit == "auto" else (f"{path.name}: its time stamps are those of the frames in {unit}",)
-            best, most = replace(found, notes=(*found.notes, *note)), met
-        if met >= min(_FEW, len(found)):
+            note = () if unit == "auto" else (f"{file.path.name}: its time stamps are those of the frames in {unit}",)
+            best, most = replace(read, notes=(*read.notes, *note)), met
+        if met >= min(_FEW, len(read)):
             break
     if best is None:
         assert refused is not None
@@ -215,17 +285,79 @@ def _in_the_unit_of(known: EstimateFormat, path: Path, asked: Asked, frames_s: N
     return best
 
 
-def estimate_of(path: Path, read: ReadPoses, frames: Frames | None) -> tuple[Estimate, tuple[str, ...]]:
-    """Return poses with the time stamps of their frames, or their own where they have some; and notes.
+# Whether a text of poses is whole: one that was cut inside its last number still reads as numbers, but false ones.
 
-    Of poses with one stamp the first is kept. frames: that the system was given; None where they are not known. Raises
-    InputError where poses say their frames otherwise than by stamps and these frames are not known or do not exist.
+
+REMEDY = "write it again or, if it is whole, end its last line with a line break"
+FEWEST = 3  # chosen: lines from which on equally many digits are no chance
+_HOMOGENEOUS = (4, 16)  # numbers of a line that ends a 4 x 4 matrix, so that the last is a 1
+
+
+def check_whole(path: Path, text: str) -> None:
+    """Raise InputError, with file and line, for a text without an end of its last line that may be cut.
+
+    A writer ends each line, and a file that is cut does not end so. Without that end the last number is known to be
+    whole where it has as many characters after the point as in every line before it, three at least, where a blank or
+    comma follows it, and where it is the 1 of a 4 x 4 matrix. All else is refused: nothing in it tells 0.7 from the
+    beginning of 0.70710678. JSON is left to its own reader.
+    """
+    if not text or text[-1] in "\n\r, \t" or text.lstrip()[:1] in ("{", "["):
+        return
+    lines = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
+    last = _words(lines[-1])
+    if not last or "#" in lines[-1]:
+        return
+    before = [(number, words) for number, line in enumerate(lines[:-1], 1) if _is_number((words := _words(line))[-1:])]
+    where = f"line {len(lines)}"
+    if before and len(before[-1][1]) != len(last):
+        number, words = before[-1]
+        problem = f"the file ends in the middle of a line: {len(last)} numbers, but line {number} has {len(words)}"
+        raise InputError(path, problem, where=where, remedy=REMEDY)
+    if not _is_number(last[-1:]) or not math.isfinite(float(last[-1])):
+        return  # which the reader refuses in words of its own
+    if len(last) in _HOMOGENEOUS and float(last[-1]) == 1.0:
+        return
+    others = [words[-1] for _, words in before]
+    if len(others) >= FEWEST and _decimals(last[-1]) and {_decimals(last[-1])} == set(map(_decimals, others)):
+        return
+    problem = f"the file does not end with a line break, so its last number, {quoted(last[-1])}, may be cut"
+    raise InputError(path, problem, where=where, remedy=REMEDY)
+
+
+def _words(line: str) -> list[str]:
+    return split_cells(line.partition("#")[0])
+
+
+def _is_number(words: list[str]) -> bool:
+    try:
+        return [float(word) for word in words] != []
+    except ValueError:
+        return False
+
+
+def _decimals(number: str) -> int:
+    """Return how many characters follow the point, those of an exponent too; 0 where there is none."""
+    return len(number.partition(".")[2])
+
+
+def holds_no_pose(text: str) -> bool:
+    """Tell whether a text holds nothing but blank lines, comments and a line that names a table's columns."""
+    lines = (line.partition("#")[0].strip() for line in text.splitlines())
+    rows = [line for line in lines if line]
+    return not rows or (len(rows) == 1 and is_header(rows[0]) and names_columns(rows[0]))
+
+
+# From poses as they stand in a file to poses of frames.
+
+
+def estimate_of(path: Path, read: ReadPoses, frames: Frames | None) -> Estimate:
+    """Return poses with the time stamps of their frames, or their own where they have some.
+
+    frames: that the system was given; None where they are not known. Raises InputError where poses say their frames
+    otherwise than by stamps and these frames are not known or do not exist.
     """
     if read.stamps_s is not None:
-        order = np.argsort(read.stamps_s, kind="stable")
-        stamps_s = read.stamps_s[order]
-        kept, notes = first_of_equal(stamps_s, lambda row: _place(read, int(order[row]), stamps_s[row]))
-        return Estimate(stamps_s[kept], read.c2w[order][kept]), tuple(f"{path.name}: {note}" for note in notes)
+        return Estimate(read.stamps_s, read.c2w)
     if frames is None:
         remedy = "name the folder of the sequence, or a file of the frames' stamps"
         raise InputError(path, "has no time stamps, and which frames there are is not known", remedy=remedy)
@@ -236,7 +368,7 @@ def estimate_of(path: Path, read: ReadPoses, frames: Frames | None) -> tuple[Est
         raise InputError(path, f"has {read.count} poses for {len(frames)} frames", remedy=remedy)
     _check_numbers(path, numbers, len(frames))
     order = np.argsort(numbers, kind="stable")
-    return Estimate(frames.stamps_s[numbers[order]], read.c2w[order]), ()
+    return Estimate(frames.stamps_s[numbers[order]], read.c2w[order])
 
 
 def match_frames(
@@ -282,8 +414,8 @@ def read_estimate(
     """Return what a system estimated, from the file or folder that it wrote, as poses of the frames that it was given.
 
     name: of the format, or "auto". index: the frames. direction, axes: of the poses, where the format leaves them open
-    (`EstimateFormat.any_convention`); None for camera-to-world and OpenCV's, or the format's own. largest_bytes: that
-    are read of a file with more than poses in it (`EstimateFormat.reads_parts`).
+    (not `TrajectoryFormat.one_convention`); None for the format's own. largest_bytes: that are read of a file with more
+    than poses in it (`TrajectoryFormat.reads_parts`).
     Frames that the system did not track are missing; a file without a pose is an estimate of none. Poses that belong to
     no frame are left out, unless none does: then they have their own stamps. Raises what `read_poses` and `estimate_of`
     raise.
@@ -291,21 +423,16 @@ def read_estimate(
     frames = index if isinstance(index, Frames) else Frames.of_index(index)
     asked = Asked(direction or "auto", axes or "auto", largest_bytes=largest_bytes)
     read = read_poses(path, name, asked, frames.stamps_s)
-    estimate, _ = estimate_of(path, read, frames)
-    return match_frames(estimate, frames.stamps_s)[0]
-
-
-def _place(read: ReadPoses, row: int, stamp_s: float) -> str:
-    return f"{read.places[row]}: {stamp_s:.9f} s" if read.places else f"{stamp_s:.9f} s"
+    return match_frames(estimate_of(path, read, frames), frames.stamps_s)[0]
 
 
 def _check_numbers(path: Path, numbers: NDArray[np.int64], count: int) -> None:
     outside = np.flatnonzero((numbers < 0) | (numbers >= count))
     if outside.size:
         raise InputError(path, f"has a pose for frame {numbers[outside[0]]}, but there are {count}, from 0")
-    found, counts = np.unique(numbers, return_counts=True)
+    each, counts = np.unique(numbers, return_counts=True)
     if (counts > 1).any():
-        raise InputError(path, "has two poses", where=f"frame {found[np.argmax(counts > 1)]}")
+        raise InputError(path, "has two poses", where=f"frame {each[np.argmax(counts > 1)]}")
 
 
 def _numbers_by_name(path: Path, read: ReadPoses, frames: Frames) -> NDArray[np.int64]:
@@ -319,22 +446,20 @@ def _numbers_by_name(path: Path, read: ReadPoses, frames: Frames) -> NDArray[np.
         numbered.setdefault(_file_name(name), []).append(number)
     numbers = []
     for row, name in enumerate(read.names):
-        found = numbered.get(_file_name(name), [])
-        if len(found) != 1:
-            problem = f"{quoted(name)} is the name of {len(found)} frames' colour images"
+        frames_of_name = numbered.get(_file_name(name), [])
+        if len(frames_of_name) != 1:
+            problem = f"{quoted(name)} is the name of {len(frames_of_name)} frames' colour images"
             raise InputError(path, problem, where=read.places[row], remedy="each image has to be that of one frame")
-        numbers.append(found[0])
+        numbers.append(frames_of_name[0])
     return np.array(numbers, dtype=np.int64)
 
 
 def _file_name(name: str) -> str:
-    return PurePosixPath(Path(name).as_posix()).name
+    return PureWindowsPath(name).name  # which takes / and \\ for separators
 
 
 __all__ = [
-    "FORMATS",
     "Asked",
-    "EstimateFormat",
     "Frames",
     "Index",
     "NotFiniteError",

@@ -85,7 +85,7 @@ def read_estimate_file(path: Path) -> Estimate:
         problem = "the file ends in the middle of a line, so it was cut"
         remedy = "remove the run's folder and run the same command again"
         raise InputError(path, problem, where=f"line {len(lines)}", remedy=remedy)
-    return estimate_of(path, read_poses(path, "tum", Asked(stamp_unit="s")), Frames.of([]))[0]
+    return estimate_of(path, read_poses(path, "tum", Asked(stamp_unit="s")), Frames.of([]))
 
 
 # `run.json`, which tells how a run of a system ended, read back.

@@ -13,8 +13,8 @@ from ..core.schema import quoted
 from ..core.trajectory import Axes, Direction, Trajectory
 from ..layouts import find_sequence, recognising
 from ..layouts.stored_recording import RATE_HZ, StoredSequence
+from ..trajectories.formats import Auto
 from ..trajectories.pose_files import LARGEST_STAMP_S, is_header, read_text
-from .estimate_formats import Auto
 from .estimates import Asked, Estimate, Frames, ReadPoses, estimate_of, read_poses
 from .run_files import ESTIMATE, KEYFRAMES
 
@@ -127,7 +127,7 @@ def read_poses_to_compare(
         read = read_poses(keyframes, "auto", asked, reference_s)
         if read.stamps_s is None and len(read):
             raise InputError(keyframes, "has no time stamps", remedy="keyframes need them: write TUM's format")
-        of_keyframes = _NONE if read.stamps_s is None else estimate_of(keyframes, read, None)[0]
+        of_keyframes = _NONE if read.stamps_s is None else estimate_of(keyframes, read, None)
     known = Frames.of(path.stamps_s) if given.of_truth else known
     return PosesToCompare(of_estimate, path, of_keyframes, known, given.said, tuple(notes))
 
@@ -191,8 +191,7 @@ def _with_stamps(
 ) -> tuple[Trajectory, tuple[str, ...]]:
     """Return the true path with time stamps, and a note on where they come from."""
     if true.stamps_s is not None:
-        estimate, notes = estimate_of(path, true, None)
-        return Trajectory(estimate.c2w, estimate.stamps_s), notes
+        return Trajectory(true.c2w, true.stamps_s), ()
     if rate_hz is not None or (found.stamps_s is None and known is None):
         return _counted(path, true, rate_hz or RATE_HZ), (f"frames are counted at {rate_hz or RATE_HZ:g} Hz",)
     if known is None:
@@ -205,7 +204,7 @@ def _with_stamps(
         counted = "names images" if numbers is None else f"counts {int(numbers[-1]) + 1} frames"
         problem = f"has no time stamps, and {counted}, where {whose} are {len(frames)}"
         raise InputError(path, problem, remedy="say its frames a second: --rate-hz")
-    estimate, _ = estimate_of(path, true, frames)
+    estimate = estimate_of(path, true, frames)
     return Trajectory(estimate.c2w, estimate.stamps_s), (f"{path.name} has no time stamps: it gets those of {whose}",)
 
 
@@ -221,12 +220,12 @@ def _estimate(
 ) -> tuple[Estimate, tuple[str, ...]]:
     """Return the estimate with time stamps, and notes on it."""
     if found.stamps_s is not None:
-        return estimate_of(path, found, None)
+        return estimate_of(path, found, None), ()
     if not len(found):
         return _NONE, ()
     if known is not None:
         return (
-            estimate_of(path, found, known)[0],
+            estimate_of(path, found, known),
             (f"{path.name} has no time stamps: its poses get those of the frames",),
         )
     if rate_hz is not None:
@@ -238,5 +237,5 @@ def _estimate(
             problem = f"has no time stamps, and counts {frames} frames, where the truth has {len(truth)} poses"
             remedy = "say which frames there are, --frames, or how many a second: --rate-hz"
             raise InputError(path, problem, remedy=remedy)
-    estimate, _ = estimate_of(path, found, Frames.of(truth.stamps_s))
+    estimate = estimate_of(path, found, Frames.of(truth.stamps_s))
     return estimate, (f"{path.name} has no time stamps: its frames get those of the truth",)

@@ -25,8 +25,9 @@ from ..core.errors import InputError, InterruptedRunError, MissingDependencyErro
 from ..core.file_access import check_regular, read_text
 from ..core.geometry import Intrinsics
 from ..core.json_text import parse_json
-from .estimate_formats import LARGEST_READ_BYTES, OverLimitError
-from .estimates import FORMATS, Asked, Estimate, Frames, estimate_of, match_frames, read_poses
+from ..trajectories.formats import TRAJECTORY_FORMATS
+from ..trajectories.pose_files import LARGEST_READ_BYTES, OverLimitError
+from .estimates import Asked, Estimate, Frames, estimate_of, match_frames, read_poses
 from .run_files import ESTIMATE, FRAMES, KEYFRAMES, MAP, RUN, Outcome, RunRecord, estimate_text
 from .system_input import SequenceInput, sequence_input
 from .system_isolation import (
@@ -310,15 +311,15 @@ def normalised(
     frames = Frames.of(stamps_s, colour)
     asked = Asked(writes.direction, writes.axes, writes.stamps, writes.stamp_unit, largest_bytes)
     try:
-        parts = writes.format in FORMATS and FORMATS[writes.format].reads_parts
+        parts = writes.format in TRAJECTORY_FORMATS and TRAJECTORY_FORMATS[writes.format].reads_parts
         check_output(path, folder, None if parts else largest_bytes, "limits.estimate_mb")
         read = read_poses(path, writes.format, asked, frames.stamps_s)
-        estimate, notes = estimate_of(path, read, frames)
+        estimate = estimate_of(path, read, frames)
     except InputError as error:
         return _unread(error)
-    found, others = match_frames(estimate, frames.stamps_s)
-    said = [*read.notes, *notes, *([others] if others else [])]
-    return Normalised(Outcome.FINISHED, "; ".join(said), found)
+    matched, others = match_frames(estimate, frames.stamps_s)
+    notes = [*read.notes, *([others] if others else [])]
+    return Normalised(Outcome.FINISHED, "; ".join(notes), matched)
 
 
 def _unread(error: InputError) -> Normalised:

@@ -19,8 +19,9 @@ from ..core.errors import InputError, NoisyWorldError
 from ..core.file_access import read_bytes
 from ..core.schema import Choice, ConfigPath, key, parse, quoted, read_yaml, unknown_name
 from ..layouts import LAYOUTS
-from .estimate_formats import LARGEST_READ_BYTES, StampsOf
-from .estimates import FORMATS
+from ..trajectories.formats import TRAJECTORY_FORMATS
+from ..trajectories.pose_files import LARGEST_READ_BYTES
+from .estimates import StampsOf
 
 Modality = Literal["colour", "depth"]
 AxesOf = Literal["auto", "opencv", "opengl", "robot"]
@@ -51,7 +52,7 @@ UNDECISIVE = ("about", "remedy", "file", "versions", "limits", "isolate", "reach
 
 FORMAT_CHOICES: dict[str, Choice] = {
     "auto": Choice("Auto", "told by content"),
-    **{name: Choice(name, known.meaning) for name, known in FORMATS.items()},
+    **{name: Choice(name, known.meaning) for name, known in TRAJECTORY_FORMATS.items()},
 }
 """What `writes.format` may be, by name."""
 
@@ -290,12 +291,10 @@ def _check(system: System, place: ConfigPath) -> None:
 
 def _check_convention(writes: Writes, place: ConfigPath) -> None:
     """Refuse to be told what a format says itself."""
-    known = FORMATS.get(writes.format)
-    if known is None or known.any_stamps:
+    if writes.format not in TRAJECTORY_FORMATS or not TRAJECTORY_FORMATS[writes.format].one_convention:
         return
-    open_to_say = ("axes", "direction") if known.any_convention else ()
     for name, usual in (("axes", "auto"), ("direction", "auto"), ("stamps", "time"), ("stamp_unit", "auto")):
-        if getattr(writes, name) != usual and name not in open_to_say:
+        if getattr(writes, name) != usual:
             raise place.at(name).error(f"is given, but {writes.format} says it itself", "leave it out")
 
 

@@ -16,13 +16,13 @@ from numpy.typing import NDArray
 from ..core.entry_points import Door, Registry
 from ..core.errors import InputError, Message, PresetKey
 from ..core.trajectory import AXES, DIRECTIONS, Axes, Direction, Trajectory, checked_rate, convert_convention
+from .pose_columns import STAMP_UNITS, StampUnit
 from .pose_files import (
+    LARGEST_READ_BYTES,
     LARGEST_STAMP_S,
-    STAMP_UNITS,
     FilePoses,
     PoseFile,
     ReadOptions,
-    StampUnit,
     StatedCamera,
     TrajectoryFormat,
 )
@@ -107,26 +107,35 @@ def read_trajectory_file(
 
 
 def read_file_poses(
-    path: Path,
+    file: Path | PoseFile,
     *,
     format: str = "auto",  # noqa: A002
     stamp_unit: StampUnit | Auto = "auto",
     skip_lost: bool = False,
+    largest_bytes: int = LARGEST_READ_BYTES,
 ) -> FilePoses:
     """Read a file's poses as they stand there: with their stamps, or with their numbers where there are none.
 
-    skip_lost: whether a matrix that is not finite is a frame in which tracking was lost in every format of matrices,
-    and so left out; else in `matrices` and `log` alone. Raises InputError as `read_trajectory` does, NotFiniteError,
+    skip_lost: whether it is an estimate: a matrix that is not finite, and a row of NaN, is a frame in which tracking
+    was lost, and left out, which is so in `matrices` and `log` for any file; stamps may be in any order.
+    largest_bytes: that are read of arrays. Raises InputError as `read_trajectory` does, NotFiniteError,
     which is one, where a pose is not finite, and ValueError for an argument that does not exist.
     """
     _check_name("format", format, TRAJECTORY_FORMATS)
     _check_name("stamp_unit", stamp_unit, STAMP_UNITS)
-    file, declared = PoseFile(path), format != "auto"
-    known = TRAJECTORY_FORMATS[format] if declared else _recognised(file)
+    file = file if isinstance(file, PoseFile) else PoseFile(file)
+    declared = format != "auto"
+    known = format_of(file, format)
     if file.is_folder and not known.reads_folders:
         remedy = "a folder holds one pose a file: format: matrices, or auto"
-        raise InputError(path, f"is a folder, which is not {known.name}", remedy=remedy)
-    return known.read(file, ReadOptions(declared, None if stamp_unit == "auto" else stamp_unit, skip_lost))
+        raise InputError(file.path, f"is a folder, which is not {known.name}", remedy=remedy)
+    unit = None if stamp_unit == "auto" else stamp_unit
+    return known.read(file, ReadOptions(declared, unit, skip_lost, largest_bytes))
+
+
+def format_of(file: PoseFile, name: str = "auto") -> TrajectoryFormat:
+    """Return a format by its name or, for "auto", the one of a file. Raises InputError where it may be of several."""
+    return TRAJECTORY_FORMATS[name] if name != "auto" else _recognised(file)
 
 
 def _recognised(file: PoseFile) -> TrajectoryFormat:

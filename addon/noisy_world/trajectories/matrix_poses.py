@@ -18,6 +18,7 @@ from ..core.errors import InputError, NotFiniteError
 from ..core.geometry import nearest_rotation, pose, rotation_error
 from ..core.trajectory import Trajectory
 from .pose_files import (
+    COLMAP_IMAGES,
     PER_SECOND,
     FilePoses,
     Float64,
@@ -35,7 +36,7 @@ from .pose_files import (
 # digits, and refuse a matrix with scale or shear.
 _ROTATION_TOLERANCE = 5e-3  # entries of R^T R - 1
 _ROTATION_EXACT = 1e-12  # below it a matrix is orthonormal to float64's rounding, and is kept as it is
-_LAST_ROW_TOLERANCE = 1e-6
+_LAST_ROW_TOLERANCE = 1e-5  # float32 matrices that were inverted
 _LARGEST_COUNT = 2.0**53  # up to which float64 holds every whole number
 
 
@@ -105,7 +106,7 @@ def _log_poses(file: PoseFile, options: ReadOptions) -> FilePoses:
     numbers = np.arange(len(values), dtype=np.float64)
     if (np.diff(third) > 0).all() and third[0] >= 0:
         numbers = third - min(third[0], 1.0)
-    return _finite_poses("log", PoseRows(rows.path, values[:, 3:], rows.lines[1::5]), numbers)
+    return replace(_finite_poses("log", PoseRows(rows.path, values[:, 3:], rows.lines[1::5]), numbers), sparse=True)
 
 
 # --- a folder ---
@@ -128,6 +129,7 @@ def _folder_poses(folder: Path) -> FilePoses:
         blocks.append((rows.numbers, rows.lines[0]))
     values, lines = np.array([block for block, _ in blocks]), np.array([line for _, line in blocks])
     found = _finite_poses("matrices", PoseRows(files, values, lines), np.array(numbers, dtype=np.float64))
+    found = replace(found, sparse=True)
     if not ignored:
         return found
     more = f" and {len(ignored) - 1} more" if len(ignored) > 1 else ""
@@ -169,7 +171,9 @@ def _numbered_files(folder: Path) -> tuple[list[Path], list[int], list[Path]]:
 
 
 def _holds_poses(folder: Path) -> bool:
-    """Tell whether a folder has numbered .txt files."""
+    """Tell whether a folder has numbered .txt files, and is none of COLMAP, whose points3D.txt has a number too."""
+    if (folder / COLMAP_IMAGES).exists():
+        return False
     try:
         _numbered_files(folder)
     except InputError:
@@ -237,7 +241,7 @@ REPLICA = TrajectoryFormat(
     "replica",
     "Replica",
     "16 numbers a line, a 4 x 4 pose",
-    lambda file: file.first_widths[:1] == (16,),
+    lambda file: file.columns is None and file.first_widths[:1] == (16,),
     partial(_line_poses, "replica", 16),
     write=replica_text,
     looks_like="16 numbers a line, a 4 x 4 pose row by row",
@@ -249,7 +253,7 @@ KITTI = TrajectoryFormat(
     "kitti",
     "KITTI",
     "12 numbers a line, a 3 x 4 pose",
-    lambda file: file.first_widths[:1] == (12,),
+    lambda file: file.columns is None and file.first_widths[:1] == (12,),
     partial(_line_poses, "kitti", 12),
     looks_like="12 numbers a line, a pose without its last row",
     recognised_by="12 numbers",

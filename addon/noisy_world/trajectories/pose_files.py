@@ -1,27 +1,33 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What a trajectory format is, and what the readers of all formats share: a file's text as rows of numbers.
 
-Numbers are separated by blanks or by commas; blank lines and comments from # on are skipped. A first line that holds
-no number is a header.
+Numbers are separated by blanks, commas or semicolons; blank lines and comments from # on are skipped. A first line that
+holds no number is a header.
 """
 
+import json
 import math
 from array import array
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Literal, TypeAlias, get_args
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..core.entry_points import LAST
 from ..core.errors import InputError, NotFiniteError
-from ..core.file_access import read_bytes
+from ..core.file_access import open_regular, read_bytes
 from ..core.geometry import Intrinsics
 from ..core.schema import LONGEST_QUOTED, quoted
 from ..core.trajectory import Axes, Direction, Trajectory
+from .pose_columns import PoseColumns, StampUnit, named_columns, split_cells
+
+_HEAD_BYTES = 512
+_BINARY = (b"\x93NUMPY", b"PK\x03\x04")  # of numpy's arrays; all else is read as text, and refused as that
+_UTF_16 = (b"\xff\xfe", b"\xfe\xff")  # as PowerShell redirects what a program prints
 
 # Intrinsics stated in a trajectory file, compared with the camera that is rendered.
 
@@ -70,16 +76,20 @@ class StatedCamera:
 
 
 Float64: TypeAlias = NDArray[np.float64]
-StampUnit: TypeAlias = Literal["s", "ms", "us", "ns"]
 
-STAMP_UNITS: tuple[str, ...] = get_args(StampUnit)
 PER_SECOND = {"s": 1, "ms": 10**3, "us": 10**6, "ns": 10**9}
 
 LARGEST_STAMP_S = 1e11  # 3,000 years: larger numbers are no seconds, whatever they count from
+COLMAP_IMAGES = "images.txt"
+LARGEST_READ_BYTES = 64 * 10**6  # of arrays, where no definition of a system says another limit
 WAYS = (
     "a line holds one pose: 16 numbers (Replica), 12 (KITTI) or 8 (TUM); EuRoC has 8 or 17 columns, other files four "
     "lines of four numbers a pose"
 )
+
+
+class OverLimitError(InputError):
+    """A file is larger than may be read."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,7 +100,9 @@ class FilePoses:
     file has none. numbers: (N,) those of the frames, increasing, from which stamps follow with a rate. direction,
     axes: those of the file's format. camera: the intrinsics that the file states. notes: what a user should know, one
     sentence each. listed: (M,) the numbers of all frames that a file of matrices has a pose of, with those whose poses
-    are not finite and so not here.
+    are not finite and so not here. sparse: whether the file leaves out frames that were lost. names: of the frames'
+    images, by which a file of a reconstruction says them; the numbers count them in their order. places: where each
+    name stands, in words.
     """
 
     format: str
@@ -102,6 +114,9 @@ class FilePoses:
     camera: StatedCamera | None = None
     notes: tuple[str, ...] = ()
     listed: Float64 | None = None
+    sparse: bool = False
+    names: tuple[str, ...] = ()
+    places: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -109,13 +124,15 @@ class ReadOptions:
     """How a file of poses is read.
 
     declared: whether the user names its format, so that its content does not decide. stamp_unit: of its time stamps;
-    None where the file decides. skip_lost: whether a matrix that is not finite means a frame in which tracking was
-    lost, and is left out, also in a format that refuses it.
+    None where the file decides. skip_lost: whether it is an estimate: a matrix that is not finite, and a row of NaN,
+    mean a frame in which tracking was lost, and are left out, and stamps may be in any order. largest_bytes: that are
+    read of arrays, whose file may hold much else.
     """
 
     declared: bool = False
     stamp_unit: StampUnit | None = None
     skip_lost: bool = False
+    largest_bytes: int = LARGEST_READ_BYTES
 
 
 class PoseFile:
@@ -138,37 +155,90 @@ class PoseFile:
         return read_text(self.path)
 
     @cached_property
+    def head(self) -> bytes:
+        """Its first bytes; none of a folder, or where it cannot be read. Raises InputError where it is no file."""
+        if self.is_folder:
+            return b""
+        try:
+            with open_regular(self.path) as stream:
+                return stream.read(_HEAD_BYTES)
+        except InputError:
+            raise
+        except OSError:  # of which its reader says more
+            return b""
+
+    @property
+    def is_binary(self) -> bool:
+        """Whether its first bytes are those of no text."""
+        return self.head.startswith(_BINARY)
+
+    @cached_property
+    def lines(self) -> "TextLines":
+        """The lines of its text that hold data. Raises InputError where it is no text."""
+        return text_lines(self.path, self.text)
+
+    @cached_property
     def rows(self) -> "TextRows":
         """Its text as rows of numbers. Raises InputError where it is none."""
-        return text_rows(self.path, self.text)
+        return _rows_of(self.lines)
+
+    @cached_property
+    def columns(self) -> PoseColumns | None:
+        """Where its lines have a pose, by the names in its header; None where that names none, or it is no text."""
+        if not self._is_table:
+            return None
+        columns = named_columns(self.lines.headers)
+        return columns if columns is not None and columns.names >= len(split_cells(self.lines.texts[0])) else None
 
     @cached_property
     def first_widths(self) -> tuple[int, ...]:
         """How many numbers its first two rows have; () where it is no text of numbers."""
-        if self.begins_with("{", "["):
+        if not self._is_table:
             return ()
         try:
-            return tuple(self.rows.widths[:2].tolist())
+            two = zip(self.lines.texts[:2], self.lines.numbers[:2], strict=True)
+            return tuple(len(_parse_line(self.path, number, text)) for text, number in two)
         except InputError:
             return ()
+
+    @cached_property
+    def document(self) -> Any:
+        """What its text holds as JSON; None where that is none."""
+        if not self.begins_with("{", "["):
+            return None
+        try:
+            return json.loads(self.text)
+        except (ValueError, RecursionError):
+            return None
+
+    @cached_property
+    def _is_table(self) -> bool:
+        """Whether it is a text with a line of data."""
+        if self.begins_with("{", "["):
+            return False
+        try:
+            return not self.is_binary and bool(self.lines.texts)
+        except InputError:
+            return False
 
     def begins_with(self, *texts: str) -> bool:
         """Tell whether its text begins with one of these, after blanks; False where it is no text."""
         try:
-            return self.text.lstrip().startswith(texts)
+            return not self.is_binary and self.text.lstrip().startswith(texts)
         except InputError:
             return False
 
 
 @dataclass(frozen=True)
 class TrajectoryFormat:
-    """A format of files of poses.
+    """A format of files of poses: of paths to render along, and of what SLAM systems estimate.
 
     name: in presets and options. order: in lists, ours first. label, meaning: in menus and lists, a name and a
     sentence. looks_like, recognised_by, times: in the table of formats. recognises: tells whether a file is of this
     format, and of no other. read: returns its poses; raises InputError, and NotFiniteError, which is one, where a pose
     is not finite. write: returns the text of a trajectory; None where the format is only read. stamped: whether its
-    poses have time stamps. reads_folders: whether it may be a folder.
+    poses have time stamps. reads_folders: whether it may be a folder. one_convention: whether it fixes what `axes`,
+    `direction` and the stamps of its poses are. reads_parts: whether a part of a file is read that may be large.
     """
 
     name: str
@@ -179,6 +249,8 @@ class TrajectoryFormat:
     write: Callable[[Trajectory], str] | None = None
     stamped: bool = False
     reads_folders: bool = False
+    one_convention: bool = False
+    reads_parts: bool = False
     looks_like: str = ""
     recognised_by: str = ""
     times: str = ""
@@ -220,10 +292,34 @@ class PoseRows:
 
     def keep(self, chosen: NDArray[np.bool_]) -> "PoseRows":
         """Return the chosen rows."""
-        files = self.files
-        if not isinstance(files, Path):
-            files = [file for file, kept in zip(files, chosen, strict=True) if kept]
-        return PoseRows(files, self.values[chosen], self.lines[chosen])
+        return self.take(np.flatnonzero(chosen))
+
+    def take(self, rows: NDArray[np.int64]) -> "PoseRows":
+        """Return rows by their numbers, in that order."""
+        files = self.files if isinstance(self.files, Path) else [self.files[row] for row in rows.tolist()]
+        return PoseRows(files, self.values[rows], self.lines[rows])
+
+
+@dataclass(frozen=True, eq=False)
+class NamedRows(PoseRows):
+    """Rows that do not stand in lines. names: (N,) where each stands, in words."""
+
+    names: tuple[str, ...] = ()
+
+    def place(self, row: int) -> tuple[Path, str]:
+        """Return the file, and where in it a row stands."""
+        assert isinstance(self.files, Path)
+        return self.files, self.names[row]
+
+    def take(self, rows: NDArray[np.int64]) -> "NamedRows":
+        """Return rows by their numbers, in that order."""
+        names = tuple(self.names[row] for row in rows.tolist())
+        return NamedRows(self.files, self.values[rows], self.lines[rows], names)
+
+
+def named_rows(path: Path, values: Float64, names: Sequence[str]) -> NamedRows:
+    """Return rows (N, C) of a file that has no lines, by where each stands, in words."""
+    return NamedRows(path, values, np.arange(len(values)), tuple(names))
 
 
 @dataclass(frozen=True, eq=False)
@@ -231,7 +327,7 @@ class TextRows:
     """The numbers of a text file, line by line.
 
     numbers: of all rows, one after another. widths: (R,) how many each row has. lines: (R,) its line, 1 the first.
-    texts: every line of the file. headers: the comments before the first row, and a first line without numbers.
+    texts: of each row. headers: the comments before the first row, and a first line without numbers.
     """
 
     path: Path
@@ -244,7 +340,7 @@ class TextRows:
     @property
     def commas(self) -> bool:
         """Whether commas separate the numbers."""
-        return "," in self._data(0)
+        return _separated(self.texts[0])
 
     def table(self, widths: Sequence[int], ways: str = WAYS) -> PoseRows:
         """Return the rows as a table. Raises InputError where they differ in width, or have none of these widths."""
@@ -253,23 +349,63 @@ class TextRows:
             raise InputError(self.path, f"{first} numbers", where=f"line {self.lines[0]}", remedy=ways)
         other = np.flatnonzero(self.widths != first)
         if other.size:
-            problem = f"{self.widths[other[0]]} numbers, but line {self.lines[0]} has {first}"
-            remedy = "a file has one format throughout"
-            raise InputError(self.path, problem, where=f"line {self.lines[other[0]]}", remedy=remedy)
+            problem = _other_width(int(self.widths[other[0]]), int(self.lines[0]), first)
+            raise InputError(self.path, problem, where=f"line {self.lines[other[0]]}", remedy=_ONE_FORMAT)
         return PoseRows(self.path, self.numbers.reshape(-1, first), self.lines)
 
     def cells(self, column: int) -> list[str]:
         """Return the text of each row's number in a column."""
-        data = map(self._data, range(len(self.lines)))
-        return [line.split("," if "," in line else None)[column].strip() for line in data]
+        return [split_cells(text)[column] for text in self.texts]
 
-    def first_cell(self) -> str:
-        """Return the text of the first row's first number."""
-        line = self._data(0)
-        return line.split("," if "," in line else None)[0].strip()
 
-    def _data(self, row: int) -> str:
-        return self.texts[self.lines[row] - 1].partition("#")[0]
+@dataclass(frozen=True, eq=False)
+class TextLines:
+    """The lines of a text file that hold data, without their comments.
+
+    texts: of each. numbers: of the lines, 1 the first. headers: as in `TextRows`.
+    """
+
+    path: Path
+    texts: list[str]
+    numbers: list[int]
+    headers: tuple[str, ...]
+
+    @property
+    def commas(self) -> bool:
+        """Whether commas or semicolons separate cells."""
+        return _separated(self.texts[0])
+
+    def picked(self, columns: PoseColumns) -> tuple[PoseRows, list[str]]:
+        """Return the numbers (N, 8) in some columns, t x y z qw qx qy qz, and the texts of the stamps.
+
+        What other columns hold is not looked at. Raises InputError.
+        """
+        used, most = columns.used, max(columns.used)
+        width = len(split_cells(self.texts[0]))
+        numbers, stamps = array("d"), []
+        for number, text in zip(self.numbers, self.texts, strict=True):
+            cells = split_cells(text)
+            if len(cells) != width or width <= most:
+                where = f"line {number}"
+                if len(cells) == width:
+                    problem, remedy = f"{width} columns, but its header names {columns.names}", "mend the header"
+                else:
+                    problem, remedy = _other_width(len(cells), self.numbers[0], width), _ONE_FORMAT
+                raise InputError(self.path, problem, where=where, remedy=remedy)
+            numbers.fromlist(_parse_line(self.path, number, ";".join([cells[column] for column in used])))
+            stamps.append(cells[columns.stamp])
+        return PoseRows(self.path, np.array(numbers).reshape(-1, 8), np.array(self.numbers)), stamps
+
+
+def _separated(text: str) -> bool:
+    return "," in text or ";" in text
+
+
+_ONE_FORMAT = "a file has one format throughout"
+
+
+def _other_width(count: int, first_line: int, width: int) -> str:
+    return f"{count} numbers, but line {first_line} has {width}"
 
 
 def read_text(path: Path) -> str:
@@ -281,7 +417,7 @@ def read_text(path: Path) -> str:
     except OSError as error:
         raise InputError(path, f"cannot be read: {error.strerror or error}") from None
     try:
-        text = data.decode("utf-8-sig")
+        text = data.decode("utf-16" if data.startswith(_UTF_16) else "utf-8-sig")
     except UnicodeDecodeError:
         text = "\0"
     if "\0" in text:
@@ -289,37 +425,45 @@ def read_text(path: Path) -> str:
     return text
 
 
-def text_rows(path: Path, text: str) -> TextRows:
-    """Read the rows of numbers in a file's text. Raises InputError for what is no number, and where there is none."""
-    # Not splitlines, which also splits at characters that editors do not show as line ends.
-    texts = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
-    numbers = array("d")
-    lines: list[int] = []
-    widths: list[int] = []
+def text_lines(path: Path, text: str) -> TextLines:
+    """Return the lines of a file's text that hold data."""
+    kept: list[tuple[int, str]] = []
     headers: list[str] = []
     headed = False
-    for line_number, line in enumerate(texts, start=1):
+    # Not splitlines, which also splits at characters that editors do not show as line ends.
+    for number, line in enumerate(text.replace("\r\n", "\n").replace("\r", "\n").split("\n"), start=1):
         data, _, comment = line.partition("#")
         if not data or data.isspace():
-            if comment and not lines:
+            if comment and not kept:
                 headers.append(comment)
-            continue
-        if not lines and not headed and is_header(data):
+        elif not kept and not headed and is_header(data):
             headed = True
             headers.append(data)
-            continue
-        row = _parse_line(path, line_number, data)
-        numbers.fromlist(row)
-        lines.append(line_number)
-        widths.append(len(row))
-    if not lines:
+        else:
+            kept.append((number, data))
+    return TextLines(path, [data for _, data in kept], [number for number, _ in kept], tuple(headers))
+
+
+def text_rows(path: Path, text: str) -> TextRows:
+    """Read the rows of numbers in a file's text. Raises InputError for what is no number, and where there is none."""
+    return _rows_of(text_lines(path, text))
+
+
+def _rows_of(lines: TextLines) -> TextRows:
+    path = lines.path
+    if not lines.texts:
         raise InputError(path, "holds no pose", remedy=WAYS)
-    return TextRows(path, np.array(numbers), np.array(widths), np.array(lines), texts, tuple(headers))
+    numbers = array("d")
+    ends = [0]
+    for number, data in zip(lines.numbers, lines.texts, strict=True):
+        numbers.fromlist(_parse_line(path, number, data))
+        ends.append(len(numbers))
+    return TextRows(path, np.array(numbers), np.diff(ends), np.array(lines.numbers), lines.texts, lines.headers)
 
 
 def is_header(data: str) -> bool:
     """Tell whether none of a line's words is a number."""
-    return not any(map(_is_number, data.replace(",", " ").split()))
+    return not any(map(_is_number, data.replace(",", " ").replace(";", " ").split()))
 
 
 def all_finite(rows: PoseRows, remedy: str = "leave out the frames without a pose") -> PoseRows:
@@ -332,17 +476,14 @@ def all_finite(rows: PoseRows, remedy: str = "leave out the frames without a pos
 
 
 def _parse_line(path: Path, line_number: int, data: str) -> list[float]:
-    # Where there are commas, only they separate numbers: else "0,5 1,5" would be read as four numbers.
-    tokens = [token.strip() for token in data.split(",")] if "," in data else data.split()
-    if len(tokens) > 1 and not tokens[-1]:
-        tokens.pop()
+    cells = split_cells(data)
     try:
-        row = list(map(float, tokens))
+        row = list(map(float, cells))
     except ValueError:
         row = None
     # float() also accepts 1_000 and digits of other scripts, which no other reader of these files does.
     if row is None or "_" in data or not data.isascii():
-        wrong = next((token for token in tokens if not _is_number(token)), tokens[0])
+        wrong = next((cell for cell in cells if not _is_number(cell)), cells[0])
         raise InputError(path, f"{quoted(wrong)} is not a number", where=f"line {line_number}")
     return row
 
@@ -359,3 +500,12 @@ def _in_words(value: object) -> str:
     if isinstance(value, str):
         return value if len(value) <= LONGEST_QUOTED else quoted(value)
     return " ".join(f"{number:.10g}" for number in np.atleast_1d(np.asarray(value, dtype=np.float64)))
+
+
+def unit_quats(rows: PoseRows, quats: Float64) -> Float64:
+    """(N, 4) of any length -> (N, 4) of length 1. Raises InputError for one that has no length, or too large a one."""
+    with np.errstate(over="ignore"):
+        lengths = np.linalg.norm(quats, axis=1)
+    wrong = ~((lengths > 0.0) & np.isfinite(lengths))
+    rows.fail_where(wrong, "its rotation is a quaternion of zeros, or of numbers beyond 1e154")
+    return quats / lengths[:, None]

@@ -1,16 +1,18 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Poses with time stamps, one a line: TUM's, and EuRoC's ground truth.
+"""Poses with time stamps, one a line: TUM's, EuRoC's, and tables whose header names the columns; and numbered matrices.
 
-TUM: 8 numbers, `t tx ty tz qx qy qz qw`, in seconds (ORB-SLAM3 writes nanoseconds into the same columns). EuRoC: 8 or
-17 columns, `t, px, py, pz, qw, qx, qy, qz, ...`, in whole nanoseconds, separated by commas; what follows the
-quaternion, velocities and biases, is not used. A header that names the quaternion's columns decides their order. Of
-poses with one stamp the first is kept.
+TUM: 8 numbers, `t tx ty tz qx qy qz qw`, in seconds (ORB-SLAM3 writes nanoseconds into the same columns); OpenVINS'
+recorder has 6 or 12 more, covariances (ov_eval/src/utils/Recorder.h). EuRoC: 8 or 17 columns, `t, px, py, pz, qw, qx,
+qy, qz, ...`, in whole nanoseconds, separated by commas; VINS-Fusion's vio.csv has 11 (visualization.cpp). What follows
+the quaternion is not used. A header that names the columns decides, at any width (`pose_columns`). Of poses with one
+stamp the first is kept.
+
+KITTI-360: the frame's number, or a stamp, and a matrix of 3 x 4 or 4 x 4.
 """
 
 import math
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from decimal import Decimal, localcontext
 from functools import partial
 from typing import Literal, TypeAlias
@@ -22,7 +24,15 @@ from ..core.errors import InputError, Message, PresetKey
 from ..core.geometry import continuous_quats, pose, quat_wxyz_from_rotation, rotation_from_quat_wxyz
 from ..core.schema import quoted
 from ..core.trajectory import Trajectory
-from .matrix_poses import row_text
+from .matrix_poses import AllLostError, rigid_poses, row_text
+from .pose_columns import (
+    EUROC_COLUMNS,
+    HEADER,
+    TUM_COLUMNS,
+    PoseColumns,
+    StampUnit,
+    split_cells,
+)
 from .pose_files import (
     LARGEST_STAMP_S,
     PER_SECOND,
@@ -32,77 +42,122 @@ from .pose_files import (
     PoseFile,
     PoseRows,
     ReadOptions,
-    StampUnit,
-    TextRows,
     TrajectoryFormat,
     all_finite,
 )
 
-StampedFormat: TypeAlias = Literal["tum", "euroc"]
+StampedFormat: TypeAlias = Literal["tum", "euroc", "vslamlab"]
 
-WIDTHS = (8, 17)
+_EUROC_WIDTH = 17
+_COVARIANCE_WIDTHS = (14, 20)  # of OpenVINS: the upper triangles of 3 x 3 matrices, of the rotation or of both
+_TUM_WIDTHS = (8, *_COVARIANCE_WIDTHS)
+_MATRIX_WIDTHS = (13, 17)
+_LAST_NUMBER = 1e8  # whole numbers before matrices are those of frames up to here: 38 days of 30 a second
 
 _LEAST_NS = 1e17  # 1973 in nanoseconds since 1970, and 3e9 years in seconds: stamps from here on are nanoseconds
 _DAY_S = 86_400.0
 _SHORTEST_GAP_S = 1e-4  # the preset's highest rate is 10 kHz: what is closer was not meant as nanoseconds
 _QUAT_NORM_TOLERANCE = 1e-2  # chosen: three digits are mended, other mistakes refused
 
-_LEAST_COMMAS = 7  # of a header that names stamp, position and quaternion
-
+_VSLAMLAB_HEAD = b"ts (ns)"
 _WHOLE = re.compile(r"-?[0-9]+")
-_UNITS = {
-    "s": "s", "sec": "s", "secs": "s", "second": "s", "seconds": "s", "ms": "ms", "msec": "ms", "milliseconds": "ms",
-    "us": "us", "usec": "us", "microseconds": "us", "ns": "ns", "nsec": "ns", "nsecs": "ns", "nanoseconds": "ns",
-}  # fmt: skip
-_TIME = re.compile(r"(?:.*_)?(?:t|ts|time|stamp|time_?stamps?)(?:_(?P<unit>[a-z]+))?")
-_POSITION = re.compile(r"(?:(?:.*_)?(?:pos|position|trans|translation|location)_?|[pt](?:_rs_[rs])?_?)?(?P<axis>[xyz])")
-_QUATERNION = re.compile(r"(?:(?:.*_)?(?:quat|quaternion|rot|rotation|orientation)|[qro](?:_rs)?)_?(?P<axis>[wxyz])")
-
-
-@dataclass(frozen=True)
-class _Columns:
-    """Where a line has what. unit: of the stamps, where the header says it."""
-
-    stamp: int
-    position: tuple[int, ...]
-    quat_wxyz: tuple[int, ...]
-    unit: StampUnit | None = None
-
-    @property
-    def format(self) -> StampedFormat:
-        return "euroc" if self.quat_wxyz[0] < self.quat_wxyz[1] else "tum"
-
-
-_TUM = _Columns(0, (1, 2, 3), (7, 4, 5, 6))
-_EUROC = _Columns(0, (1, 2, 3), (4, 5, 6, 7))
 
 
 def _stamped_poses(name: StampedFormat, file: PoseFile, options: ReadOptions) -> FilePoses:
     """Read poses with stamps, of the format that the user names or, where he names none, that the content tells."""
-    rows, declared = file.rows, name if options.declared else None
-    table = all_finite(rows.table((8,) if declared == "tum" else WIDTHS, _WAYS[declared]))
-    _refuse_stamped_matrices(table)
-    named = _named_columns(rows.headers, table.values.shape[1])
-    if named is not None and declared is not None and named.format != declared:
-        first = {"euroc": "first", "tum": "last"}[named.format]
-        problem = f"the header names the quaternion's w {first}, which is not {declared}"
-        raise InputError(rows.path, problem, remedy="leave format out, or mend the header")
-    stamps = rows.cells(0 if named is None else named.stamp)
+    declared = name if options.declared else None
+    table, stamps, columns = _stamped_table(file, declared)
+    table, stamps, notes = _tracked(table, stamps, skip_lost=options.skip_lost)
     whole = all(map(_WHOLE.fullmatch, stamps))
-    columns = named or _columns(rows, table, declared, whole=whole)
-    unit, guessed = _unit(table, stamps, columns, declared, options.stamp_unit, whole_ns=whole and _comma_or_wide(rows))
+    width = len(split_cells(file.lines.texts[0]))
+    whole_ns = whole and (declared == "vslamlab" or file.lines.commas or width == _EUROC_WIDTH)
+    unit, guessed = _unit(table, stamps, columns, declared, options.stamp_unit, whole_ns=whole_ns)
     stamps_s = _seconds(stamps, unit)
     _check_stamps(table, stamps, stamps_s, unit)
-    kept, note = first_of_equal(stamps_s, lambda row: ": ".join([table.place(row)[1], stamps[row]]))
+    if options.skip_lost:
+        order = np.argsort(stamps_s, kind="stable")
+        table, stamps, stamps_s = table.take(order), [stamps[row] for row in order.tolist()], stamps_s[order]
+    else:
+        _check_order(table, stamps, stamps_s)
+    kept, equal = first_of_equal(stamps_s, lambda row: ": ".join([table.place(row)[1], stamps[row]]))
     table, stamps_s = table.keep(kept), stamps_s[kept]
     if guessed and len(stamps_s) > 1:
         _check_gaps(table, stamps_s, unit)
-    quat_wxyz = table.values[:, columns.quat_wxyz]
+    quat_wxyz = table.values[:, 4:]
     length = np.array([math.hypot(*quat) for quat in quat_wxyz.tolist()])
     problem = "the quaternion has length {}, not 1"
-    table.fail_where(np.abs(length - 1.0) > _QUAT_NORM_TOLERANCE, problem, of=length, remedy=_ORDERS[columns.format])
-    poses = pose(rotation_from_quat_wxyz(quat_wxyz), table.values[:, columns.position])
-    return FilePoses(columns.format, poses, stamps_s, notes=note)
+    table.fail_where(np.abs(length - 1.0) > _QUAT_NORM_TOLERANCE, problem, of=length, remedy=_ORDERS[columns.w_first])
+    poses = pose(rotation_from_quat_wxyz(quat_wxyz), table.values[:, 1:4])
+    format_name = name if declared or name == "vslamlab" else "euroc" if columns.w_first else "tum"
+    said = (f"its time stamps, from {_LEAST_NS:g} on, are read as nanoseconds",) if guessed and unit == "ns" else ()
+    said = said if format_name == "tum" else ()
+    return FilePoses(format_name, poses, stamps_s, notes=(*notes, *equal, *said, *_other_pose(columns)))
+
+
+def _stamped_table(file: PoseFile, declared: StampedFormat | None) -> tuple[PoseRows, list[str], PoseColumns]:
+    """Return t x y z qw qx qy qz of each line (N, 8), the texts of the stamps, and the columns that they are from."""
+    lines = file.lines
+    if not lines.texts:
+        raise InputError(file.path, "holds no pose", remedy=WAYS)
+    columns = file.columns
+    if columns is None:
+        columns = _columns_by_width(file, declared)
+    elif declared is not None and columns.w_first != (declared == "euroc"):
+        first = "first" if columns.w_first else "last"
+        problem = f"the header names the quaternion's w {first}, which is not {declared}"
+        raise InputError(file.path, problem, remedy="leave format out, or mend the header")
+    table, stamps = lines.picked(columns)
+    if file.columns is None and not (declared or columns.w_first) and lines.commas:
+        _check_whole_stamps(table, stamps)
+    return table, stamps, columns
+
+
+def _columns_by_width(file: PoseFile, declared: StampedFormat | None) -> PoseColumns:
+    """Return the columns of a file whose header names none."""
+    lines = file.lines
+    rows = file.rows  # all of whose cells are numbers
+    width = int(rows.widths[0])
+    whole = bool(_WHOLE.fullmatch(split_cells(lines.texts[0])[0]))
+    euroc = width == _EUROC_WIDTH or (lines.commas and whole and width >= 8)
+    if declared is not None:
+        allowed = {"tum": width in _TUM_WIDTHS, "vslamlab": width == 8, "euroc": width >= 8 and lines.commas}
+        if not (allowed[declared] or (declared == "euroc" and width in (8, _EUROC_WIDTH))):
+            raise InputError(file.path, f"{width} numbers", where=f"line {lines.numbers[0]}", remedy=_WAYS[declared])
+        return EUROC_COLUMNS if declared == "euroc" else TUM_COLUMNS
+    if euroc and (width in (8, _EUROC_WIDTH) or float(split_cells(lines.texts[0])[0]) >= _LEAST_NS):
+        return EUROC_COLUMNS
+    if width not in _TUM_WIDTHS or (width != 8 and lines.commas):
+        remedy = f"{WAYS}; a table of others needs a first line with the names of its columns: {HEADER}"
+        raise InputError(file.path, f"{width} numbers", where=f"line {lines.numbers[0]}", remedy=remedy)
+    return TUM_COLUMNS
+
+
+def _check_whole_stamps(table: PoseRows, stamps: Sequence[str]) -> None:
+    """Refuse stamps with a point between commas that are nanoseconds: w may be first or last."""
+    euroc = Message(PresetKey("format", "euroc"), " (w first) with ", PresetKey("stamp_unit", "ns"))
+    remedy = Message("say which: ", euroc, ", or ", PresetKey("format", "tum"), " (w last)")
+    if not all(map(_WHOLE.fullmatch, stamps)):
+        unclear = table.values[:, 0] >= _LEAST_NS
+        table.fail_where(unclear, "nanoseconds with a point may be EuRoC's columns or TUM's", remedy=remedy)
+
+
+def _tracked(table: PoseRows, stamps: list[str], *, skip_lost: bool) -> tuple[PoseRows, list[str], tuple[str, ...]]:
+    """Return the rows with a pose: in an estimate, seven NaN mean that tracking was lost. Raises NotFiniteError."""
+    lost = np.isnan(table.values[:, 1:]).all(axis=1) & np.isfinite(table.values[:, 0])
+    if not skip_lost or not lost.any():
+        return all_finite(table), stamps, ()
+    first = table.place(int(np.argmax(lost)))
+    if lost.all():
+        raise AllLostError(first[0], f"{len(lost)} of {len(lost)} poses are NaN: no pose is left", where=first[1])
+    note = (
+        f"{np.count_nonzero(lost)} of {len(lost)} poses are NaN (tracking was lost), and are left out, first {first[1]}"
+    )
+    kept = [stamp for stamp, is_lost in zip(stamps, lost.tolist(), strict=True) if not is_lost]
+    return all_finite(table.keep(~lost)), kept, (note,)
+
+
+def _other_pose(columns: PoseColumns) -> tuple[str, ...]:
+    return ("its header names several poses: the first is read",) if columns.others else ()
 
 
 def first_of_equal(stamps_s: Float64, place: Callable[[int], str]) -> tuple[NDArray[np.bool_], tuple[str, ...]]:
@@ -118,80 +173,42 @@ def first_of_equal(stamps_s: Float64, place: Callable[[int], str]) -> tuple[NDAr
     return kept, (f"{poses} the time stamp of the pose before, which is kept; left out first: {place(first)}",)
 
 
-_ORDERS = {"tum": "a TUM line is t tx ty tz qx qy qz qw", "euroc": "a EuRoC row is t, x, y, z, qw, qx, qy, qz"}
-_WAYS: dict[StampedFormat | None, str] = {
-    "tum": _ORDERS["tum"],
-    "euroc": _ORDERS["euroc"] + ", and nine more or none",
-    None: WAYS,
+_TUM_LINE = "a TUM line is t tx ty tz qx qy qz qw"
+_EUROC_LINE = "a EuRoC row is t, x, y, z, qw, qx, qy, qz"
+_ORDERS = {False: _TUM_LINE, True: _EUROC_LINE}  # by whether w is first
+_WAYS: dict[StampedFormat, str] = {
+    "tum": _TUM_LINE,
+    "euroc": _EUROC_LINE + ", and nine more or none",
+    "vslamlab": "a line is ts (ns),tx (m),ty (m),tz (m),qx,qy,qz,qw",
 }
 
 
-def _comma_or_wide(rows: TextRows) -> bool:
-    return rows.commas or int(rows.widths[0]) == 17
+# --- numbered matrices ---
 
 
-def _refuse_stamped_matrices(table: PoseRows) -> None:
-    """Refuse a stamp before a 4 x 4 pose: its 17 numbers may pass for EuRoC's."""
-    if table.values.shape[1] == 17:
-        matrices = (np.abs(table.values[:, 13:] - [0.0, 0.0, 0.0, 1.0]) < 1e-6).all(axis=1)
-        remedy = "write the poses as TUM, or leave the stamps out"
-        table.fail_where(matrices, "17 numbers that end in 0 0 0 1: a stamp before a 4 x 4 pose", remedy=remedy)
+def _numbered_matrices(file: PoseFile, options: ReadOptions) -> FilePoses:
+    """Read a number or a stamp and a matrix a line. Raises InputError."""
+    table = all_finite(file.rows.table(_MATRIX_WIDTHS, "a line is a frame's number and its 3 x 4 or 4 x 4 pose"))
+    poses = rigid_poses(PoseRows(table.files, table.values[:, 1:], table.lines))
+    first = table.values[:, 0]
+    stamps = file.rows.cells(0)
+    late = np.diff(first, prepend=-np.inf) <= 0.0
+    table.fail_where(late, "its number {} does not come after the one before it", of=np.array(stamps))
+    if options.stamp_unit is None and (first == np.floor(first)).all() and 0.0 <= first[0] <= first[-1] < _LAST_NUMBER:
+        return FilePoses("kitti360", poses, numbers=first, sparse=True)
+    unit = options.stamp_unit or ("ns" if (first >= _LEAST_NS).all() else "s")
+    stamps_s = _seconds(stamps, unit)
+    _check_stamps(table, stamps, stamps_s, unit)
+    _check_order(table, stamps, stamps_s)
+    return FilePoses("kitti360", poses, stamps_s)
 
 
-# --- columns ---
-
-
-def _columns(rows: TextRows, table: PoseRows, declared: StampedFormat | None, *, whole: bool) -> _Columns:
-    """Return the columns of a file whose header names none."""
-    if declared is not None:
-        return _TUM if declared == "tum" else _EUROC
-    if rows.commas and not whole and table.values.shape[1] == 8:
-        euroc = Message(PresetKey("format", "euroc"), " (w first) with ", PresetKey("stamp_unit", "ns"))
-        remedy = Message("say which: ", euroc, ", or ", PresetKey("format", "tum"), " (w last)")
-        unclear = table.values[:, 0] >= _LEAST_NS
-        table.fail_where(unclear, "nanoseconds with a point may be EuRoC's columns or TUM's", remedy=remedy)
-    return _EUROC if table.values.shape[1] == 17 or (whole and rows.commas) else _TUM
-
-
-def _named_columns(headers: Sequence[str], width: int) -> _Columns | None:
-    """Return the columns that the last header with a quaternion's names gives; None where no header names one."""
-    for header in reversed(headers):
-        names = _column_names(header)
-        if len(names) == width and (columns := _columns_of(names)) is not None:
-            return columns
-    return None
-
-
-def names_columns(header: str) -> bool:
-    """Tell whether a line without a number names the columns of a table of poses."""
-    return header.count(",") >= _LEAST_COMMAS or _columns_of(_column_names(header)) is not None
-
-
-def _column_names(header: str) -> list[str]:
-    """Return a header's names in small letters, with underscores, units among them: timestamp_ns, q_rs_w."""
-    text = re.sub(r"(?<!\s)\s++\[", "[", header.strip().lstrip("#"))
-    cells = text.rstrip(",").split(",") if "," in text else text.split()
-    return [re.sub(r"[^a-z0-9]+", "_", cell.strip().lower()).strip("_") for cell in cells]
-
-
-def _columns_of(names: list[str]) -> _Columns | None:
-    quat = {match["axis"]: index for index, name in enumerate(names) if (match := _QUATERNION.fullmatch(_bare(name)))}
-    found = [name for name in names if _QUATERNION.fullmatch(_bare(name))]
-    if len(found) != 4 or set(quat) != set("wxyz"):
-        return None
-    times = [index for index, name in enumerate(names) if _TIME.fullmatch(name)]
-    stamp = times[0] if times else 0
-    rest = [index for index in range(len(names)) if index not in quat.values() and index != stamp]
-    at = {match["axis"]: index for index in reversed(rest) if (match := _POSITION.fullmatch(_bare(names[index])))}
-    position = tuple(at[axis] for axis in "xyz") if set(at) == set("xyz") else tuple(rest[:3])
-    match = _TIME.fullmatch(names[stamp])
-    unit = _UNITS.get(match["unit"] or "") if match else None
-    return _Columns(stamp, position, tuple(quat[axis] for axis in "wxyz"), unit)  # pyright: ignore[reportArgumentType]
-
-
-def _bare(name: str) -> str:
-    """Return a name without the unit of a length."""
-    return name.removesuffix("_m")
+def _is_numbered_matrices(file: PoseFile) -> bool:
+    """Tell by the first line: 13 numbers, or 17 that end in the last row of a 4 x 4 pose."""
+    if file.columns is not None or file.first_widths[:1] not in ((13,), (17,)):
+        return False
+    cells = split_cells(file.lines.texts[0])
+    return len(cells) == 13 or [float(cell) for cell in cells[13:]] == [0.0, 0.0, 0.0, 1.0]
 
 
 # --- stamps ---
@@ -200,7 +217,7 @@ def _bare(name: str) -> str:
 def _unit(
     table: PoseRows,
     stamps: Sequence[str],
-    columns: _Columns,
+    columns: PoseColumns,
     declared: StampedFormat | None,
     declared_unit: StampUnit | None,
     *,
@@ -218,10 +235,11 @@ def _unit(
             broken, "{} is no time in whole nanoseconds", of=np.array([*map(quoted, stamps)]), remedy=remedy
         )
         return "ns", False
-    if columns.format == "euroc" and whole_ns:
+    if declared == "vslamlab":
+        return ("ns" if whole_ns else "s"), False
+    if columns.w_first and whole_ns:
         return "ns", True
-    values = table.values[:, columns.stamp]
-    return ("ns" if (values >= _LEAST_NS).all() else "s"), True
+    return ("ns" if (table.values[:, 0] >= _LEAST_NS).all() else "s"), True
 
 
 def _seconds(stamps: Sequence[str], unit: StampUnit) -> Float64:
@@ -241,12 +259,15 @@ def _check_stamps(table: PoseRows, stamps: Sequence[str], stamps_s: Float64, uni
     problem = f"the time stamp {{}} {unit} is more than 1e11 s, over 3,000 years"
     remedy = Message("if the stamps are no seconds, say what they are: ", PresetKey("stamp_unit"), ": ms, us or ns")
     table.fail_where(unlikely, problem, of=texts, remedy=remedy)
+
+
+def _check_order(table: PoseRows, stamps: Sequence[str], stamps_s: Float64) -> None:
     step_s = np.diff(stamps_s, prepend=-np.inf)
     late = step_s < 0.0
     for row in np.flatnonzero(step_s == 0.0).tolist():  # equal, or not to be told apart in float64
         late[row] = Decimal(stamps[row]) != Decimal(stamps[row - 1])
     problem = "the time stamp {} does not come after the one before it"
-    table.fail_where(late, problem, of=texts, remedy="sort the lines by time")
+    table.fail_where(late, problem, of=np.array(stamps), remedy="sort the lines by time")
 
 
 def _check_gaps(table: PoseRows, stamps_s: Float64, unit: StampUnit) -> None:
@@ -276,24 +297,37 @@ def tum_text(trajectory: Trajectory) -> str:
 
 def _is_euroc(file: PoseFile) -> bool:
     """Tell by the first line whether a stamped file is EuRoC's; its reader looks at all lines."""
-    if file.first_widths[:1] not in ((8,), (17,)):
+    if file.columns is not None:
+        return file.columns.w_first
+    if not file.first_widths or file.first_widths[0] < 8 or _is_numbered_matrices(file):
         return False
-    named = _named_columns(file.rows.headers, file.first_widths[0])
-    if named is not None:
-        return named.format == "euroc"
-    return file.first_widths[0] == 17 or (file.rows.commas and bool(_WHOLE.fullmatch(file.rows.first_cell())))
+    first = split_cells(file.lines.texts[0])[0]
+    if file.first_widths[0] in (8, _EUROC_WIDTH):
+        return file.first_widths[0] == _EUROC_WIDTH or (file.lines.commas and bool(_WHOLE.fullmatch(first)))
+    return file.lines.commas and bool(_WHOLE.fullmatch(first)) and float(first) >= _LEAST_NS
+
+
+def _is_vslamlab(file: PoseFile) -> bool:
+    return file.head.startswith(_VSLAMLAB_HEAD)
+
+
+def _is_tum(file: PoseFile) -> bool:
+    if file.columns is not None:
+        return not file.columns.w_first and not _is_vslamlab(file)
+    wide = file.first_widths[:1] and file.first_widths[0] in _COVARIANCE_WIDTHS and not file.lines.commas
+    return (file.first_widths[:1] == (8,) or bool(wide)) and not _is_euroc(file)
 
 
 TUM = TrajectoryFormat(
     "tum",
     "TUM",
     "Time stamp, position and quaternion, w last",
-    lambda file: file.first_widths[:1] in ((8,), (17,)) and not _is_euroc(file),
+    _is_tum,
     partial(_stamped_poses, "tum"),
     write=tum_text,
     stamped=True,
-    looks_like="`t tx ty tz qx qy qz qw`, w last",
-    recognised_by="8 numbers",
+    looks_like="`t tx ty tz qx qy qz qw`, w last; a header that names these among other columns",
+    recognised_by="8 numbers, or 14 or 20 (OpenVINS); a header with w last",
     times="its own: seconds, or nanoseconds from 1e17 on",
     order=30,
 )
@@ -304,9 +338,33 @@ EUROC = TrajectoryFormat(
     _is_euroc,
     partial(_stamped_poses, "euroc"),
     stamped=True,
-    looks_like="`t, x, y, z, qw, qx, qy, qz`, w first, and nine more or none",
-    recognised_by="17 numbers; 8 with commas, `t` a whole number",
+    looks_like="`t, x, y, z, qw, qx, qy, qz`, w first, and others; VINS-Fusion's `vio.csv`",
+    recognised_by="17 numbers; 8 or more with commas, `t` whole nanoseconds; a header with w first",
     times="its own: nanoseconds",
     order=40,
 )
-FORMAT = TUM, EUROC
+VSLAMLAB = TrajectoryFormat(
+    "vslamlab",
+    "VSLAM-LAB",
+    "VSLAM-LAB's NNNNN_KeyFrameTrajectory.csv",
+    _is_vslamlab,
+    partial(_stamped_poses, "vslamlab"),
+    stamped=True,
+    one_convention=True,
+    looks_like="`ts (ns),tx (m),ty (m),tz (m),qx,qy,qz,qw`",
+    recognised_by="`ts (ns)` at the beginning",
+    times="its own: nanoseconds where whole or named so, else seconds",
+    order=45,
+)
+KITTI_360 = TrajectoryFormat(
+    "kitti360",
+    "KITTI-360",
+    "A frame's number or time stamp, and a 3 x 4 or 4 x 4 pose a line",
+    _is_numbered_matrices,
+    _numbered_matrices,
+    looks_like="13 or 17 numbers a line: a whole number, of the frame, or a time stamp, and the pose row by row",
+    recognised_by="13 numbers; 17 that end in 0 0 0 1",
+    times="the frames' numbers, from 0, / `rate_hz`; or its own",
+    order=25,
+)
+FORMAT = TUM, EUROC, VSLAMLAB, KITTI_360

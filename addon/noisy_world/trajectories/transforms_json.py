@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The transforms.json of nerfstudio, Instant NGP and NeRF's Blender scenes.
+"""Poses in JSON: the transforms.json of nerfstudio, Instant NGP and NeRF's Blender scenes, and Open3D's.
 
-Poses are camera-to-world with OpenGL's camera axes, x right, y up, z backward
+In a transforms.json poses are camera-to-world with OpenGL's camera axes, x right, y up, z backward
 (https://docs.nerf.studio/quickstart/data_conventions.html), in the order in which the frames are listed.
 """
 
@@ -16,23 +16,24 @@ from typing import Any
 import numpy as np
 
 from ..core.errors import InputError
+from ..core.schema import quoted
+from ..core.trajectory import Direction
 from .matrix_poses import rigid_poses
-from .pose_files import FilePoses, PoseFile, PoseRows, ReadOptions, StatedCamera, TrajectoryFormat, all_finite
+from .pose_files import (
+    FilePoses,
+    PoseFile,
+    ReadOptions,
+    StatedCamera,
+    TrajectoryFormat,
+    all_finite,
+    named_rows,
+)
 
 _REMEDY = "frames is a list, each with transform_matrix: four rows of four numbers"
 # nerfstudio's rays go through half-numbered pixels (cameras.py adds 0.5), ours through whole ones.
 _HALF_PX = 0.5
 _LENS = ("k1", "k2", "k3", "k4", "p1", "p2")
 _INTRINSICS = {"w": "width_px", "h": "height_px", "fl_x": "fx_px", "fl_y": "fy_px", "cx": "cx_px", "cy": "cy_px"}
-
-
-class _Places(PoseRows):
-    """Rows that are frames of a JSON document: their places are keys, not lines."""
-
-    def place(self, row: int) -> tuple[Path, str]:
-        """Return the file and the key of a row."""
-        assert isinstance(self.files, Path)
-        return self.files, f"frames.{row}.transform_matrix"
 
 
 def _transforms_poses(file: PoseFile, options: ReadOptions) -> FilePoses:
@@ -46,7 +47,7 @@ def _transforms_poses(file: PoseFile, options: ReadOptions) -> FilePoses:
     if not frames:
         raise InputError(path, "is empty: no pose", where="frames", remedy=_REMEDY)
     values = np.array([_matrix(path, index, frame) for index, frame in enumerate(frames)])
-    rows = _Places(path, values, np.arange(len(values)))
+    rows = named_rows(path, values, [f"frames.{index}.transform_matrix" for index in range(len(values))])
     poses = rigid_poses(all_finite(rows))
     notes = (*_order_notes(frames), *_moved_notes(document))
     numbers = np.arange(len(poses), dtype=np.float64)
@@ -153,14 +154,71 @@ def _checked(path: Path, key: str, value: object) -> float:
     return number
 
 
-FORMAT = TrajectoryFormat(
+# --- Open3D ---
+
+# A PinholeCameraTrajectory holds world-to-camera matrices, a PoseGraph camera-to-world ones; both write a matrix column
+# by column (EigenMatrix4dToJsonArray in cpp/open3d/utility/IJsonConvertible.cpp).
+_OPEN3D: dict[str, tuple[str, str, Direction]] = {
+    "PinholeCameraTrajectory": ("parameters", "extrinsic", "w2c"),
+    "PoseGraph": ("nodes", "pose", "c2w"),
+}
+
+
+def is_open3d(file: PoseFile) -> bool:
+    """Tell whether a file is JSON that says the class of Open3D that it holds."""
+    return isinstance(file.document, dict) and isinstance(file.document.get("class_name"), str)
+
+
+def _open3d_poses(file: PoseFile, options: ReadOptions) -> FilePoses:
+    """Read the cameras of a trajectory or the nodes of a pose graph. Raises InputError naming the key that is wrong."""
+    del options
+    path = file.path
+    document = _document(path, file.text)
+    name = document.get("class_name")
+    if name not in _OPEN3D:
+        remedy = f"of Open3D's classes {' and '.join(_OPEN3D)} hold a path"
+        raise InputError(path, f"is {quoted(str(name))}", where="class_name", remedy=remedy)
+    listed, key, direction = _OPEN3D[name]
+    items = document.get(listed)
+    if not isinstance(items, list) or not items:
+        raise InputError(path, "holds no pose", where=listed, remedy=f"a list of objects with {key}, 16 numbers each")
+    where = [f"{listed}.{index}.{key}" for index in range(len(items))]
+    values = np.array([_sixteen(path, place, item, key) for place, item in zip(where, items, strict=True)])
+    columns_first = values.reshape(-1, 4, 4).transpose(0, 2, 1).reshape(-1, 16)
+    poses = rigid_poses(all_finite(named_rows(path, columns_first, where)))
+    return FilePoses("open3d", poses, numbers=np.arange(len(poses), dtype=np.float64), direction=direction)
+
+
+def _sixteen(path: Path, where: str, item: object, key: str) -> list[float]:
+    numbers = item.get(key) if isinstance(item, Mapping) else None
+    values = [_number(value) for value in numbers] if isinstance(numbers, list) else []
+    found = [value for value in values if value is not None]
+    if len(found) != 16 or len(values) != 16:
+        raise InputError(path, "is no list of 16 numbers", where=where, remedy="a 4 x 4 pose, column by column")
+    return found
+
+
+OPEN3D = TrajectoryFormat(
+    "open3d",
+    "Open3D JSON",
+    "Open3D's PinholeCameraTrajectory or PoseGraph, as JSON",
+    is_open3d,
+    _open3d_poses,
+    one_convention=True,
+    looks_like="Open3D's `trajectory.json` (`PinholeCameraTrajectory`) and pose graphs (`PoseGraph`)",
+    recognised_by="JSON with `class_name`",
+    times="as listed, `rate_hz`",
+    order=65,
+)
+TRANSFORMS = TrajectoryFormat(
     "transforms",
     "Transforms",
     "The transforms.json of nerfstudio and NeRF",
-    lambda file: file.begins_with("{", "["),
+    lambda file: file.begins_with("{", "[") and not is_open3d(file),
     _transforms_poses,
     looks_like="`transforms.json` of nerfstudio, Instant NGP and NeRF",
     recognised_by="`{` at the beginning",
     times="as listed, `rate_hz`",
     order=70,
 )
+FORMAT = OPEN3D, TRANSFORMS

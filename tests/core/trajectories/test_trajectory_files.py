@@ -244,7 +244,7 @@ def test_empty_files(refused, content):
     assert "no pose" in refused(content)
 
 
-@cases("content", [b"\x93NUMPY\x01\x00v\x00", b"1 0 0\xff\xfe", IDENTITY.encode("utf-16"), b"1 2 \x00 3"])
+@cases("content", [b"\x89PNG\r\n\x1a\n\x00", b"1 0 0\xff\xfe", IDENTITY.encode("utf-16-le"), b"1 2 \x00 3"])
 def test_files_that_are_no_text(refused, content):
     assert "not a text file" in refused(content)
 

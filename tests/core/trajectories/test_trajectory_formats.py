@@ -89,10 +89,17 @@ def test_whole_numbers_that_are_no_nanoseconds(refused, write):
     assert is_expected(read_trajectory(file, stamp_unit="ms"), [0.0, 0.05, 0.1, 0.15])
 
 
-def test_a_stamp_before_a_matrix_is_not_euroc(refused):
-    pose = np.eye(4).ravel().tolist()
-    text = "".join(" ".join(map(repr, [0.1 * i, *pose])) + "\n" for i in range(3))
-    assert "a stamp before a 4 x 4 pose" in refused(text)
+@cases("rows", [3, 4])
+def test_a_number_or_a_stamp_before_a_matrix(write, rows):
+    """As KITTI-360's poses.txt (3 x 4) and cam0_to_world.txt (4 x 4), whose first frames have no pose."""
+    matrix = np.eye(4)
+    matrix[:3, 3] = 1, 2, 3
+    for firsts, times_s in (((1, 2, 5), (0.1, 0.2, 0.5)), ((0.5, 0.75, 1.5), (0.5, 0.75, 1.5))):
+        text = "".join(" ".join(map(repr, [first, *matrix[:rows].ravel().tolist()])) + "\n" for first in firsts)
+        found = read_trajectory_file(write(text), rate_hz=10.0)
+        assert found.format == "kitti360"
+        np.testing.assert_allclose(found.trajectory.stamps_s, times_s, rtol=1e-15)
+        np.testing.assert_array_equal(found.trajectory.c2w, [matrix] * 3)
 
 
 # --- units of stamps ---

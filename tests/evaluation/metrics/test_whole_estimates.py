@@ -16,7 +16,7 @@ from noisy_world.evaluate.run_files import Outcome
 from noisy_world.evaluate.systems import Writes
 from noisy_world.evaluate.run_files import estimate_text, read_estimate_file
 from noisy_world.evaluate.system_runs import normalised
-from noisy_world.evaluate.estimate_formats.pose_texts import check_whole
+from noisy_world.evaluate.estimates import check_whole
 
 PAIR = trajectory_pairs.random_pair(3)
 FIXED = [f"{0.05 * k:.2f} {k:.1f} 2.0 3.0 0.000000 0.000000 0.600000 {0.8 + 1e-6 * k:.6f}" for k in range(4)]

@@ -10,7 +10,8 @@ import pytest
 from refusals import refused
 
 from noisy_world.core.errors import InputError, NotFiniteError
-from noisy_world.evaluate.estimates import FORMATS, read_estimate
+from noisy_world.evaluate.estimates import read_estimate
+from noisy_world.trajectories.formats import TRAJECTORY_FORMATS as FORMATS
 
 STEP_S = 0.05
 
@@ -206,9 +207,9 @@ def test_arrays(tmp_path):
         ({"poses": np.float64(1.0), "frames": [3]}, "poses: is one number, but has to have one entry for each pose"),
         ({"poses": np.array([["a"]])}, "poses: holds <U1, but has to be numbers"),
         ({"poses": np.array([None])}, "is no array of numbers as numpy writes it"),
-        ({"poses": np.stack([2 * np.eye(4)] * 6)}, "frame 0: the last row of its pose is not 0 0 0 1"),
-        ({"poses": np.stack([np.diag([2.0, 2, 2, 1])] * 6)}, "frame 0: its pose is not rigid: R^T R is off by 3"),
-        ({"poses": np.stack([np.diag([1.0, 1, -1, 1])] * 6)}, "frame 0: its pose is not rigid: its pose mirrors"),
+        ({"poses": np.stack([2 * np.eye(4)] * 6)}, "frame 0: the last row of the pose is 0 0 0 2, not 0 0 0 1"),
+        ({"poses": np.stack([np.diag([2.0, 2, 2, 1])] * 6)}, "frame 0: the left 3 x 3 numbers are no rotation: R^T R"),
+        ({"poses": np.stack([np.diag([1.0, 1, -1, 1])] * 6)}, "frame 0: the pose mirrors (determinant -1)"),
         ({"poses": np.stack([np.eye(4)] * 2), "frames": [1, 1]}, "frame 1: has two poses"),
         ({"poses": np.stack([np.eye(4)] * 2), "frames": [0, 6]}, "has a pose for frame 6, but there are 6, from 0"),
         ({"poses": np.stack([np.eye(4)] * 2), "frames": [0, 0.5]}, "frames: are no whole numbers"),
@@ -245,7 +246,7 @@ def test_quaternions_of_numbers_that_cannot_be_squared_are_refused(tmp_path):
     (tmp_path / "images.txt").write_text(colmap)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        refused(read_estimate, "vslamlab", tmp_path / "v.csv", INDEX, names=["v.csv", "inf"])
+        refused(read_estimate, "vslamlab", tmp_path / "v.csv", INDEX, names=["v.csv", "1e+300"])
         for reader, name in (("colmap", "images.txt"), ("splatam", "params.npz")):
             refused(read_estimate, reader, tmp_path / name, INDEX, names=[name, "1e154"])
 
@@ -274,12 +275,25 @@ def test_a_file_of_no_pose_is_an_estimate_of_none(tmp_path, name, text):
     assert len(read_estimate(name, path, INDEX)) == 0
 
 
+@pytest.mark.parametrize("name", TEXTS)
+@pytest.mark.parametrize("kept", [[0, 1, 3, 5], []])
+def test_rows_of_nan_are_lost_frames(tmp_path, name, kept):
+    separator = "," if name in ("euroc", "vslamlab") else " "
+    stamp = (lambda k: k * 50_000_000) if name == "euroc" else (lambda k: k * STEP_S)
+    quat = QUAT_XYZW.split()
+    quat = [quat[3], *quat[:3]] if name == "euroc" else quat
+    path = tmp_path / "estimate.txt"
+    poses = [[str(k), "2", "3", *quat] if k in kept else ["nan"] * 7 for k in range(6)]
+    path.write_text("".join(separator.join([str(stamp(k)), *pose]) + "\n" for k, pose in enumerate(poses)))
+    assert is_turned(read_estimate(name, path, INDEX), kept)
+
+
 @pytest.mark.parametrize("value", ["nan", "inf", "-inf"])
 @pytest.mark.parametrize("name", TEXTS)
 def test_not_finite_is_told_apart_from_unreadable(tmp_path, name, value):
     separator = "," if name in ("euroc", "vslamlab") else " "
     path = tmp_path / "estimate.txt"
-    path.write_text("\n".join(separator.join(["0", *[value] * (width - 1)]) for width in [TEXTS[name]] * 6))
+    path.write_text("\n".join(separator.join(["0", "0", *[value] * (width - 2)]) for width in [TEXTS[name]] * 6))
     refused(read_estimate, name, path, INDEX, names="line 1", error=NotFiniteError)
 
 
@@ -347,5 +361,5 @@ def test_coordinates_far_out_and_half_turns(tmp_path):
 
 
 def test_lists_of_images_that_never_end(tmp_path):
-    (tmp_path / "images.txt").write_bytes(b"\n" * 2_000_001)
+    (tmp_path / "images.txt").write_bytes(b"\n" * 2_000_001 + b"1 1 0 0 0 0 0 0 1 a.png\n")
     refused(read_estimate, "colmap", tmp_path / "images.txt", {"frames": []}, names=["images.txt", "2000000"])

@@ -9,7 +9,7 @@ from fuzz.structure import as_yaml, changed, note
 
 from noisy_world.evaluate import systems
 from noisy_world.evaluate.systems import PLACEHOLDERS, read_system
-from noisy_world.evaluate.estimates import FORMATS
+from noisy_world.trajectories.formats import TRAJECTORY_FORMATS as FORMATS
 from pathlib import Path
 
 WORDS = (

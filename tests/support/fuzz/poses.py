@@ -23,7 +23,7 @@ from noisy_world.trajectories.pose_files import PoseFile
 from noisy_world.evaluate.run_files import Outcome
 from noisy_world.evaluate.systems import Writes
 from noisy_world.evaluate.system_runs import normalised
-from noisy_world.evaluate.estimates import FORMATS
+from noisy_world.trajectories.formats import TRAJECTORY_FORMATS as FORMATS
 from noisy_world.evaluate.system_runs import _states_problem
 
 COUNT = 6
@@ -104,6 +104,48 @@ def _colmap():
     return "images.txt", lines, as_table
 
 
+def _open3d():
+    cameras = [{"class_name": "C", "extrinsic": np.linalg.inv(POSES[k]).T.ravel().tolist()} for k in range(COUNT)]
+    return "trajectory.json", {"class_name": "PinholeCameraTrajectory", "parameters": cameras}, as_json
+
+
+def _pose_graph():
+    nodes = [{"class_name": "PoseGraphNode", "pose": POSES[k].T.ravel().tolist()} for k in range(COUNT)]
+    return "graph.json", {"class_name": "PoseGraph", "edges": [], "nodes": nodes}, as_json
+
+
+def _kitti360(rows=3):
+    return "poses.txt", [[k, *row] for k, row in enumerate(_rows(POSES[:, :rows].reshape(COUNT, -1)))], as_table
+
+
+def _cam0_to_world():
+    return _kitti360(rows=4)
+
+
+def _openvins():
+    names = ["#", "timestamp(s)", "tx", "ty", "tz", "qx", "qy", "qz", "qw"]
+    names += ["Pr11", "Pr12", "Pr13", "Pr22", "Pr23", "Pr33"]
+    return "estimate.txt", [names, *([*row, *[1e-4] * 6] for row in _stamped())], as_table
+
+
+def _rostopic():
+    fields = [f"field.pose.position.{axis}" for axis in "xyz"]
+    fields += [f"field.pose.orientation.{axis}" for axis in "xyzw"]
+    names = ["%time", "field.header.seq", "field.header.stamp", "field.header.frame_id", *fields]
+    rows = [[row[0], k, row[0], "map", *row[1:]] for k, row in enumerate(_stamped(10**9))]
+    return "pose.csv", [names, *rows], lambda tree: as_table(tree, ",")
+
+
+def _vins():
+    rows = [[row[0], *row[1:4], row[7], *row[4:7], 0.1, 0.2, 0.3, ""] for row in _stamped(10**9)]
+    return "vio.csv", rows, lambda tree: as_table(tree, ",")
+
+
+def _semicolons():
+    name, tree, _ = _euroc()
+    return name, tree, lambda tree: as_table(tree, ";").replace(b"\n", b"\r\n")
+
+
 def _vslamlab():
     names = ["ts (ns)", "tx (m)", "ty (m)", "tz (m)", "qx", "qy", "qz", "qw"]
     return "00000_KeyFrameTrajectory.csv", [names, *_stamped(10**9)], lambda tree: as_table(tree, ",")
@@ -180,8 +222,10 @@ def _splatam():
 
 
 WRITERS = {
-    "tum": (_tum,),
-    "euroc": (_euroc,),
+    "tum": (_tum, _openvins, _rostopic),
+    "euroc": (_euroc, _vins, _semicolons),
+    "kitti360": (_kitti360, _cam0_to_world),
+    "open3d": (_open3d, _pose_graph),
     "kitti": (_kitti,),
     "replica": (_replica,),
     "matrices": (_matrices,),
@@ -220,7 +264,7 @@ def write_estimate(folder, rng):
         data = as_cell(pick(rng, [value for value in PLAIN if not isinstance(value, dict)]))
         told.append("nothing of its format")
     (out / name).write_bytes(data)
-    auto = format_ in ("tum", "euroc", "kitti", "replica", "matrices", "log", "transforms") and bool(rng.integers(2))
+    auto = bool(rng.integers(2))
     (folder / TASK).write_text(json.dumps({"format": "auto" if auto else format_, "file": name}))
     note(folder, told)
 
