@@ -39,8 +39,8 @@ _QUATERNION = re.compile(
 class PoseColumns:
     """Where a line has stamp, position (x, y, z) and quaternion (w, x, y, z), 0 the first.
 
-    unit: of the stamps, where the header says it. names: how many columns the header names. others: whether it names
-    more quaternions, which are not read.
+    unit: of the stamps, where the header says it. names: how many columns the header names, 0 for any. others: whether
+    it names more quaternions, which are not read.
     """
 
     stamp: int

@@ -188,7 +188,9 @@ class PoseFile:
         if not self._is_table:
             return None
         columns = named_columns(self.lines.headers)
-        return columns if columns is not None and columns.names >= len(split_cells(self.lines.texts[0])) else None
+        if columns is None or (columns.names and columns.names < len(split_cells(self.lines.texts[0]))):
+            return None
+        return columns
 
     @cached_property
     def first_widths(self) -> tuple[int, ...]:

@@ -31,6 +31,7 @@ from .pose_columns import (
     TUM_COLUMNS,
     PoseColumns,
     StampUnit,
+    named_columns,
     split_cells,
 )
 from .pose_files import (
@@ -115,20 +116,23 @@ def _stamped_table(file: PoseFile, declared: StampedFormat | None) -> tuple[Pose
 def _columns_by_width(file: PoseFile, declared: StampedFormat | None) -> PoseColumns:
     """Return the columns of a file whose header names none."""
     lines = file.lines
-    rows = file.rows  # all of whose cells are numbers
-    width = int(rows.widths[0])
+    width = int(file.rows.widths[0])
+    where = f"line {lines.numbers[0]}"
+    if (named := named_columns(lines.headers)) is not None:
+        problem = f"{width} numbers, but its header names {named.names} columns"
+        raise InputError(file.path, problem, where=where, remedy="name all columns in the header")
     whole = bool(_WHOLE.fullmatch(split_cells(lines.texts[0])[0]))
     euroc = width == _EUROC_WIDTH or (lines.commas and whole and width >= 8)
     if declared is not None:
         allowed = {"tum": width in _TUM_WIDTHS, "vslamlab": width == 8, "euroc": width >= 8 and lines.commas}
         if not (allowed[declared] or (declared == "euroc" and width in (8, _EUROC_WIDTH))):
-            raise InputError(file.path, f"{width} numbers", where=f"line {lines.numbers[0]}", remedy=_WAYS[declared])
+            raise InputError(file.path, f"{width} numbers", where=where, remedy=_WAYS[declared])
         return EUROC_COLUMNS if declared == "euroc" else TUM_COLUMNS
     if euroc and (width in (8, _EUROC_WIDTH) or float(split_cells(lines.texts[0])[0]) >= _LEAST_NS):
         return EUROC_COLUMNS
     if width not in _TUM_WIDTHS or (width != 8 and lines.commas):
         remedy = f"{WAYS}; a table of others needs a first line with the names of its columns: {HEADER}"
-        raise InputError(file.path, f"{width} numbers", where=f"line {lines.numbers[0]}", remedy=remedy)
+        raise InputError(file.path, f"{width} numbers", where=where, remedy=remedy)
     return TUM_COLUMNS
 
 
