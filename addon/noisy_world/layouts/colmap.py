@@ -9,6 +9,7 @@ images' names with the suffix png.
 """
 
 import math
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -16,8 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.errors import InputError
-from ..core.geometry import Intrinsics, invert_pose, pose, quat_wxyz_from_rotation, rotation_from_quat_wxyz
+from ..core.geometry import Intrinsics, invert_pose, quat_wxyz_from_rotation
 from ..core.lens import Distortion, Optics, distortion_of
+from ..trajectories.formats import read_file_poses
 from .association import PosePolicy
 from .borrowed import BorrowedLayout
 from .layout import MILLIMETRES, RECORDED_HZ, Image, RecordedLayout, SequenceFacts, counted_note, lines, numbered
@@ -133,22 +135,12 @@ def _lines(path: Path) -> Iterator[tuple[str, list[str]]]:
 
 def _poses(path: Path) -> dict[str, NDArray[np.float64]]:
     """Return the pose (4, 4), c2w, of each image by its name. Raises InputError."""
-    found: dict[str, NDArray[np.float64]] = {}
-    rows = _lines(path)
-    for where, words in rows:
-        if not words:
-            continue
-        if len(words) < 10:
-            problem = f"has {len(words)} words, and no IMAGE_ID, QW, QX, QY, QZ, TX, TY, TZ, CAMERA_ID, NAME"
-            raise InputError(path, problem, where=where)
-        numbers, name = _numbers(path, where, words[1:8]), " ".join(words[9:])
-        if not any(numbers[:4]):
-            raise InputError(path, "holds a quaternion of zeros", where=where)
-        if name in found:
-            raise InputError(path, f"{name} has a line before", where=where, remedy="keep one of them")
-        found[name] = invert_pose(pose(rotation_from_quat_wxyz(numbers[:4]), numbers[4:]))
-        next(rows, None)  # its points
-    return found
+    images = read_file_poses(path, format="colmap")
+    c2w = dict(zip(images.names, invert_pose(images.poses), strict=True))
+    if len(c2w) < len(images.names):
+        name, count = Counter(images.names).most_common(1)[0]
+        raise InputError(path, f"{name} has {count} lines", remedy="keep one of them")
+    return c2w
 
 
 def _camera(path: Path) -> tuple[Intrinsics, Distortion | None]:

@@ -125,8 +125,8 @@ class ReadOptions:
 
     declared: whether the user names its format, so that its content does not decide. stamp_unit: of its time stamps;
     None where the file decides. skip_lost: whether it is an estimate: a matrix that is not finite, and a row of NaN,
-    mean a frame in which tracking was lost, and are left out, and stamps may be in any order. largest_bytes: that are
-    read of arrays, whose file may hold much else.
+    mean a frame in which tracking was lost, and are left out. largest_bytes: that are read of arrays, whose file may
+    hold much else.
     """
 
     declared: bool = False

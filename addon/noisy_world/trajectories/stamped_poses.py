@@ -75,7 +75,7 @@ def _stamped_poses(name: StampedFormat, file: PoseFile, options: ReadOptions) ->
     unit, guessed = _unit(table, stamps, columns, declared, options.stamp_unit, whole_ns=whole_ns)
     stamps_s = _seconds(stamps, unit)
     _check_stamps(table, stamps, stamps_s, unit)
-    if options.skip_lost:
+    if name == "vslamlab":
         order = np.argsort(stamps_s, kind="stable")
         table, stamps, stamps_s = table.take(order), [stamps[row] for row in order.tolist()], stamps_s[order]
     else:

@@ -49,7 +49,7 @@ def test_a_result_that_exists_is_a_system_that_copies_it(tmp_path, sequence):
     [
         (HEAD, Outcome.FINISHED, ""),
         (HEAD + "0,nan,2,3,0,0,0,1\n", Outcome.NOT_FINITE, "r.csv: line 2: holds nan"),
-        (HEAD + "0,1,2,3\n", Outcome.UNREADABLE, "r.csv: line 2: 4 numbers"),
+        (HEAD + "0,1,2,3\n", Outcome.UNREADABLE, "r.csv: line 2: 4 columns"),
         (
             HEAD + "0,1,2,3,0,0,0,1\n60000000,1,2,3,0,0,0,1\n75000001,1,2,3,0,0,0,1\n",
             Outcome.FINISHED,
@@ -77,7 +77,7 @@ def test_colmap_names_the_images(tmp_path, sequence):
 def test_what_a_format_says_itself_cannot_be_said(tmp_path):
     for writes, names in (
         ("{file: a, format: colmap, axes: opengl}", ["copied.yaml: writes.axes: ", "colmap"]),
-        ("{file: a, format: array, axes: robot, stamps: index}", ["copied.yaml: writes.stamps: ", "array"]),
+        ("{file: a, format: splatam, stamps: index}", ["copied.yaml: writes.stamps: ", "splatam"]),
     ):
         refused(copies, tmp_path, "[x]", writes, names=names)
     assert copies(tmp_path, "[x]", "{file: a, format: array, direction: w2c}").writes.direction == "w2c"

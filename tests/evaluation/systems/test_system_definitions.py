@@ -47,7 +47,7 @@ def test_the_least_definition(tmp_path):
         ({"command": ["run", "{environment}"]}, "command.1", ["{environment}"]),
         ({"reads": {"modalities": ["rgb"]}}, "reads.modalities.0", ["'rgb'"]),
         ({"reads": {"modalities": []}}, "reads.modalities", ["empty"]),
-        ({"reads": {"layouts": ["scannet"]}}, "reads.layouts.0", ["'scannet'"]),
+        ({"reads": {"layouts": ["icl_nuim"]}}, "reads.layouts.0", ["'icl_nuim'"]),
         ({"writes": {"file": "../poses.txt"}}, "writes.file", ["'../poses.txt'"]),
         ({"writes": {"file": "/poses.txt"}}, "writes.file", ["'/poses.txt'"]),
         ({"writes": {"file": "a", "keyframes": "/b"}}, "writes.keyframes", ["'/b'"]),
