@@ -135,6 +135,8 @@ def _lines(path: Path) -> Iterator[tuple[str, list[str]]]:
 
 def _poses(path: Path) -> dict[str, NDArray[np.float64]]:
     """Return the pose (4, 4), c2w, of each image by its name. Raises InputError."""
+    if not any(words for _, words in _lines(path)):
+        return {}
     images = read_file_poses(path, format="colmap")
     c2w = dict(zip(images.names, invert_pose(images.poses), strict=True))
     if len(c2w) < len(images.names):

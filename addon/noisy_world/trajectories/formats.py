@@ -118,7 +118,8 @@ def read_file_poses(
 
     skip_lost: whether it is an estimate: a matrix that is not finite, and a row of NaN, is a frame in which tracking
     was lost, and left out, which is so in `matrices` and `log` for any file. largest_bytes: that are read of arrays.
-    Raises InputError as `read_trajectory` does, NotFiniteError, which is one, where a pose is not finite, and ValueError for an argument that does not exist.
+    Raises InputError as `read_trajectory` does, NotFiniteError, which is one, where a pose is not finite, and
+    ValueError for an argument that does not exist.
     """
     _check_name("format", format, TRAJECTORY_FORMATS)
     _check_name("stamp_unit", stamp_unit, STAMP_UNITS)

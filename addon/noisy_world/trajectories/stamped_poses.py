@@ -50,6 +50,7 @@ from .pose_files import (
 StampedFormat: TypeAlias = Literal["tum", "euroc", "vslamlab"]
 
 _EUROC_WIDTH = 17
+_EUROC_WIDTHS = (8, 11, 17)  # 11 of VINS-Fusion, with a velocity
 _COVARIANCE_WIDTHS = (14, 20)  # of OpenVINS: the upper triangles of 3 x 3 matrices, of the rotation or of both
 _TUM_WIDTHS = (8, *_COVARIANCE_WIDTHS)
 _MATRIX_WIDTHS = (13, 17)
@@ -128,7 +129,7 @@ def _columns_by_width(file: PoseFile, declared: StampedFormat | None) -> PoseCol
         if not (allowed[declared] or (declared == "euroc" and width in (8, _EUROC_WIDTH))):
             raise InputError(file.path, f"{width} numbers", where=where, remedy=_WAYS[declared])
         return EUROC_COLUMNS if declared == "euroc" else TUM_COLUMNS
-    if euroc and (width in (8, _EUROC_WIDTH) or float(split_cells(lines.texts[0])[0]) >= _LEAST_NS):
+    if euroc and (width in _EUROC_WIDTHS or float(split_cells(lines.texts[0])[0]) >= _LEAST_NS):
         return EUROC_COLUMNS
     if width not in _TUM_WIDTHS or (width != 8 and lines.commas):
         remedy = f"{WAYS}; a table of others needs a first line with the names of its columns: {HEADER}"
@@ -306,9 +307,10 @@ def _is_euroc(file: PoseFile) -> bool:
     if not file.first_widths or file.first_widths[0] < 8 or _is_numbered_matrices(file):
         return False
     first = split_cells(file.lines.texts[0])[0]
-    if file.first_widths[0] in (8, _EUROC_WIDTH):
-        return file.first_widths[0] == _EUROC_WIDTH or (file.lines.commas and bool(_WHOLE.fullmatch(first)))
-    return file.lines.commas and bool(_WHOLE.fullmatch(first)) and float(first) >= _LEAST_NS
+    whole = file.lines.commas and bool(_WHOLE.fullmatch(first))
+    if file.first_widths[0] in _EUROC_WIDTHS:
+        return whole or file.first_widths[0] == _EUROC_WIDTH
+    return whole and float(first) >= _LEAST_NS
 
 
 def _is_vslamlab(file: PoseFile) -> bool:
