@@ -264,31 +264,30 @@ def _is_splatam(file: PoseFile) -> bool:
         return False
 
 
-FORMAT = (
-    TrajectoryFormat(
-        "array",
-        "Arrays",
-        "numpy's .npy or .npz of N x 4 x 4",
-        lambda file: file.head.startswith((_NUMPY, _ARCHIVE)) and not _is_splatam(file),
-        _array_poses,
-        reads_parts=True,
-        looks_like="numpy's `.npy` or `.npz`: matrices N x 4 x 4 or N x 3 x 4 named `poses`, `c2w` or `w2c`, with "
-        "`timestamps` or `frames` or neither",
-        recognised_by="its first bytes",
-        times="its own, or the frames' numbers / `rate_hz`",
-        order=80,
-    ),
-    TrajectoryFormat(
-        "splatam",
-        "SplaTAM",
-        "SplaTAM's params.npz",
-        _is_splatam,
-        _splatam_poses,
-        one_convention=True,
-        reads_parts=True,
-        looks_like="SplaTAM's `params.npz`",
-        recognised_by="`cam_unnorm_rots` in it",
-        times="the frames' numbers / `rate_hz`",
-        order=85,
-    ),
+ARRAY = TrajectoryFormat(
+    "array",
+    "Arrays",
+    "numpy's .npy or .npz of N x 4 x 4",
+    lambda file: file.head.startswith((_NUMPY, _ARCHIVE)) and not _is_splatam(file),
+    _array_poses,
+    reads_parts=True,
+    looks_like="numpy's `.npy` or `.npz`: matrices N x 4 x 4 or N x 3 x 4 named `poses`, `c2w` or `w2c`, with "
+    "`timestamps` or `frames` or neither",
+    recognised_by="its first bytes",
+    times="its own, or the frames' numbers / `rate_hz`",
+    order=80,
 )
+SPLATAM = TrajectoryFormat(
+    "splatam",
+    "SplaTAM",
+    "SplaTAM's params.npz",
+    _is_splatam,
+    _splatam_poses,
+    one_convention=True,
+    reads_parts=True,
+    looks_like="SplaTAM's `params.npz`",
+    recognised_by="`cam_unnorm_rots` in it",
+    times="the frames' numbers / `rate_hz`",
+    order=85,
+)
+FORMAT = ARRAY, SPLATAM
