@@ -199,7 +199,7 @@ def test_a_video_with_depth_beside_it(tmp_path):
         (lambda folder: (folder / "d14.png").unlink(), ("6 depth images", "7 frames", "a 16-bit PNG")),
         (lambda folder: (folder / "e08.png").write_bytes(b""), ("d8.png and e08.png", "keep one")),
         (lambda folder: (folder / "d9.png").rename(folder / "d.png"), ("d.png: ", "no number", "name depth")),
-        (lambda folder: (folder / "d9.png").write_bytes(b"none"), "d9.png: is neither PNG nor JPEG"),
+        (lambda folder: (folder / "d9.png").write_bytes(b"none"), "d9.png: is no image that can be read"),
         (
             lambda folder: cv2.imwrite(str(folder / "d9.png"), np.zeros((48, 64), np.uint8)),
             ("d9.png: ", "8-bit grey", "PNG of 16-bit grey"),

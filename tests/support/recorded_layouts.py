@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
+import OpenEXR
 from scipy.spatial.transform import Rotation
 
 HALF_M = np.array([2.0, 1.5, 1.2])  # of the box's sides; symmetric, so that it may be mirrored
@@ -199,6 +200,146 @@ def colmap(folder):
     return Written(c2w, steps, 1000.0, k, k, lost=(2,))
 
 
+def tartanair(folder):
+    """Camera and world are an aircraft's: x forward, y right, z down; depth is float32 in metres."""
+    k = (640, 480, 320.0, 320.0, 320.0, 240.0)
+    c2w = poses(seed=13)
+    steps = _steps(k, c2w, 1000.0)
+    ned_from_camera = np.array([[0, 0, 1, 0], [1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 0, 1.0]])
+    ned_from_up = np.diag([1.0, -1.0, -1.0, 1.0])
+    (folder / "depth_left").mkdir()
+    lines = []
+    for n in range(FRAMES):
+        image(folder / f"image_left/{n:06d}_left.png", colour(k, n))
+        np.save(folder / f"depth_left/{n:06d}_left_depth.npy", (steps[n] / 1000).astype(np.float32))
+        body = ned_from_up @ c2w[n] @ np.linalg.inv(ned_from_camera)
+        row = [*body[:3, 3].tolist(), *Rotation.from_matrix(body[:3, :3]).as_quat().tolist()]
+        lines.append(" ".join(map(repr, row)) + "\n")
+    (folder / "pose_left.txt").write_text("".join(lines))
+    return Written(c2w, steps, 1000.0, k, k)
+
+
+def neural_rgbd(folder):
+    """Poses have OpenGL's axes, one is lost; rays go through half-numbered pixels, around the middle."""
+    k = (64, 48, 57.5, 57.5, 31.5, 23.5)
+    c2w = poses(seed=14)
+    steps = _steps(k, c2w, 1000.0)
+    texts = []
+    for n in range(FRAMES):
+        image(folder / f"images/img{n}.png", colour(k, n))
+        image(folder / f"depth/depth{n}.png", steps[n])
+        opengl = c2w[n] * np.array([1.0, -1.0, -1.0, 1.0])
+        texts.append(text_of(np.full((4, 4), np.nan) if n == 3 else opengl))
+    (folder / "poses.txt").write_text("".join(texts))
+    (folder / "focal.txt").write_text("57.5\n")
+    return Written(c2w, steps, 1000.0, k, k, lost=(3,))
+
+
+def bop(folder):
+    """World-to-camera, in millimetres; depth in tenths of a millimetre; images are numbered from 3 on."""
+    k = (64, 48, 58.0, 57.0, 31.25, 23.75)
+    c2w = poses(seed=15)
+    steps = _steps(k, c2w, 10_000.0)
+    told = {}
+    for n in range(FRAMES):
+        image(folder / f"rgb/{n + 3:06d}.jpg", colour(k, n))
+        image(folder / f"depth/{n + 3:06d}.png", steps[n])
+        w2c = np.linalg.inv(c2w[n])
+        matrix = [k[2], 0.0, k[4], 0.0, k[3], k[5], 0.0, 0.0, 1.0]
+        pose = {"cam_R_w2c": w2c[:3, :3].ravel().tolist(), "cam_t_w2c": (1000 * w2c[:3, 3]).tolist()}
+        told[str(n + 3)] = {"cam_K": matrix, "depth_scale": 0.1, **pose}
+    (folder / "scene_camera.json").write_text(json.dumps(told))
+    return Written(c2w, steps, 10_000.0, k, k, numbers=(3, 4, 5, 6))
+
+
+def _arkit(c2w):
+    """A pose of ARKit: x right, y up, z backward in the camera, and a world whose y is up where ours has z up."""
+    return (
+        np.array([[1, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1.0]]) @ c2w * np.array([1.0, -1.0, -1.0, 1.0])
+    )
+
+
+def record3d(folder):
+    """Depth is half floats' EXR in metres, of a quarter of the pixels a side."""
+    rgb = (64, 48, 61.0, 60.5, 31.25, 23.75)
+    seen = (16, 12, 61.0 / 4, 60.5 / 4, (31.25 + 0.5) / 4 - 0.5, (23.75 + 0.5) / 4 - 0.5)
+    c2w = poses(seed=16)
+    steps = _steps(seen, c2w, 1000.0)
+    rows = []
+    (folder / "depth").mkdir()
+    for n in range(FRAMES):
+        image(folder / f"rgb/{n}.jpg", colour(rgb, n))
+        values = {"R": (steps[n] / 1000).astype(np.float32)}
+        OpenEXR.File({"type": OpenEXR.scanlineimage}, values).write(str(folder / f"depth/{n}.exr"))
+        rows.append([*_quaternion(_arkit(c2w[n]), "xyzw"), *_arkit(c2w[n])[:3, 3].tolist()])
+    columns = [rgb[2], 0, 0, 0, rgb[3], 0, rgb[4], rgb[5], 1]
+    told = {"w": 64, "h": 48, "fps": 60, "K": columns, "poses": rows}
+    (folder / "metadata.json").write_text(json.dumps(told))
+    return Written(c2w, steps, 1000.0, seen, rgb, hz=60.0)
+
+
+def polycam(folder):
+    """Frames are named by large numbers; their focal lengths differ by a tenth of a pixel."""
+    rgb = (64, 48, 61.0, 60.5, 31.25, 23.75)
+    seen = (16, 12, 61.0 / 4, 60.5 / 4, (31.25 + 0.5) / 4 - 0.5, (23.75 + 0.5) / 4 - 0.5)
+    c2w = poses(seed=17)
+    steps = _steps(seen, c2w, 1000.0)
+    (folder / "keyframes/cameras").mkdir(parents=True)
+    for n in range(FRAMES):
+        name = 113_906_155_183 + 33 * n
+        image(folder / f"keyframes/images/{name}.jpg", colour(rgb, n))
+        image(folder / f"keyframes/depth/{name}.png", steps[n])
+        matrix = _arkit(c2w[n])
+        told = {f"t_{row}{column}": float(matrix[row, column]) for row in range(3) for column in range(4)}
+        focal = {"fx": rgb[2] + (0.05, 0, 0, -0.05)[n], "fy": rgb[3], "cx": rgb[4], "cy": rgb[5]}
+        text = json.dumps({**told, **focal, "width": 64, "height": 48, "blur_score": 90.0})
+        (folder / f"keyframes/cameras/{name}.json").write_text(text)
+    return Written(c2w, steps, 1000.0, seen, rgb)
+
+
+def openloris(folder):
+    """Poses are those of the robot's base; intrinsics are fx cx fy cy, and FileStorage tags its matrices."""
+    k = (64, 48, 58.0, 57.0, 31.25, 23.75)
+    c2w = poses(seed=18)
+    steps = _steps(k, c2w, 1000.0)
+    base_from_mast, mast_from_camera = poses(2, seed=98)
+    base = c2w @ np.linalg.inv(base_from_mast @ mast_from_camera)
+    lists = {"color": [], "aligned_depth": [], "groundtruth": []}
+    for n in range(FRAMES):
+        at = f"{1560004885 + n}.446172"
+        for kind, pixels in (("color", colour(k, n)), ("aligned_depth", steps[n])):
+            image(folder / f"{kind}/{at}.png", pixels)
+            lists[kind].append(f"{at} {kind}/{at}.png")
+        lists["groundtruth"].append(
+            " ".join([at, *map(repr, [*base[n, :3, 3].tolist(), *_quaternion(base[n], "xyzw")])])
+        )
+    for name, rows in lists.items():
+        (folder / f"{name}.txt").write_text("#Time data\n" + "".join(row + "\n" for row in rows))
+    storage = cv2.FileStorage(str(folder / "sensors.yaml"), cv2.FILE_STORAGE_WRITE)
+    storage.startWriteStruct("d400_color_optical_frame", cv2.FileNode_MAP)
+    for name, value in (("fps", 30), ("width", 64), ("height", 48), ("distortion_model", "radial-tangential")):
+        storage.write(name, value)
+    storage.write("intrinsics", np.array([[k[2], k[4], k[3], k[5]]]))
+    storage.write("distortion_coefficients", np.zeros((1, 5)))
+    storage.endWriteStruct()
+    storage.release()
+    storage = cv2.FileStorage(str(folder / "trans_matrix.yaml"), cv2.FILE_STORAGE_WRITE)
+    storage.startWriteStruct("trans_matrix", cv2.FileNode_SEQ)
+    for parent, child, matrix in (
+        ("mast", "d400_color_optical_frame", mast_from_camera),
+        ("base_link", "mast", base_from_mast),
+    ):
+        storage.startWriteStruct("", cv2.FileNode_MAP)
+        storage.write("parent_frame", parent)
+        storage.write("child_frame", child)
+        storage.write("matrix", matrix)
+        storage.endWriteStruct()
+    storage.endWriteStruct()
+    storage.release()
+    seconds = tuple(1560004885.446172 + n for n in range(FRAMES))
+    return Written(c2w, steps, 1000.0, k, k, numbers=seconds, hz=1.0)
+
+
 # --- the layouts that Noisy World writes, as others write them ---
 
 START_NS = 1403636579763555584
@@ -342,5 +483,8 @@ def vslamlab(folder):
 WRITTEN = {writer.__name__: writer for writer in (replica, tum, euroc, tum_vi, vslamlab)}
 WRITERS = {
     writer.__name__: writer
-    for writer in (seven_scenes, bundlefusion, scannet, icl_nuim, open3d, redwood, nerfstudio, colmap)
+    for writer in (
+        *(seven_scenes, bundlefusion, scannet, icl_nuim, open3d, redwood, nerfstudio, colmap),
+        *(tartanair, neural_rgbd, bop, record3d, polycam, openloris),
+    )
 }

@@ -29,7 +29,7 @@ def recording(tmp_path):
     folder.mkdir()
     WRITERS["scannet"](folder)
     item = settings()
-    item.mesh_source, item.of_sequence.sequence, item.scene.name = "RECORDING", str(folder), "scan"
+    item.mesh_source, item.of_sequence.sequence.folder, item.scene.name = "RECORDING", str(folder), "scan"
     item.output_folder, item.output.layout, item.render.backend = str(tmp_path / "out"), "tum", "reference"
     return item
 
@@ -79,7 +79,7 @@ def test_plain_images_are_previewed_as_they_are_written(tmp_path):
     for n in range(3):
         cv2.imwrite(str(folder / f"shot.{n + 8}.png"), np.full((24, 32, 3), 40 * n + 60, np.uint8))
     item = settings()
-    item.mesh_source, item.of_sequence.sequence, item.scene.name = "RECORDING", str(folder), "plates"
+    item.mesh_source, item.of_sequence.sequence.folder, item.scene.name = "RECORDING", str(folder), "plates"
     item.of_sequence.poses, item.of_sequence.layout, item.output.image = "keep", "images", "png"
     item.output_folder, item.render.backend = str(tmp_path / "out"), "reference"
     assert "depth" not in item.output.modalities
@@ -122,7 +122,7 @@ def test_its_keys_come_back_from_a_preset(recording, tmp_path):
     ]
     assert "camera" not in said
     item = settings()
-    item.mesh_source, item.of_sequence.sequence, item.of_sequence.poses = "ROOM", "", "drop"
+    item.mesh_source, item.of_sequence.sequence.folder, item.of_sequence.poses = "ROOM", "", "drop"
     item.of_sequence.register, item.of_sequence.void, item.of_sequence.depth_scale_per_m = False, "unmeasured", 1.0
     document.open_preset(item, path)
     assert document.to_document(item, tmp_path) == said
@@ -145,7 +145,7 @@ def test_its_keys_come_back_from_a_preset(recording, tmp_path):
 
 
 def test_what_is_wrong_with_a_recording_is_said(recording, tmp_path):
-    assert source_views.layout_names(recording.of_sequence.sequence) == "ScanNet"
+    assert source_views.layout_names(recording.of_sequence.sequence.folder) == "ScanNet"
     assert source_views.layout_names(str(tmp_path)) == ""
     assert source_views.layout_names(str(tmp_path / "none")) == ""
     assert [label for label, _ in source_views.known_layouts()] == [
@@ -153,7 +153,7 @@ def test_what_is_wrong_with_a_recording_is_said(recording, tmp_path):
     ]
     recording.of_sequence.undistort = True
     refused(document.save_preset, recording, tmp_path / "a.yaml", names="lens")
-    recording.of_sequence.undistort, recording.of_sequence.sequence = False, str(tmp_path / "none")
+    recording.of_sequence.undistort, recording.of_sequence.sequence.folder = False, str(tmp_path / "none")
     refused(bpy.ops.noisy_world.preview_frame, names="Scene > Folder: ", error=RuntimeError)
 
 
@@ -188,7 +188,7 @@ def test_each_source_draws_fields_that_there_are(recording):
     assert drawn["ROOM"] == ["room_seed"]
     assert drawn["FILE"] == ["mesh"]
     assert drawn["SCENE"] == ["compositing", "depth_alpha"]
-    assert drawn["RECORDING"][0] == "sequence"
+    assert drawn["RECORDING"][0] == "folder"
     assert [name for name in drawn["RECORDING"] if not name.startswith("use_")][-6:] == [
         "undistort", "register", "depth_scale_per_m", "void", "poses", "rate_hz",
     ]  # fmt: skip

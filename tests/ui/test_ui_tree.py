@@ -225,7 +225,7 @@ def test_every_section_is_drawn_with_what_the_preset_gives(name):
 def test_a_recordings_lens_is_said_of_its_scene_and_it_carries_no_imu(tmp_path):
     panel = settings()
     panel.rig.imu.rate_hz = 400
-    panel.mesh_source, panel.of_sequence.sequence = "RECORDING", str(tmp_path)
+    panel.mesh_source, panel.of_sequence.sequence.folder = "RECORDING", str(tmp_path)
     panel.of_sequence.distortion.model, panel.of_sequence.distortion.k1 = "equidistant", 0.25
     said = document.to_document(panel)
     assert said["scenes"][0]["distortion"] == {"model": "equidistant", "k1": 0.25}

@@ -18,8 +18,10 @@ Float64: TypeAlias = NDArray[np.float64]
 # From the axes in the module's docstring.
 OPENCV_FROM_BLENDER: Float64 = np.diag([1.0, -1.0, -1.0])
 OPENCV_FROM_ROBOT: Float64 = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
+OPENCV_FROM_NED: Float64 = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
 OPENCV_FROM_BLENDER.setflags(write=False)
 OPENCV_FROM_ROBOT.setflags(write=False)
+OPENCV_FROM_NED.setflags(write=False)
 
 
 @dataclass(frozen=True)
@@ -176,6 +178,11 @@ def opencv_from_blender_c2w(c2w: ArrayLike) -> Float64:
 def opencv_from_robot_c2w(c2w: ArrayLike) -> Float64:
     """(..., 4, 4) world_from_body with a robot's axes -> c2w with OpenCV's, looking along the robot's x."""
     return _with_camera_axes(c2w, OPENCV_FROM_ROBOT.T)
+
+
+def opencv_from_ned_c2w(c2w: ArrayLike) -> Float64:
+    """(..., 4, 4) world_from_body with an aircraft's axes (x forward, y right, z down) -> c2w with OpenCV's."""
+    return _with_camera_axes(c2w, OPENCV_FROM_NED.T)
 
 
 def pose(rotation: ArrayLike, translation: ArrayLike) -> Float64:

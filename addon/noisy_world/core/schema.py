@@ -143,6 +143,18 @@ def key(
     return field(default=default, default_factory=default_factory, metadata={"key": info})
 
 
+def key_of(cls: Any, name: str) -> Any:
+    """Return a field that means what that of another dataclass does, with its default."""
+    item = cls.__dataclass_fields__[name]
+    return field(default=item.default, default_factory=item.default_factory, metadata=item.metadata)
+
+
+def held_by(cls: Any, name: str) -> Any:
+    """Return the dataclass that a field of a dataclass holds; None where it holds none."""
+    hint, _ = _unwrap(get_type_hints(cls)[name])
+    return hint if isinstance(hint, type) and is_dataclass(hint) else None
+
+
 def info_of(cls: Any, name: str) -> KeyInfo:
     """Return what is said of a dataclass's field."""
     return cls.__dataclass_fields__[name].metadata["key"]

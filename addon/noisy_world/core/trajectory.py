@@ -12,10 +12,17 @@ from numpy.typing import ArrayLike, NDArray
 
 from .curve import BodyMotion, Curve, NaturalSpline, SplineCurve, WarpedCurve, motion_of
 from .errors import NoisyWorldError
-from .geometry import invert_pose, opencv_from_blender_c2w, opencv_from_robot_c2w, pose, quat_wxyz_from_rotation
+from .geometry import (
+    invert_pose,
+    opencv_from_blender_c2w,
+    opencv_from_ned_c2w,
+    opencv_from_robot_c2w,
+    pose,
+    quat_wxyz_from_rotation,
+)
 
 Direction: TypeAlias = Literal["c2w", "w2c"]
-Axes: TypeAlias = Literal["opencv", "opengl", "robot"]
+Axes: TypeAlias = Literal["opencv", "opengl", "robot", "ned"]
 
 DIRECTIONS: tuple[str, ...] = get_args(Direction)
 AXES: tuple[str, ...] = get_args(Axes)
@@ -196,7 +203,8 @@ def convert_convention(poses: ArrayLike, *, direction: Direction, axes: Axes) ->
     """(..., 4, 4) rigid poses in a declared convention -> c2w with OpenCV's camera axes.
 
     direction: "c2w" (camera to world) or "w2c". axes, of the camera: "opencv" (x right, y down, z forward), "opengl"
-    (x right, y up, z backward; Blender, NeRF) or "robot" (x forward, y left, z up; ROS). The world stays as it is.
+    (x right, y up, z backward; Blender, NeRF), "robot" (x forward, y left, z up; ROS) or "ned" (x forward, y right, z
+    down; aircraft). The world stays as it is.
     Raises ValueError for another name.
     """
     if direction not in DIRECTIONS:
@@ -208,6 +216,8 @@ def convert_convention(poses: ArrayLike, *, direction: Direction, axes: Axes) ->
         return opencv_from_blender_c2w(c2w)
     if axes == "robot":
         return opencv_from_robot_c2w(c2w)
+    if axes == "ned":
+        return opencv_from_ned_c2w(c2w)
     return c2w
 
 

@@ -218,6 +218,7 @@ def _check_plain(stored: StoredSequence, *, lens: bool) -> None:
         "its lens distorts": ("undistort: true", lens and stored.optics.distortion is not None),
         "its colour is EXR, scene-linear light, which systems do not read": ("", stored.rgb_files[0].suffix == ".exr"),
         "its depth images mark void otherwise than by 0": ("", bool(stored.void_steps)),
+        "its depth images are no PNG": ("", not stored.depth_is_png),
     }
     found = {problem: key for problem, (key, is_so) in problems.items() if is_so}
     if found:

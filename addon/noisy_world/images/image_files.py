@@ -13,8 +13,9 @@ from ..core.atomic_files import sha256_of_bytes
 from ..core.errors import InputError
 from ..core.file_access import NotRegularError, TooLargeError, open_regular
 from . import image_header, jpeg_files
+from .array_files import array_header
 from .image_header import UPRIGHT, DamagedImageError, ImageHeader, UnfitImageError, check_size
-from .pixels import EXR_SIGNATURE, light_size_px
+from .pixels import EXR_SIGNATURE, exr_channels
 
 LARGEST_FILE_BYTES = 2**30  # chosen: an image within the limits of its size that cannot be compressed has half of it
 
@@ -57,7 +58,8 @@ def whole_image(data: bytes, *, sums: bool = True) -> tuple[ImageHeader, bytes]:
         return _header(io.BytesIO(data)), data
     if _kind(data) != "png":
         header = _header(io.BytesIO(data))
-        jpeg_files.check_ends(data)
+        if header.kind == "jpg":
+            jpeg_files.check_ends(data)
         return header, data
     whole = image_header.whole_png(data, sums=sums)  # before the header is believed
     header = _header(io.BytesIO(data))
@@ -146,7 +148,7 @@ def _header(file: BinaryIO) -> ImageHeader:
     kind = _kind(start)
     file.seek(0)
     if kind is None:
-        raise UnfitImageError("is neither PNG nor JPEG", "convert it to PNG")
+        return array_header(file.read())
     if kind == "exr":
         return _exr_header(file.read())
     header = image_header.png_header(file) if kind == "png" else jpeg_files.jpeg_header(file)
@@ -156,11 +158,15 @@ def _header(file: BinaryIO) -> ImageHeader:
 
 def _exr_header(data: bytes) -> ImageHeader:
     try:
-        size_px = light_size_px(data)
+        size_px, names = exr_channels(data)
     except ValueError as error:
         raise UnfitImageError(str(error), "convert it to PNG") from None
     check_size(*size_px)
-    return ImageHeader("exr", *size_px, channels=3, bits=16)
+    if names == ["B", "G", "R"]:
+        return ImageHeader("exr", *size_px, channels=3, bits=16)
+    if len(names) > 1:
+        raise UnfitImageError(f"is an EXR of the channels {', '.join(names)[:60]}", "write it with one, or R, G and B")
+    return ImageHeader("array", *size_px, channels=1, bits=32, floating=True)
 
 
 def _check_upright(orientation: int) -> None:

@@ -33,14 +33,16 @@ class DamagedImageError(UnfitImageError):
 
 @dataclass(frozen=True, slots=True)
 class ImageHeader:
-    """What a PNG, a JPEG or an EXR of light says of itself.
+    """What an image's file says of itself.
 
     channels: 1 grey, 3 colour, 4 CMYK; without alpha, those of the palette's colours where it has one. bits: of a
     value. alpha: whether pixels may be transparent. orientation: Exif's, 1 to 8. sequential: of a JPEG, that it holds
-    one scan of all channels. sampling: of a JPEG, the horizontal and vertical factors of each channel.
+    one scan of all channels. sampling: of a JPEG, the horizontal and vertical factors of each channel. floating:
+    whether values are floating point. kind: "exr", an EXR of R, G and B, is light as colour; "array" is one channel in
+    an EXR of others, an NPY or an NPZ; "other" is what OpenCV alone reads: TIFF, BMP, WebP and more.
     """
 
-    kind: Literal["png", "jpg", "exr"]
+    kind: Literal["png", "jpg", "exr", "array", "other"]
     width_px: int
     height_px: int
     channels: int
@@ -50,6 +52,7 @@ class ImageHeader:
     orientation: int = UPRIGHT
     sequential: bool = True
     sampling: tuple[tuple[int, int], ...] = ()
+    floating: bool = False
 
     @property
     def size_px(self) -> tuple[int, int]:
@@ -62,8 +65,11 @@ class ImageHeader:
         colours = {1: "grey", 3: "colour", 4: "CMYK"}[self.channels]
         if self.kind == "exr":
             return "an EXR of scene-linear light"
-        name = "JPEG" if self.kind == "jpg" else "PNG"
-        return f"a {name} of {self.bits}-bit {colours}{' with alpha' if self.alpha else ''}"
+        if self.kind == "array":
+            return f"an array of {self.bits}-bit {'floating point' if self.floating else 'whole numbers'}"
+        name = {"jpg": "a JPEG", "png": "a PNG"}.get(self.kind, "an image")
+        floating = " floating point," if self.floating else ""
+        return f"{name} of {self.bits}-bit{floating} {colours}{' with alpha' if self.alpha else ''}"
 
     @property
     def plainly(self) -> Literal["rgb", "grey"] | None:

@@ -2,7 +2,7 @@
 """Reading the pixels of image files; damage that can be detected is refused."""
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -12,12 +12,14 @@ from numpy.typing import NDArray
 
 from ..core.errors import InputError
 from ..core.file_access import read_bytes
+from .array_files import array_values
 from .image_files import LARGEST_FILE_BYTES, WholeFile, check_whole, read_header, read_whole
 from .image_header import DamagedImageError, ImageHeader, UnfitImageError
 from .jpeg_files import decode_strictly
 from .pixels import UINT16_MAX, decode_light, decode_png
 
 _ONE_SIZE = "a sequence has one size"
+_STEPS = range(UINT16_MAX + 1)
 
 
 # --- files ---
@@ -50,16 +52,39 @@ def read_light(path: Path, size_px: tuple[int, int], sha256: str | None = None) 
         raise InputError(path, str(error)) from error
 
 
-def read_steps(path: Path, size_px: tuple[int, int], sha256: str | None = None) -> NDArray[np.uint16]:
-    """Return the steps (H, W) of a depth image. Raises InputError where it is damaged, or no 16-bit PNG of the size."""
+def read_steps(path: Path, size_px: tuple[int, int], sha256: str | None = None) -> NDArray[Any]:
+    """Return the values (H, W) of a depth image as they are stored: uint16 of a PNG, else numbers of any type.
+
+    Raises InputError where it is damaged, has another size, or is no depth.
+    """
     header, data = read_whole(path, sha256)
     check_depth(path, header)
     check_size_px(path, header, size_px)
     try:
+        if header.kind != "png":
+            return array_values(data)
         pixels = decode_png(data)
         return np.asarray(_decoded(data, _unchanged(), header, np.uint16) if pixels is None else pixels, np.uint16)
     except UnfitImageError as error:
         raise InputError(path, error.problem, remedy=error.remedy) from None
+
+
+def metres(values: NDArray[Any], scale_per_m: float, void: Sequence[float] = ()) -> NDArray[np.float32]:
+    """Return the planar depth (H, W) in metres, 0 = void, of values as a depth image stores them.
+
+    void: values that say that nothing was measured, beside 0, what is below it and what is not finite.
+    """
+    if values.dtype == np.uint16:
+        if void:
+            values = np.where(np.isin(values, [value for value in void if value in _STEPS]), np.uint16(0), values)
+        return (values / np.float64(scale_per_m)).astype(np.float32)
+    known = np.isfinite(values) & (values > 0)
+    if void:
+        known &= ~np.isin(values, np.asarray(void, values.dtype))
+    with np.errstate(over="ignore"):
+        depth_m = (np.where(known, values, 0) / np.float64(scale_per_m)).astype(np.float32)
+    depth_m[~np.isfinite(depth_m)] = 0
+    return depth_m
 
 
 def read_pixels(path: Path, mode: int) -> NDArray[Any] | None:
@@ -78,6 +103,8 @@ def read_pixels(path: Path, mode: int) -> NDArray[Any] | None:
 
 def check_colour(path: Path, header: ImageHeader) -> None:
     """Raise InputError where an image is no colour as it is meant here."""
+    if header.kind == "array" or header.floating:
+        raise InputError(path, f"is {header.description}, but colour has to be 8-bit grey, or RGB")
     if header.kind == "exr":
         problem = f"is {header.description}, but colour has to be as it is shown on a display"
         raise InputError(path, problem, remedy="make the dataset with output.image: png, or convert it to PNG")
@@ -87,9 +114,17 @@ def check_colour(path: Path, header: ImageHeader) -> None:
 
 
 def check_depth(path: Path, header: ImageHeader) -> None:
-    """Raise InputError where an image is no 16-bit grey PNG."""
-    if (header.kind, header.bits, header.channels, header.alpha) != ("png", 16, 1, False):
-        raise InputError(path, f"is {header.description}, but depth has to be a PNG of 16-bit grey")
+    """Raise InputError where an image is no depth: one channel of 16 bits or more, in a PNG, TIFF, EXR, NPY or NPZ."""
+    if header.kind == "exr" or (header.channels == 1 and not header.alpha and header.bits >= 16):
+        return
+    problem = f"is {header.description}, but depth has to be a PNG of 16-bit grey"
+    raise InputError(path, problem, remedy="or floating point or 16 bits in a TIFF, EXR, NPY or NPZ")
+
+
+def check_named_png(path: Path, header: ImageHeader) -> None:
+    """Raise InputError where a depth image that its name says to be a PNG is something else."""
+    if header.kind != "png":
+        raise InputError(path, f"is {header.description}, but its name says PNG", remedy="give it its own suffix")
 
 
 def check_size_px(path: Path, header: ImageHeader, wanted: tuple[int, int], own: bool = False) -> None:
@@ -174,7 +209,7 @@ class DepthFolder:
 
     def depth_m(self, index: int) -> NDArray[np.float32]:
         """Return planar depth (H, W) in metres, 0 = void. Raises InputError where the file is damaged."""
-        return (read_steps(self.files[index], self.size_px) / np.float64(self.scale_per_m)).astype(np.float32)
+        return metres(read_steps(self.files[index], self.size_px), self.scale_per_m)
 
     def whole_file(self, index: int) -> WholeFile:
         """Return the file of a depth image that is used as it is. Raises InputError where it is damaged."""
@@ -200,6 +235,7 @@ def read_depth_folder(folder: Path, scale_per_m: float, video: Path, count: int,
     files = tuple(found[number] for number in sorted(found))
     for path in files:
         header = read_header(path)
+        check_named_png(path, header)
         check_depth(path, header)
         _check_size_px(path, header.size_px, size_px)
     return DepthFolder(folder, files, scale_per_m, size_px)

@@ -285,8 +285,8 @@ def decode_light(data: bytes) -> NDArray[np.float32]:
     return decode_exr(data, "RGB")
 
 
-def light_size_px(data: bytes) -> tuple[int, int]:
-    """Return the width and height of an EXR of colour, by its header. Raises ValueError where it is none."""
+def exr_channels(data: bytes) -> tuple[tuple[int, int], list[str]]:
+    """Return the width and height of an EXR, and the names of its channels. Raises ValueError where it is none."""
     import OpenEXR
 
     stream = io.BytesIO(data)
@@ -297,9 +297,7 @@ def light_size_px(data: bytes) -> tuple[int, int]:
             (left, top), (right, bottom) = header["dataWindow"]
     except (RuntimeError, KeyError) as error:  # and ValueError, so OpenEXR says what is damaged
         raise ValueError("is no whole EXR") from error
-    if names != ["B", "G", "R"]:
-        raise ValueError("is an EXR of other channels than R, G and B")
-    return int(right - left + 1), int(bottom - top + 1)
+    return (int(right - left + 1), int(bottom - top + 1)), names
 
 
 def encode_npy(values: NDArray[Any]) -> bytes:

@@ -19,10 +19,11 @@ from numpy.typing import NDArray
 from ..core.errors import InputError
 from ..core.geometry import Intrinsics, blender_from_opencv_c2w, opencv_from_blender_c2w
 from ..core.json_text import finite_number, parse_json_file
-from ..core.lens import DepthCamera, Distortion, Optics, distortion_of
+from ..core.lens import Distortion, Optics, distortion_of
 from ..trajectories.formats import read_file_poses
 from .association import PosePolicy
 from .borrowed import BorrowedLayout
+from .described import seen_by_depth
 from .layout import MILLIMETRES, RECORDED_HZ, Image, RecordedLayout, SequenceFacts, counted_note, numbered
 from .numbered import NumberedPoses, numbered_frames
 from .stored_recording import StoredSequence, check_files, checked_intrinsics, recorded_text, size_of
@@ -76,7 +77,7 @@ class NerfstudioRecordings(RecordedLayout):
             rate_hz=used_hz,
         )
         camera = _camera(path, document, frames)
-        seen = _seen_by_depth(camera, size_of(found.depth_files[0])) if has_depth else None
+        seen = seen_by_depth(camera, size_of(found.depth_files[0])) if has_depth else None
         return StoredSequence(
             folder,
             found.rgb_files,
@@ -154,17 +155,6 @@ def _distortion(path: Path, document: Mapping[str, Any], frames: list[Any]) -> D
         if used
         else None
     )
-
-
-def _seen_by_depth(camera: Intrinsics, size_px: tuple[int, int]) -> DepthCamera | None:
-    """Return the camera of depth images that show the same view in other pixels; None where they are the colour's."""
-    if size_px == (camera.width_px, camera.height_px):
-        return None
-    across, down = np.array(size_px) / (camera.width_px, camera.height_px)
-    cx_px, cy_px = (camera.cx_px + _HALF_PX) * across - _HALF_PX, (camera.cy_px + _HALF_PX) * down - _HALF_PX
-    fx_px, fy_px = camera.fx_px * across, camera.fy_px * down
-    seen = Intrinsics(*size_px, float(fx_px), float(fy_px), float(cx_px), float(cy_px))
-    return DepthCamera(seen, shares_lens=True)
 
 
 class NerfstudioLayout(BorrowedLayout):

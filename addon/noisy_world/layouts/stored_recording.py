@@ -23,7 +23,17 @@ from ..core.lens import PINHOLE, Optics
 from ..core.trajectory import FrameStamps, Stamps, Trajectory
 from ..images.image_files import WholeFile, check_whole, read_header
 from ..images.image_header import ImageHeader
-from ..images.image_reading import check_colour, check_depth, check_size_px, read_colour, read_light, read_steps, spoken
+from ..images.image_reading import (
+    check_colour,
+    check_depth,
+    check_named_png,
+    check_size_px,
+    metres,
+    read_colour,
+    read_light,
+    read_steps,
+    spoken,
+)
 from ..trajectories.rig import RecordedImu
 
 # The SHA-256 of each file of a recording that this program wrote, as its frames.jsonl tells them.
@@ -81,7 +91,7 @@ class StoredFrame:
     rgb_sha256: str | None = None
     depth_sha256: str | None = None
     depth_size_px: SizePx | None = None
-    void_steps: tuple[int, ...] = ()
+    void_steps: tuple[float, ...] = ()
     rgb_header: ImageHeader | None = None
 
     @property
@@ -99,12 +109,10 @@ class StoredFrame:
 
     @property
     def depth_m(self) -> NDArray[np.float32]:
-        """Planar depth (H, W) in metres, 0 = void. Raises InputError where the file is no 16-bit image of the size."""
+        """Planar depth (H, W) in metres, 0 = void. Raises InputError where the file is no depth image of the size."""
         assert self.depth_file is not None, "there is no depth"
-        steps = read_steps(self.depth_file, self.depth_size_px or self.size_px, self.depth_sha256)
-        if self.void_steps:
-            steps[np.isin(steps, self.void_steps)] = 0
-        return (steps / np.float64(self.depth_scale_per_m)).astype(np.float32)
+        values = read_steps(self.depth_file, self.depth_size_px or self.size_px, self.depth_sha256)
+        return metres(values, self.depth_scale_per_m, self.void_steps)
 
     @cached_property
     def stored_rgb(self) -> tuple[str, str | None]:
@@ -112,11 +120,18 @@ class StoredFrame:
         header = self.rgb_header or read_header(self.rgb_file)
         return header.kind, header.plainly
 
+    @property
+    def depth_is_png(self) -> bool:
+        """Whether its depth image is a PNG, as datasets have it."""
+        return self.depth_file is not None and is_png(self.depth_file)
+
     def whole_file(self, modality: str) -> WholeFile:
         """Return the file of "rgb" or "depth" that is used as it is. Raises InputError where it is damaged."""
         file, sha256 = (self.rgb_file, self.rgb_sha256) if modality == "rgb" else (self.depth_file, self.depth_sha256)
         assert file is not None, "there is no depth"
         header, digest = check_whole(file, sha256)
+        if modality == "depth":
+            check_named_png(file, header)
         own_size_px = None if modality == "rgb" else self.depth_size_px
         check_size_px(file, header, own_size_px or self.size_px, own_size_px not in (None, self.size_px))
         return WholeFile(file, digest)
@@ -148,7 +163,7 @@ class StoredSequence:
     camera_path: Path | None = None
     notes: tuple[str, ...] = ()
     counted_hz: float | None = None
-    void_steps: tuple[int, ...] = ()
+    void_steps: tuple[float, ...] = ()
     optics: Optics = PINHOLE
     assumed: str = ""
     likely: Intrinsics | None = None
@@ -158,6 +173,11 @@ class StoredSequence:
     def size_px(self) -> SizePx:
         """Width and height of its first image in pixels."""
         return read_header(self.rgb_files[0]).size_px
+
+    @property
+    def depth_is_png(self) -> bool:
+        """Whether all its depth images are PNG, as their names say."""
+        return all(map(is_png, self.depth_files))
 
     @property
     def files(self) -> tuple[Path, ...]:
@@ -241,6 +261,11 @@ class StoredSequence:
         if not self._digests or not file.is_relative_to(self.folder):
             return None
         return self._digests.get(file.relative_to(self.folder).as_posix())
+
+
+def is_png(path: Path) -> bool:
+    """Tell whether an image is a PNG, by its name; `whole_file` looks at its content."""
+    return path.suffix.lower() == ".png"
 
 
 def size_of(path: Path) -> SizePx:

@@ -18,7 +18,7 @@ from .tree import GIVEN, property_name, set_value, taking
 OVERRIDE = "override_"
 MOVED: dict[str, str] = {
     "scene_name": "scene.name", "mesh_path": "of_mesh.mesh", "depth_alpha": "of_blend.depth_alpha",
-    "sequence_path": "of_sequence.sequence", "recorded_layout": "of_sequence.layout",
+    "sequence_path": "of_sequence.sequence.folder", "recorded_layout": "of_sequence.layout",
     "recorded_poses": "of_sequence.poses", "recorded_rate_hz": "of_sequence.rate_hz",
     "undistort": "of_sequence.undistort", "register_depth": "of_sequence.register",
     "recorded_void": "of_sequence.void", "recorded_depth_scale_per_m": "of_sequence.depth_scale_per_m",

@@ -184,15 +184,16 @@ def _placed(preset: Preset) -> tuple[PresetSpec, list[SceneKeys], tuple[Setting,
     entries = read_scenes(preset)
     for entry in entries:
 
-        def whole(text: str | None, key: str, entry: SceneEntry[Any] = entry) -> str | None:
+        def whole(text: Any, key: str, entry: SceneEntry[Any] = entry) -> Any:
+            name = getattr(text, "SHORTHAND", "")  # of a dataclass, whose file or folder a bare text is
+            if name:
+                return replace(text, **{name: whole(getattr(text, name), key)})
             if text is None or is_embedded(text):
                 return text
             return path_in(preset.folder, text, entry.place.at(key)).resolve().as_posix()
 
-        files = PANEL_SOURCES[shown_as(entry)].files
-        given: dict[str, Any] = {key: whole(getattr(entry.keys, key), key) for key in files}
-        if (path := getattr(entry.keys, "trajectory", None)) is not None:
-            given["trajectory"] = replace(path, file=whole(path.file, "trajectory"))
+        files = (*PANEL_SOURCES[shown_as(entry)].files, "trajectory")
+        given = {key: whole(value, key) for key in files if (value := getattr(entry.keys, key, None)) is not None}
         found.append(replace(entry.keys, **given))
     own = any(PANEL_SOURCES[shown_as(entry)].own_lens for entry in entries)
     camera = preset.spec.camera if own else preset.spec.mesh_camera

@@ -202,6 +202,7 @@ class ShownSource:
     def unnamed(self, panel: Any) -> str:
         """Return the name of a scene that the preset gives none."""
         text = getattr(self.group(panel), self.source, "")
+        text = getattr(text, "folder", text)  # of a recording, which is described or a folder
         return Path(text).stem if self.files and text else self.source
 
     def draw(self, layout: bpy.types.UILayout, panel: Any) -> None:
@@ -333,14 +334,16 @@ class _Recording(_Footage):
         known = ("sequence", "layout", "rate_hz")
         left = [item.name for item in fields(self.keys) if item.name not in known] if group.layout == "images" else []
         said = said_by(group, self.keys, file, leave=(*SHARED, *left))
-        return {"sequence": file(group.sequence)} | said
+        folder = file(group.sequence.folder)
+        described = {name: value for name, value in said.get("sequence", {}).items() if name != "folder"}
+        return said | {"sequence": {"folder": folder, **described} if described else folder}
 
     def draw(self, layout: bpy.types.UILayout, panel: Any) -> None:
         group = self.group(panel)
         row = layout.row(align=True)
-        row.prop(group, "sequence")
+        row.prop(group.sequence, "folder")
         row.popover(panel=NOISYWORLD_PT_layouts.__name__, text="", icon="INFO")
-        folder = absolute(group.sequence)
+        folder = absolute(group.sequence.folder)
         if folder and not Path(folder).is_dir():
             write(layout, bpy.context, "There is no such folder", "ERROR")
         layout.prop(group, "layout")

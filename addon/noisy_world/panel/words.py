@@ -7,6 +7,7 @@ All else that a property shows is the schema's.
 from typing import Any
 
 from ..layouts import LAYOUTS, RECORDED
+from ..layouts.described import SequenceSpec
 from ..layouts.layout import MILLIMETRES
 from ..preset.keys import REPLICA_CAMERA, CameraSpec, ImuSpec, OutputSpec, PresetSpec, RigSpec, SensorSpec, SettingSpec
 from ..preset.scene_keys import HandheldSpec, SceneKeys, TrajectorySpec
@@ -18,7 +19,7 @@ from ..sources.video import VideoKeys
 from .fields import LARGEST_INT, PERTURBATIONS, TRAJECTORY
 
 FILES: dict[tuple[type, str], str] = {
-    (MeshKeys, "mesh"): "FILE_PATH", (RecordingKeys, "sequence"): "DIR_PATH", (VideoKeys, "video"): "FILE_PATH",
+    (MeshKeys, "mesh"): "FILE_PATH", (SequenceSpec, "folder"): "DIR_PATH", (VideoKeys, "video"): "FILE_PATH",
     (VideoKeys, "depth"): "DIR_PATH", (BlendKeys, "blend"): "FILE_PATH", (TrajectorySpec, "file"): "FILE_PATH",
 }  # fmt: skip
 """The keys that name files, beside those whose field reads one; and what Blender's browser looks for."""
@@ -28,7 +29,7 @@ _LAYOUTS = f"{', '.join(LAYOUT_LABELS[:-1])} or {LAYOUT_LABELS[-1]}"
 _OUTPUT = OutputSpec().format
 
 _WORDS: dict[tuple[type, str], dict[str, Any]] = {
-    (RecordingKeys, "sequence"): {"description": f"Folder of a recording, laid out as {_LAYOUTS}, as its files tell"},
+    (SequenceSpec, "folder"): {"description": f"Folder of a recording, laid out as {_LAYOUTS}, as its files tell"},
     (RecordingKeys, "poses"): {"section": TRAJECTORY},
     (RecordingKeys, "rate_hz"): {"section": TRAJECTORY},
     (RecordingKeys, "depth_scale_per_m"): {"precision": 1, "default": MILLIMETRES},

@@ -13,8 +13,21 @@ from ..channels.channel import FILE_KINDS
 from ..core.errors import CommandLineOnly, InputError, Message, PresetKey
 from ..core.file_access import check_utf8_values, open_regular, path_in
 from ..core.geometry import Intrinsics
-from ..core.schema import DEEPEST, LARGEST_BYTES, Choice, ChoicesOf, ConfigPath, describe, key, parse, quoted, read_yaml
+from ..core.schema import (
+    DEEPEST,
+    LARGEST_BYTES,
+    Choice,
+    ChoicesOf,
+    ConfigPath,
+    describe,
+    held_by,
+    key,
+    parse,
+    quoted,
+    read_yaml,
+)
 from ..layouts import LAYOUTS, Beyond, Colour, Image, Layout, OutputFormat
+from ..layouts.described import SequenceSpec
 from .camera_devices import CAMERA_DEVICES, with_device
 from .names import OnlySpec, chosen_part, safe_name, stream_name, template
 from .scene_keys import BodySpec, TrajectorySpec
@@ -294,7 +307,12 @@ def check_output(spec: OutputSpec, place: ConfigPath) -> None:
 # What --set changes in a preset's document.
 
 
-BARE = {"trajectory": TrajectorySpec.SHORTHAND, "body": BodySpec.SHORTHAND}
+BARE = {
+    "trajectory": TrajectorySpec.SHORTHAND,
+    "body": BodySpec.SHORTHAND,
+    "sequence": SequenceSpec.SHORTHAND,
+    **{item.name: hint.SHORTHAND for item in fields(SequenceSpec) if (hint := held_by(SequenceSpec, item.name))},
+}
 """What a bare text stands for: so trajectory.every can be set where the preset names only a file."""
 
 

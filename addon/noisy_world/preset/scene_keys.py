@@ -2,11 +2,11 @@
 """The keys that scenes of several sources have: a name, and the way through them. Each source adds its own."""
 
 from dataclasses import dataclass
-from typing import ClassVar, Literal
+from typing import ClassVar
 
-from ..core.schema import Choice, ChoicesOf, ConfigPath, key
+from ..core.schema import Choice, ConfigPath, key, key_of
 from ..trajectories.bodies import BodyKind
-from ..trajectories.formats import TRAJECTORY_FORMATS
+from ..trajectories.formats import PoseAxes, PoseDirection, PoseKeys, StampUnits
 from .names import scene_name
 
 
@@ -105,38 +105,9 @@ class TrajectorySpec:
     )
     handheld: HandheldSpec | None = key("a path made here instead of a file", default=None)
     body: BodySpec | None = key("what carries the camera along the path, with its own motion", default=None)
-    format: str = key(
-        "the file's format, where its content should not decide",
-        default="auto",
-        choices=ChoicesOf(
-            TRAJECTORY_FORMATS,
-            lambda item: Choice(item.label, item.meaning),
-            {"auto": Choice("Automatic", "As the file's content tells")},
-        ),
-        identity="meaning",
-    )
-    pose: Literal["auto", "c2w", "w2c"] = key(
-        "whether the file holds camera-to-world or world-to-camera; auto is camera-to-world",
-        default="auto",
-        choices={
-            "auto": Choice("Automatic", "Camera to World"),
-            "c2w": Choice("Camera to World", "A pose takes points from the camera to the world"),
-            "w2c": Choice("World to Camera", "A pose takes points from the world to the camera"),
-        },
-        identity="meaning",
-    )
-    axes: Literal["auto", "opencv", "opengl", "robot"] = key(
-        "the file's camera axes: x right, y down, z forward; y up, z backward; or x forward, y left, z up; auto is "
-        "opencv, and opengl for transforms.json",
-        default="auto",
-        choices={
-            "auto": Choice("Automatic", "OpenGL for a transforms.json, else OpenCV"),
-            "opencv": Choice("OpenCV", "The camera looks along z: x right, y down, z forward"),
-            "opengl": Choice("OpenGL", "As Blender's cameras: x right, y up, z backward"),
-            "robot": Choice("Robot", "The camera looks along x: x forward, y left, z up"),
-        },
-        identity="meaning",
-    )
+    format: str = key_of(PoseKeys, "format")
+    pose: PoseDirection = key_of(PoseKeys, "pose")
+    axes: PoseAxes = key_of(PoseKeys, "axes")
     rate_hz: float = key(
         "frames a second, where the file has no time stamps",
         unit="Hz",
@@ -147,18 +118,7 @@ class TrajectorySpec:
         slider=(1, 120),
         label="Frame Rate",
     )
-    stamp_unit: Literal["auto", "s", "ms", "us", "ns"] = key(
-        "the unit of the file's time stamps; auto tells seconds from nanoseconds",
-        default="auto",
-        choices={
-            "auto": Choice("Automatic", "Seconds or nanoseconds, as large as the numbers are"),
-            "s": Choice("Seconds", "The time stamps are seconds"),
-            "ms": Choice("Milliseconds", "The time stamps are milliseconds"),
-            "us": Choice("Microseconds", "The time stamps are microseconds"),
-            "ns": Choice("Nanoseconds", "The time stamps are nanoseconds"),
-        },
-        identity="meaning",
-    )
+    stamp_unit: StampUnits = key_of(PoseKeys, "stamp_unit")
     start: int = key("first pose used", default=0, minimum=0, identity="meaning")
     stop: int | None = key("the pose after the last one used", default=None, minimum=1, identity="meaning")
     every: int = key(

@@ -3,7 +3,6 @@
 
 import hashlib
 import itertools
-import re
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -25,8 +24,9 @@ from ..core.schema import Choice, ConfigPath, key
 from ..core.trajectory import FrameStamps, Trajectory
 from ..images.image_files import WholeFile
 from ..images.measured_depth import VOID_CHOICES, VOID_MEANING, MeasuredDepth, Void
-from ..layouts import Modality, OutputFormat, PosePolicy, find_sequence, known_recordings, recognising
+from ..layouts import Modality, OutputFormat, PosePolicy, find_sequence, recognising
 from ..layouts.association import unposed
+from ..layouts.described import Key, SequenceSpec, check_sequence, name_key, read_described
 from ..layouts.layout import counted_note
 from ..layouts.stored_recording import RATE_HZ, SCALES_PER_M, StoredFrame, StoredSequence, same_camera
 from ..preset.scene_keys import SceneKeys
@@ -38,8 +38,9 @@ from .scene_files import GUESSED, FileSource, camera_or_guess, sha256_of_path
 from .scene_kinds import Lack, SceneEntry
 
 ReadAs: TypeAlias = Literal["auto", "images"]
-IMAGES = (".png", ".jpg", ".jpeg")  # plain ones, as they are read
-OTHER_IMAGES = (".exr", ".tif", ".tiff", ".dpx", ".tga", ".webp", ".bmp", ".hdr", ".jp2", ".gif", ".heic")
+# Plain ones, as they are read.
+IMAGES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp", ".ppm", ".pgm", ".pnm", ".jp2")
+OTHER_IMAGES = (".exr", ".dpx", ".tga", ".hdr", ".gif", ".heic")
 RATE_TOLERANCE = 0.01  # chosen: 30 Hz may stand for the 29.97 of a camera; the recording's own stamps count anyway
 
 
@@ -57,11 +58,8 @@ class RecordingKeys(SceneKeys):
         "depth_scale_per_m": "Steps a meter of depth, such as 1000 for millimeters, where no file says it",
     }
 
-    sequence: str = key(
-        lambda: (
-            f"instead of mesh and trajectory: a folder laid out as {known_recordings()}, relative to the preset; "
-            "* allowed"
-        ),
+    sequence: SequenceSpec = key(
+        "instead of mesh and trajectory: a recording's folder, or a mapping of it and of what is where in it",
         identity="meaning",
         label="Folder",
     )
@@ -289,6 +287,7 @@ def read_recording(
     rate_hz: float | None = None,
     poses: PosePolicy = "drop",
     *,
+    described: SequenceSpec | None = None,
     undistort: bool = False,
     register: bool = False,
     distortion: DistortionSpec | None = None,
@@ -297,13 +296,17 @@ def read_recording(
 ) -> Recording:
     """Find the files of a recording. rate_hz: of its frames, as the preset says it; None where it does not.
 
-    poses: what becomes of frames without a pose. undistort: whether to make a pinhole of a lens that distorts.
+    poses: what becomes of frames without a pose. described: where its files are; None for a layout that they tell.
+    undistort: whether to make a pinhole of a lens that distorts.
     register: whether depth of a camera of its own is laid into colour. distortion: of a lens that frames are bent by.
     depth_scale_per_m: steps a metre of depth, in place of what files and layout say. void: what depth 0 means.
     Raises InputError where files are missing or wrong, where its own stamps say another rate, and where there is
     nothing to undistort or register.
     """
-    stored = find_sequence(folder, rate_hz, poses)
+    if described is None:
+        stored = find_sequence(folder, rate_hz, poses)
+    else:
+        stored = read_described(folder, described, place.at("sequence"), rate_hz, poses)
     own_hz = None if stored.stamps_path is None else stored.rate_hz
     if rate_hz is not None and own_hz is not None and not abs(rate_hz / own_hz - 1) <= RATE_TOLERANCE:
         problem = f"is {rate_hz:g} Hz, but {stored.stamps_path} says {own_hz:.6g} Hz"
@@ -369,7 +372,7 @@ def read_images(folder: Path, place: ConfigPath, rate_hz: float | None = None) -
 
 
 def holds_images(folder: Path) -> bool:
-    """Tell whether PNG or JPEG images lie in a folder itself."""
+    """Tell whether images lie in a folder itself."""
     return folder.is_dir() and any(path.suffix.lower() in IMAGES for path in folder.iterdir())
 
 
@@ -378,22 +381,20 @@ def _files(folder: Path) -> tuple[Path, ...]:
         there = [path for path in folder.iterdir() if not path.name.startswith(".")]
     except OSError as error:
         raise InputError(folder, f"cannot be read: {error.strerror or error}") from None
-    found = sorted((path for path in there if path.suffix.lower() in IMAGES), key=_in_order)
+    found = sorted((path for path in there if path.suffix.lower() in IMAGES), key=_name_key)
     if not found:
         others = sorted({path.suffix.lower() for path in there} & set(OTHER_IMAGES))
         problem = f"has images of {', '.join(others)}, but no PNG or JPEG" if others else "has no PNG or JPEG images"
         raise InputError(folder, problem, remedy="convert them" if others else "")
     for one, other in itertools.pairwise(found):
-        if _in_order(one) == _in_order(other):
+        if _name_key(one) == _name_key(other):
             problem = f"{one.name} and {other.name} stand for one place in the order of names"
             raise InputError(folder, problem, remedy="keep one of them")
     return tuple(found)
 
 
-def _in_order(path: Path) -> list[tuple[int, int, str]]:
-    """Return what a file's name is ordered by, without its suffix: numbers by value, letters whatever their case."""
-    parts = re.findall(r"[0-9]+|[^0-9]+", path.stem.casefold())
-    return [(0, int(part), "") if part.isdecimal() else (1, 0, part) for part in parts]
+def _name_key(path: Path) -> Key:
+    return name_key(path.stem)
 
 
 def _values(camera: Intrinsics) -> str:
@@ -467,6 +468,7 @@ class RecordedFrame(ColourAndDepth):
         else:
             # A dataset says void by 0 alone.
             same = stored.depth_scale_per_m == written.depth_scale_per_m and not stored.void_steps
+            same = same and stored.depth_is_png
         return stored.whole_file(modality) if same else None
 
 
@@ -487,8 +489,19 @@ class RecordingKind(FileSource[RecordingKeys]):
     }
     instead: ClassVar[Mapping[str, Part]] = {"trajectory": "leave it out: a sequence has its own"}
 
+    def named_file(self, keys: RecordingKeys) -> str:
+        """Return the folder, or a pattern of several."""
+        return keys.sequence.folder or ""
+
+    def recorded(self, keys: RecordingKeys) -> dict[str, Any]:
+        """Return the keys as a dataset tells them; a recording whose layout its files tell is its folder."""
+        told = super().recorded(keys)
+        given = {name: value for name, value in told["sequence"].items() if value is not None}
+        return {**told, "sequence": given if keys.sequence.described else keys.sequence.folder}
+
     def check(self, keys: RecordingKeys, place: ConfigPath) -> None:
         """Refuse what plain images have not, and a lens that is none."""
+        check_sequence(keys.sequence, place.at("sequence"))
         if keys.distortion is not None:
             check_distortion(keys.distortion, place.at("distortion"))
             if keys.distortion.undistort:
@@ -514,11 +527,12 @@ class RecordingKind(FileSource[RecordingKeys]):
         keys = entry.keys
         if keys.layout == "images":
             return read_images(path, entry.place, keys.rate_hz)
-        if holds_images(path) and not recognising(path):
+        if not keys.sequence.described and holds_images(path) and not recognising(path):
             remedy = Message(PresetKey("layout", "images"), " reads it, without depth and poses")
             raise entry.place.at("sequence").error(f"{path} has the files of no layout, but plain images", remedy)
         return read_recording(
             *(path, entry.place, keys.rate_hz, keys.poses),
+            described=keys.sequence if keys.sequence.described else None,
             undistort=keys.undistort,
             register=keys.register,
             distortion=keys.distortion,

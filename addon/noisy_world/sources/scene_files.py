@@ -88,10 +88,14 @@ class FileSource(SourceKind[K]):
     def open_file(self, entry: SceneEntry[K], name: str, path: Path, parts: tuple[str, ...]) -> Source:
         """Return the source of a scene. parts: what wildcards matched. Raises InputError."""
 
+    def named_file(self, keys: K) -> str:
+        """Return the file or folder that a scene names, or a pattern of several."""
+        return getattr(keys, self.name)
+
     def scenes(self, entry: SceneEntry[K]) -> Iterable[FoundScene]:
         """Return a scene for each file that there is."""
         preset, place, own_name = entry.preset, entry.source_place, entry.keys.name
-        pattern: str = getattr(entry.keys, self.name)
+        pattern = self.named_file(entry.keys)
         if not glob.has_magic(pattern) or path_in(preset.folder, pattern, place).exists():
             name = own_name or path_in(preset.folder, pattern, place).stem
             return [FoundScene(entry, name, partial(self._open_named, entry, name, pattern))]

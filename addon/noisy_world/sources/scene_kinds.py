@@ -47,7 +47,7 @@ class SceneEntry(Generic[K]):
 
     def recorded_keys(self) -> dict[str, Any]:
         """Return the keys as a dataset tells them for people: without what is not given."""
-        given, defaults = asdict(self.keys), {item.name: item.default for item in fields(self.keys)}
+        given, defaults = self.kind.recorded(self.keys), {item.name: item.default for item in fields(self.keys)}
         recorded = {
             name: value for name, value in given.items() if name in self.kind.always_recorded or value != defaults[name]
         }
@@ -94,6 +94,10 @@ class SourceKind(ABC, Generic[K]):
 
     def check(self, keys: K, place: ConfigPath) -> None:
         """Check what involves several keys of a scene. Raises InputError."""
+
+    def recorded(self, keys: K) -> dict[str, Any]:
+        """Return the keys of a scene as plain values, for people."""
+        return asdict(keys)
 
     def path_key(self, keys: K) -> str:
         """Return the key of a scene that says its path."""

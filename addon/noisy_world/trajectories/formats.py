@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from ..core.entry_points import Door, Registry
 from ..core.errors import InputError, Message, PresetKey
+from ..core.schema import Choice, ChoicesOf, key
 from ..core.trajectory import AXES, DIRECTIONS, Axes, Direction, Trajectory, checked_rate, convert_convention
 from .pose_columns import STAMP_UNITS, StampUnit
 from .pose_files import (
@@ -28,6 +29,9 @@ from .pose_files import (
 )
 
 Auto: TypeAlias = Literal["auto"]
+
+# Aircraft's worlds have z down; ours have it up. x stays.
+UP_FROM_NED = np.diag([1.0, -1.0, -1.0, 1.0])
 
 
 def _problem(item: TrajectoryFormat) -> str:
@@ -43,6 +47,65 @@ DOOR = Door("noisy_world.trajectory_formats", "trajectory format", "FORMAT", (Tr
 
 TRAJECTORY_FORMATS = Registry(DOOR, __package__)
 """Every format of files of poses by its name, ours and those of installed packages."""
+
+
+# What presets say of files of poses, and of recordings.
+
+
+PoseDirection: TypeAlias = Literal["auto", "c2w", "w2c"]
+PoseAxes: TypeAlias = Literal["auto", "opencv", "opengl", "robot", "ned"]
+StampUnits: TypeAlias = Literal["auto", "s", "ms", "us", "ns"]
+
+
+@dataclass(frozen=True)
+class PoseKeys:
+    """What a preset says of a file of poses, where its content should not decide."""
+
+    format: str = key(
+        "the file's format, where its content should not decide",
+        default="auto",
+        choices=ChoicesOf(
+            TRAJECTORY_FORMATS,
+            lambda item: Choice(item.label, item.meaning),
+            {"auto": Choice("Automatic", "As the file's content tells")},
+        ),
+        identity="meaning",
+    )
+    pose: PoseDirection = key(
+        "whether the file holds camera-to-world or world-to-camera; auto is camera-to-world",
+        default="auto",
+        choices={
+            "auto": Choice("Automatic", "Camera to World"),
+            "c2w": Choice("Camera to World", "A pose takes points from the camera to the world"),
+            "w2c": Choice("World to Camera", "A pose takes points from the world to the camera"),
+        },
+        identity="meaning",
+    )
+    axes: PoseAxes = key(
+        "the file's camera axes: x right, y down, z forward; y up, z backward; x forward, y left, z up; or x forward, "
+        "y right, z down in a world whose z is down; auto is opencv, opengl for transforms.json, ned for tartanair",
+        default="auto",
+        choices={
+            "auto": Choice("Automatic", "OpenGL for a transforms.json, NED for TartanAir's, else OpenCV"),
+            "opencv": Choice("OpenCV", "The camera looks along z: x right, y down, z forward"),
+            "opengl": Choice("OpenGL", "As Blender's cameras: x right, y up, z backward"),
+            "robot": Choice("Robot", "The camera looks along x: x forward, y left, z up"),
+            "ned": Choice("NED", "As aircraft have it: x forward, y right, z down, in a world whose z is down"),
+        },
+        identity="meaning",
+    )
+    stamp_unit: StampUnits = key(
+        "the unit of the file's time stamps; auto tells seconds from nanoseconds",
+        default="auto",
+        choices={
+            "auto": Choice("Automatic", "Seconds or nanoseconds, as large as the numbers are"),
+            "s": Choice("Seconds", "The time stamps are seconds"),
+            "ms": Choice("Milliseconds", "The time stamps are milliseconds"),
+            "us": Choice("Microseconds", "The time stamps are microseconds"),
+            "ns": Choice("Nanoseconds", "The time stamps are nanoseconds"),
+        },
+        identity="meaning",
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +135,8 @@ def read_trajectory(
     """Read the poses of a file, or of a folder with one pose a file; its notes say what was left out.
 
     format: what the file is, where its content should not decide. direction, axes: the convention of its poses; "auto"
-    is the format's own: camera-to-world with OpenCV's axes for all of ours but transforms.json, which has OpenGL's.
+    is the format's own: camera-to-world with OpenCV's axes for all of ours but transforms.json, which has OpenGL's, and
+    tartanair, which has an aircraft's ("ned"); the world of these has z down, and is turned about x.
     stamp_unit: of its stamps, "auto" is the format's. Files without stamps get 0, 1 / rate_hz, ... seconds. Rotations
     that are off by rounding are made orthonormal. Raises InputError, which names file and line, for anything that is
     not a trajectory of rigid poses, and ValueError for an argument that does not exist, or a rate that is not positive.
@@ -101,6 +165,8 @@ def read_trajectory_file(
     own_axes = poses.axes if axes == "auto" else axes
     own_direction = poses.direction if direction == "auto" else direction
     c2w = convert_convention(poses.poses, direction=own_direction, axes=own_axes)
+    if own_axes == "ned":
+        c2w = UP_FROM_NED @ c2w + 0.0  # + 0.0: no negative zeros
     unit = None if stamp_unit == "auto" else stamp_unit
     trajectory = Trajectory(c2w, _stamps_s(path, poses, rate_hz, unit), poses.notes)
     return TrajectoryFile(poses.format, own_direction, own_axes, trajectory, poses.camera)

@@ -85,11 +85,7 @@ def _stamped_poses(name: StampedFormat, file: PoseFile, options: ReadOptions) ->
     table, stamps_s = table.keep(kept), stamps_s[kept]
     if guessed and len(stamps_s) > 1:
         _check_gaps(table, stamps_s, unit)
-    quat_wxyz = table.values[:, 4:]
-    length = np.array([math.hypot(*quat) for quat in quat_wxyz.tolist()])
-    problem = "the quaternion has length {}, not 1"
-    table.fail_where(np.abs(length - 1.0) > _QUAT_NORM_TOLERANCE, problem, of=length, remedy=_ORDERS[columns.w_first])
-    poses = pose(rotation_from_quat_wxyz(quat_wxyz), table.values[:, 1:4])
+    poses = _posed(table, (1, 2, 3), (4, 5, 6, 7), _ORDERS[columns.w_first])
     format_name = name if declared or name == "vslamlab" else "euroc" if columns.w_first else "tum"
     said = (f"its time stamps, from {_LEAST_NS:g} on, are read as nanoseconds",) if guessed and unit == "ns" else ()
     said = said if format_name == "tum" else ()
@@ -324,6 +320,35 @@ def _is_tum(file: PoseFile) -> bool:
     return (file.first_widths[:1] == (8,) or bool(wide)) and not _is_euroc(file)
 
 
+_UNSTAMPED_WAY = "a line without a time is tx ty tz qx qy qz qw"
+
+
+def _unstamped_poses(file: PoseFile, options: ReadOptions) -> FilePoses:
+    """Read positions and quaternions, w last, without stamps; TartanAir's axes are an aircraft's.
+
+    https://github.com/castacks/tartanair_tools, data_type.md: "tx ty tz qx qy qz qw", "in the NED frame. That is to
+    say, the x-axis is pointing to the camera's forward, the y-axis is pointing to the camera's right, the z-axis is
+    pointing to the camera's downward".
+    """
+    table = file.rows.table((7,), _UNSTAMPED_WAY)
+    listed = np.arange(float(len(table.values)))
+    finite = np.isfinite(table.values).all(axis=1)
+    if not options.skip_lost or not finite.any():
+        all_finite(table)
+    table, numbers = table.keep(finite), listed[finite]
+    poses = _posed(table, (0, 1, 2), (6, 3, 4, 5), _UNSTAMPED_WAY)
+    return FilePoses("tartanair", poses, numbers=numbers, axes="ned", listed=listed)
+
+
+def _posed(table: PoseRows, position: Sequence[int], quat_wxyz: Sequence[int], remedy: str) -> Float64:
+    """Return the poses (N, 4, 4) of rows with a position and a quaternion. Raises InputError where that is none."""
+    quats = table.values[:, quat_wxyz]
+    length = np.array([math.hypot(*quat) for quat in quats.tolist()])
+    problem = "the quaternion has length {}, not 1"
+    table.fail_where(np.abs(length - 1.0) > _QUAT_NORM_TOLERANCE, problem, of=length, remedy=remedy)
+    return pose(rotation_from_quat_wxyz(quats), table.values[:, position])
+
+
 TUM = TrajectoryFormat(
     "tum",
     "TUM",
@@ -373,4 +398,15 @@ KITTI_360 = TrajectoryFormat(
     times="the frames' numbers, from 0, / `rate_hz`; or its own",
     order=25,
 )
-FORMAT = TUM, EUROC, VSLAMLAB, KITTI_360
+TARTANAIR = TrajectoryFormat(
+    "tartanair",
+    "TartanAir",
+    "Position and quaternion, w last, without time stamps",
+    lambda file: file.first_widths[:1] == (7,),
+    _unstamped_poses,
+    looks_like="`tx ty tz qx qy qz qw`, w last, in an aircraft's axes",
+    recognised_by="7 numbers",
+    times="`rate_hz`",
+    order=47,
+)
+FORMAT = TUM, EUROC, VSLAMLAB, KITTI_360, TARTANAIR

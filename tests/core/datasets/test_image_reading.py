@@ -13,12 +13,13 @@ import zlib
 
 import cv2
 import numpy as np
+import OpenEXR
 import pytest
 from refusals import refused
 
 from noisy_world.images.image_files import check_whole, read_header, whole_image
 from noisy_world.images.image_header import LARGEST_PIXELS
-from noisy_world.images.image_reading import read_colour, read_steps
+from noisy_world.images.image_reading import metres, read_colour, read_steps
 
 RNG = np.random.default_rng(11)
 WIDE, HIGH = 21, 19
@@ -226,7 +227,8 @@ WRONG = {
     "the header is not first": (lambda: png(2, 8)[:8] + part(b"tEXt", b"a\0b") + png(2, 8)[8:], "its parts"),
     "bits that no grey has": (lambda: png(2, 8)[:8] + part(b"IHDR", struct.pack(">IIBBBBB", 3, 3, 3, 0, 0, 0, 0)) + png(2, 8)[33:], "its header"),  # noqa: E501
     "no size": (lambda: huge(0, 3), "0 x 3 pixels"),
-    "another kind": (cv2.imencode(".bmp", PIXELS)[1].tobytes, "neither PNG nor JPEG; convert it to PNG"),
+    "another kind": (lambda: b"GIMP" * 99, "no image that can be read"),
+    "an array": (lambda: npy(np.zeros((HIGH, WIDE), np.float32)), "32-bit floating point"),
     "nothing": (lambda: b"", "empty"),
     "16-bit grey": (lambda: png(0, 16), "16-bit grey"),
 }  # fmt: skip
@@ -252,6 +254,72 @@ def test_what_is_no_depth_image(tmp_path):
         path.write_bytes(data)
         assert np.array_equal(read_steps(path, SIZE), cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED))
     refused(read_steps, path, (21, 20), names=("depth: ", "21 x 19", "21 x 20"))
+
+
+def npy(values, save=np.save):
+    stream = io.BytesIO()
+    save(stream, values)
+    return stream.getvalue()
+
+
+def tiff(values):
+    return cv2.imencode(".tiff", values)[1].tobytes()
+
+
+def exr(values):
+    stream = io.BytesIO()
+    OpenEXR.File({"type": OpenEXR.scanlineimage}, {"R": values}).write(stream)
+    return stream.getvalue()
+
+
+METRES = RNG.uniform(0.5, 9, (HIGH, WIDE)).astype(np.float32)
+METRES[0, :4] = np.nan, np.inf, -1, 0
+
+
+@pytest.mark.parametrize(
+    ("make", "values"),
+    [
+        (tiff, METRES),
+        (exr, METRES),
+        (npy, METRES),
+        (npy, METRES.astype(np.float16)),
+        (npy, METRES[..., None]),
+        (lambda values: npy(values, np.savez_compressed), METRES),
+        (tiff, np.nan_to_num(METRES * 1000, nan=0, posinf=0).clip(0).astype(np.uint16)),
+    ],
+)
+def test_depth_is_read_from_what_holds_one_channel(tmp_path, make, values):
+    (tmp_path / "depth").write_bytes(make(values))
+    scale_per_m = 1000 if values.dtype == np.uint16 else 1
+    found = metres(read_steps(tmp_path / "depth", SIZE), scale_per_m)
+    expected = np.nan_to_num(METRES, nan=0, posinf=0).clip(0)
+    np.testing.assert_allclose(
+        found, expected, atol={np.float32: 0, np.float16: 4e-3, np.uint16: 1e-3}[values.dtype.type]
+    )
+
+
+@pytest.mark.parametrize(
+    ("data", "named"),
+    [
+        (npy(np.zeros((HIGH, WIDE), np.uint8)), "8-bit whole numbers"),
+        (npy(np.zeros((HIGH, WIDE, 3), np.float32)), "height and width"),
+        (npy(np.array([["a"]])), "an image holds numbers"),
+        (npy(METRES)[:-9], "damaged"),
+        (npy(METRES)[:40], "damaged"),
+        (npy(METRES, np.savez)[:-9], "damaged"),
+        (tiff(np.zeros((HIGH, WIDE), np.uint8)), "8-bit grey"),
+    ],
+)
+def test_what_is_no_depth_array_is_one_line(tmp_path, data, named):
+    (tmp_path / "depth").write_bytes(data)
+    refused(read_steps, tmp_path / "depth", SIZE, names=("depth: ", named))
+
+
+@pytest.mark.parametrize("suffix", [".bmp", ".tiff", ".webp", ".ppm"])
+def test_colour_is_read_from_what_opencv_decodes(tmp_path, suffix):
+    options = [cv2.IMWRITE_WEBP_QUALITY, 101] if suffix == ".webp" else []  # above 100: without loss
+    (tmp_path / "image").write_bytes(cv2.imencode(suffix, PIXELS, options)[1].tobytes())
+    assert np.array_equal(read_colour(tmp_path / "image", SIZE), PIXELS[..., ::-1])
 
 
 # --- damage ---

@@ -204,11 +204,15 @@ def test_a_list_of_pairs_is_a_recording(tmp_path):
     refused(find_sequence, tmp_path, names=("calibration.txt", "fx fy cx cy"))
 
 
-@pytest.mark.parametrize("name", sorted(WRITERS.keys() - {"icl_nuim", "nerfstudio", "colmap"}))  # told by their poses
+TOLD_BY_POSES = {"icl_nuim", "nerfstudio", "colmap", "tartanair", "bop", "record3d", "polycam"}
+
+
+@pytest.mark.parametrize("name", sorted(WRITERS.keys() - TOLD_BY_POSES))
 def test_frames_are_kept_where_no_file_has_poses(name, tmp_path):
     WRITERS[name](tmp_path)
     for path in [path for path in tmp_path.rglob("*") if path.is_file()]:
-        if path.name.endswith((".pose.txt", ".log", "-traj.txt")) or path.parent.name == "pose":
+        own = path.name in ("poses.txt", "groundtruth.txt")
+        if own or path.name.endswith((".pose.txt", ".log", "-traj.txt")) or path.parent.name == "pose":
             path.unlink()
     if name == "redwood":  # which is told by its poses, or by the times in its images' names
         for path in [*tmp_path.glob("colors/*"), *tmp_path.glob("depth/*")]:
