@@ -56,7 +56,7 @@ def script_arguments() -> list[str]:
 def entry(script: Path) -> "Entry":
     """Return how a script was started; call `prepare_imports` first."""
     from noisy_world.cli.entry import Entry  # importable only now
-    from noisy_world.core.dependencies import install_remedy
+    from noisy_world.core.packages import install_remedy
 
     binary = sys.modules["bpy"].app.binary_path if inside_blender() else ""
     words = (binary, "-b", "-P", str(script), "--") if binary else (sys.executable, str(script))

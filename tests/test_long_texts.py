@@ -13,7 +13,7 @@ from noisy_world.scenes.mesh_files import check_numbers
 from noisy_world.trajectories.pose_columns import _column_names
 from noisy_world.trajectories.transforms_json import _order_notes
 from noisy_world.dataset.recipe import series_of
-from noisy_world.sources.scene_files import _parts_of_name
+from noisy_world.sources.scene_kinds import _parts_of_name
 
 N = 100_000
 

@@ -19,8 +19,7 @@ SHORT = {"np": "numpy", "pd": "pandas"}
 OPENED = ("file", "stream", "StringIO")  # what is open already has such a name, and has come through the door
 ELSEWHERE = {
     "core/file_access.py": "the door, and folders that are locked",
-    "core/entry_points.py": "the files of our own modules",
-    "core/dependencies.py": "asks for the metadata of the installed package",
+    "core/packages.py": "the files of our own modules, and the metadata of the installed package",
     "cli/entry.py": "opens standard streams that are closed on nothing",
     "render/engines.py": "a scratch file that Blender has just written",
     "images/video_files.py": "asks the door before OpenCV opens it by its name",

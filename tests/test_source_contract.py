@@ -24,7 +24,7 @@ from noisy_world.extend import (
     key,
 )
 from noisy_world.sources import SOURCES
-from noisy_world.sources.scene_files import located_path
+from noisy_world.sources.scene_kinds import located_path
 
 # --- ours: for each source what its scene says, and its files ---
 

@@ -23,7 +23,7 @@ __all__ = ["__version__", "extend", "open", "perturb"]
 
 def __getattr__(name: str) -> Any:
     if name == "__version__":
-        from .core.dependencies import package_version
+        from .core.packages import package_version
 
         return package_version()
     if name in ("extend", "perturb"):
@@ -61,8 +61,8 @@ def register() -> None:
     Raises ImportError where packages are missing, or an installed one brings perturbations that cannot be loaded.
     Blender shows a message that begins with "Add-on not loaded: " without a traceback.
     """
-    from .core.dependencies import install_remedy, missing_packages, missing_sentence
     from .core.errors import NoisyWorldError
+    from .core.packages import install_remedy, missing_packages, missing_sentence
 
     if missing := missing_packages():
         remedy = install_remedy(Path(__file__).parent)

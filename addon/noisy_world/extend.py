@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     from .core.trajectory import FrameStamps, Trajectory
     from .evaluate.map_metrics import ComparedMap, MapMetric
     from .evaluate.metrics import Compared, TrajectoryMetric
-    from .layouts.association import MatchedFrames, PosePolicy, truth_file
     from .layouts.cam_params import CAM_PARAMS, cam_params_text, read_cam_params
     from .layouts.layout import Layout, RecordedLayout, SequenceFacts, lines, numbered
     from .layouts.numbered import (
@@ -38,10 +37,10 @@ if TYPE_CHECKING:
         numbered_frames,
         numbered_images,
     )
-    from .layouts.stored_recording import StoredSequence, read_frame_times
-    from .perturbations.about import About
+    from .layouts.stored_recording import MatchedFrames, PosePolicy, StoredSequence, read_frame_times, truth_file
     from .perturbations.groups import Canvas
     from .perturbations.kinds import (
+        About,
         ColourPerturbation,
         DepthPerturbation,
         ExposurePerturbation,
@@ -138,15 +137,13 @@ _NAMES = {
     "core.trajectory": "FrameStamps Trajectory",
     "evaluate.map_metrics": "ComparedMap MapMetric",
     "evaluate.metrics": "Compared TrajectoryMetric",
-    "layouts.association": "MatchedFrames PosePolicy truth_file",
     "layouts.cam_params": "CAM_PARAMS cam_params_text read_cam_params",
     "layouts.layout": "Layout RecordedLayout SequenceFacts lines numbered",
-    "layouts.numbered": "Cameras ImageFiles NumberedLayout NumberedPoses "
-    "folder_of_poses numbered_frames numbered_images",
-    "layouts.stored_recording": "StoredSequence read_frame_times",
-    "perturbations.about": "About",
+    "layouts.numbered": "Cameras ImageFiles NumberedLayout NumberedPoses folder_of_poses "
+    "numbered_frames numbered_images",
+    "layouts.stored_recording": "MatchedFrames PosePolicy StoredSequence read_frame_times truth_file",
     "perturbations.groups": "Canvas",
-    "perturbations.kinds": "ColourPerturbation DepthPerturbation ExposurePerturbation FrameContext "
+    "perturbations.kinds": "About ColourPerturbation DepthPerturbation ExposurePerturbation FrameContext "
     "MotionPerturbation PairingPerturbation SequenceContext",
     "preset.camera_devices": "CameraDevice",
     "preset.scene_keys": "SceneKeys",

@@ -28,9 +28,9 @@ import numpy as np
 from bench.results import Contestant, ContestantError, Results, Row, Spread, markdown, spread, spread_of_ratios
 from numpy.typing import NDArray
 
-from noisy_world.core.dependencies import package_version
 from noisy_world.core.geometry import Intrinsics
 from noisy_world.core.machine import available_threads, processor_features
+from noisy_world.core.packages import package_version
 from noisy_world.images.pixels import rgb_bytes
 from noisy_world.rooms import kept_room
 from noisy_world.scenes.ply_writer import write_ply

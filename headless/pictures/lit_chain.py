@@ -33,8 +33,7 @@ from noisy_world.nodes.datablocks import (
 )
 from noisy_world.nodes.node_trees import ensure_group
 from noisy_world.perturbations import registry
-from noisy_world.perturbations.group_camera import OVERRIDE_CAMERA, camera_values
-from noisy_world.perturbations.groups import build_group, socket_name, socket_value
+from noisy_world.perturbations.groups import OVERRIDE_CAMERA, build_group, camera_values, socket_name, socket_value
 from noisy_world.perturbations.kinds import ColourPerturbation, EarlierFrame, FrameContext, small_of
 from noisy_world.perturbations.steps import Step
 from pictures.street import LitFrame

@@ -29,7 +29,7 @@ from noisy_world.nodes.datablocks import cycles as cycles_of
 from noisy_world.nodes.datablocks import muted_output
 from noisy_world.render.engines import RenderFile, without_void
 from noisy_world.render.mesh_session import add_camera, key_trajectory, set_intrinsics
-from noisy_world.render.own_depth import set_frame
+from noisy_world.render.own_scene import set_frame
 from pictures.street_models import (
     LANTERN_M,
     Front,

@@ -25,8 +25,8 @@ from numpy.typing import NDArray
 
 from noisy_world.channels import CHANNELS, Channel
 from noisy_world.cli.command import COMMANDS
-from noisy_world.core.entry_points import Registry
 from noisy_world.core.lens import Distortion, straightened
+from noisy_world.core.packages import Registry
 from noisy_world.core.schema import ConfigPath, parse
 from noisy_world.evaluate.map_metrics import MAP_METRICS
 from noisy_world.evaluate.metrics import METRICS, Metric

@@ -11,7 +11,7 @@ from group_tools import by_groups, described, keep_group, picture, step_of
 
 from srgb import encoded, linear
 from noisy_world.nodes.node_trees import STAMP, ensure_group, ensure_picture, remove_group
-from noisy_world.core.labels import american
+from noisy_world.core.errors import american
 from noisy_world.nodes.chain import build_chain
 from noisy_world.core.node_graph import Graph, GroupInput, BroughtImage
 from noisy_world.perturbations.groups import socket_name, socket_value

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from group_tools import by_groups, described, picture
 
-from noisy_world.perturbations.group_camera import OVERRIDE_CAMERA, looks_at_scene
+from noisy_world.perturbations.groups import OVERRIDE_CAMERA, looks_at_scene
 from noisy_world.perturbations.kinds import ColourPerturbation
 from noisy_world.perturbations import registry
 

@@ -9,7 +9,7 @@ from group_tools import by_nodes, by_reference, levels_apart, many_by_nodes, pic
 
 from noisy_world.perturbations.kinds import FrameContext
 from noisy_world.perturbations.shipped import defocus_depth
-from noisy_world.perturbations.shipped._kernels import disk_kernel
+from noisy_world.perturbations.shipped._arrays import disk_kernel
 from noisy_world.perturbations.shipped.glass_blur import offset_shares
 
 SEVERITIES = (1, 2, 3, 4, 5)

@@ -4,7 +4,7 @@
 import numpy as np
 from cases import cases
 
-from noisy_world.render.own_depth import MOST_LOOKS, DepthScene
+from noisy_world.render.own_scene import MOST_LOOKS, DepthScene
 
 
 class Scripted(DepthScene):

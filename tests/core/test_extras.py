@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from noisy_world.core import dependencies
+from noisy_world.core import packages as dependencies
 from noisy_world.core.errors import MissingDependencyError
 
 CHECKOUT = Path(__file__).resolve().parents[2]

@@ -10,7 +10,7 @@ import pytest
 from noisy_world.cli.entry import Entry
 from noisy_world.cli.entry import missing_package
 from noisy_world.core.errors import MissingDependencyError
-from noisy_world.core.dependencies import old_opencv
+from noisy_world.core.packages import old_opencv
 from noisy_world.perturbations import registry
 
 

@@ -8,7 +8,7 @@ import pytest
 
 from noisy_world.channels import CHANNELS
 from noisy_world.cli.command import COMMANDS
-from noisy_world.core.entry_points import Door, Registry
+from noisy_world.core.packages import Door, Registry
 from noisy_world.evaluate.map_metrics import MAP_METRICS
 from noisy_world.evaluate.metrics import METRICS
 from noisy_world.layouts import EVERY

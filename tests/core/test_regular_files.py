@@ -20,9 +20,9 @@ from noisy_world.core.file_access import NotRegularError, TooLargeError
 from noisy_world.scenes.mesh_files import imported_format
 from noisy_world.scenes.textures import read_picture
 from noisy_world.trajectories.formats import read_trajectory
-from noisy_world.evaluate.frame_index import read_index
+from noisy_world.evaluate.system_input import read_index
 from noisy_world.evaluate.systems import read_system
-from noisy_world.evaluate.run_files import read_estimate_file
+from noisy_world.evaluate.cases import read_estimate_file
 from noisy_world.trajectories.pose_arrays import load_arrays
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="no pipes with names")

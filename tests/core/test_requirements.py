@@ -3,7 +3,7 @@
 
 import sys
 
-from noisy_world.core.dependencies import install_remedy, missing_packages, missing_sentence
+from noisy_world.core.packages import install_remedy, missing_packages, missing_sentence
 
 
 def test_what_cannot_be_imported_is_named_as_it_is_installed(monkeypatch):

@@ -8,11 +8,11 @@ from trajectory_pairs import moved, path, rotation
 from noisy_world.trajectories.stamped_poses import tum_text
 from noisy_world.core.trajectory import Trajectory
 from noisy_world.evaluate.trajectory_scores import score_trajectory
-from noisy_world.evaluate.scored_poses import read_poses_to_compare
-from noisy_world.evaluate.run_files import Outcome, RunRecord
+from noisy_world.evaluate.trajectory_scores import read_poses_to_compare
+from noisy_world.evaluate.cases import Outcome, RunRecord
 from noisy_world.evaluate.study_results import STRICT, score_run
 from noisy_world.evaluate.systems import Writes
-from noisy_world.evaluate.run_files import ESTIMATE, estimate_text
+from noisy_world.evaluate.cases import ESTIMATE, estimate_text
 from noisy_world.evaluate.system_runs import normalised
 
 COUNT = 30

@@ -16,7 +16,7 @@ import pytest
 
 from noisy_world.executors import worker_process
 from noisy_world.executors.worker_process import NodeTask, carried, carry_out
-from noisy_world.core.dependencies import package_version
+from noisy_world.core.packages import package_version
 
 ADDON = str(Path(__file__).resolve().parents[2] / "addon")
 

@@ -191,11 +191,11 @@ def test_the_scripts_load_the_package_that_nobody_loaded(extension, tmp_path):
         sys.path.insert(0, {str(extension / "headless")!r})
         import installation
         installation.prepare_imports()
-        import noisy_world.core.dependencies as shipped
+        import noisy_world.core.packages as shipped
         print(shipped.__file__, shipped.package_version())
     """
     said = python(code, tmp_path).split()
-    assert said[0] == str(extension / "core/dependencies.py")
+    assert said[0] == str(extension / "core/packages.py")
     assert said[1] == tomllib.loads((ROOT / "blender_manifest.toml").read_text())["version"]
 
 

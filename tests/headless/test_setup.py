@@ -78,7 +78,7 @@ def test_a_blender_that_is_not_there_is_one_line():
 
 
 def test_manifest_and_package_agree_on_the_version():
-    from noisy_world.core.dependencies import package_version
+    from noisy_world.core.packages import package_version
 
     assert f'version = "{package_version()}"' in (ROOT / "blender_manifest.toml").read_text()
     assert f"## {package_version()}" in (ROOT / "CHANGELOG.md").read_text()

@@ -12,7 +12,7 @@ from cases import cases
 from weather import SIZES, frame, picture, run
 
 from noisy_world.perturbations.shipped import defocus_blur, gaussian_blur, glass_blur, motion_blur
-from noisy_world.perturbations.shipped._kernels import correlate, disk_kernel, line_kernel
+from noisy_world.perturbations.shipped._arrays import correlate, disk_kernel, line_kernel
 
 MODULES = {module.PERTURBATION.name: module for module in (defocus_blur, gaussian_blur, glass_blur, motion_blur)}
 NAMES = sorted(MODULES)

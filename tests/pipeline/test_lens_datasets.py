@@ -23,7 +23,7 @@ from noisy_world.layouts import find_sequence
 from noisy_world.core.errors import StorageError
 from noisy_world.core.geometry import Intrinsics
 from noisy_world.core.lens import Distortion, lens_rays
-from noisy_world.core.travel import travel_px
+from noisy_world.core.camera_motion import travel_px
 from noisy_world.core.progress import PlainProgress
 from noisy_world.evaluate.run_maps import read_sequence
 from noisy_world.evaluate.system_input import sequence_input

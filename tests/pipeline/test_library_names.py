@@ -12,7 +12,7 @@ from worlds import ROOT
 
 import noisy_world
 import noisy_world.perturb
-from noisy_world.core.dependencies import package_version
+from noisy_world.core.packages import package_version
 from noisy_world.perturbations import registry
 
 

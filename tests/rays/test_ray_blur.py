@@ -20,7 +20,7 @@ from noisy_world.perturbations.kinds import SceneAround
 from noisy_world.perturbations.parsing import parse_steps
 from noisy_world.dataset.rendering import ExposedSource
 from noisy_world.core.lens import PINHOLE, Distortion, Optics
-from noisy_world.core.travel import travel_px
+from noisy_world.core.camera_motion import travel_px
 from noisy_world.core.schema import ConfigPath
 from noisy_world.core.frame_request import SensorPaths
 from noisy_world.core.trajectory import Trajectory

@@ -19,7 +19,7 @@ from noisy_world.core.errors import InputError
 from noisy_world.core.geometry import Intrinsics
 from noisy_world.core.lens import directions, lens_problem, lens_rays, projected
 from noisy_world.core.lens import Distortion
-from noisy_world.core.travel import travel_px
+from noisy_world.core.camera_motion import travel_px
 from noisy_world.preset.sensor_keys import DistortionSpec
 from noisy_world.sources.rendered_mesh import reprojection_problem
 from noisy_world.core.schema import ConfigPath

@@ -10,7 +10,7 @@ from worlds import write_world
 
 from noisy_world.preset.keys import read_preset
 from noisy_world.dataset.plan import make_plan
-from noisy_world.sources.scene_files import matched_parts
+from noisy_world.sources.scene_kinds import matched_parts
 
 PATTERNS = [
     ("rooms/*.ply", "rooms/hall.ply", ("hall",)),

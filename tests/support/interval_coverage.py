@@ -8,7 +8,7 @@ import numpy as np
 if __name__ == "__main__":
     sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "addon"))
 
-from noisy_world.evaluate.intervals import (
+from noisy_world.evaluate.spread import (
     SceneValues,
     bootstrap_interval,
     exponential,

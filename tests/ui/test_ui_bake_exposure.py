@@ -16,7 +16,7 @@ from noisy_world.nodes.node_trees import ensure_group
 from noisy_world.render.own_stills import read_metered
 from noisy_world.perturbations.groups import build_group
 from noisy_world.perturbations import registry
-from noisy_world.panel import bake_exposure, frame_preview, stills, preview, runs
+from noisy_world.panel import bake_exposure, frame_preview, preview, runs
 from noisy_world.panel.generate import run_of
 
 pytestmark = pytest.mark.usefixtures("add_on")
@@ -118,7 +118,7 @@ def test_the_preview_and_the_scene_s_own_groups_are_keyed_as_the_generator_decid
     chain = shown_chain(lamps)
     before = keyed(lamps, chain.nodes["Auto-exposure"], "Exposure")
     assert np.ptp(before) == 0, "without metered frames it follows mid-grey"
-    assert stills.follows_grey(lamps)
+    assert frame_preview.follows_grey(lamps)
     assert bpy.ops.noisy_world.bake_exposure(size="FULL") == {"FINISHED"}
     assert bpy.ops.noisy_world.bake_groups(size="FULL") == {"FINISHED"}
     wanted, flicker = recorded(lamps, tmp_path)
@@ -151,15 +151,15 @@ def test_what_is_metered_is_kept_so_that_a_slider_needs_no_rendering(lamps, tmp_
     preview.flush()
     at_once = keyed(lamps, exposure, "Exposure")
     # With no lag a frame has what the frame before it asks for: 0.18 of white, at a light that the picture shows.
-    lights = stills.lights_of(lamps, frame_preview.sequence_of(lamps)[0])
+    lights = frame_preview.lights_of(lamps, frame_preview.sequence_of(lamps)[0])
     mean = [float(light.astype(float).mean(axis=(0, 1)) @ (0.2126, 0.7152, 0.0722)) for light in lights]
     np.testing.assert_allclose(at_once[1:], np.log2(0.18 / np.array(mean[:-1])), atol=2e-3)
     assert abs(late[3] - at_once[3]) > 0.5
-    assert not stills.follows_grey(bpy.context.scene)
+    assert not frame_preview.follows_grey(bpy.context.scene)
     lamps.frame_end += 1
     preview.touch(lamps, "preview")
     preview.flush()
-    assert stills.follows_grey(lamps), "a frame was added that nobody has metered, and the tab says so"
+    assert frame_preview.follows_grey(lamps), "a frame was added that nobody has metered, and the tab says so"
     lamps.frame_end -= 1
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "kept.blend"))
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "kept.blend"))

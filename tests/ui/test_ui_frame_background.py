@@ -13,7 +13,7 @@ from preview_tools import add, cycles_scene, pixels
 from noisy_world.render.own_stills import OwnStill
 from noisy_world.render.own_stills import StillRequest, read_frames
 from noisy_world.core.geometry import Intrinsics
-from noisy_world.panel import preview, runs, stills
+from noisy_world.panel import preview, runs, frame_preview
 
 pytestmark = pytest.mark.usefixtures("registered")
 
@@ -24,7 +24,7 @@ def test_a_frame_rendered_in_the_background_is_the_one_that_is_rendered_here(roo
     room.noisy_world.preview = True
     preview.flush()
     room.frame_set(4)
-    run = runs.start_still(room, stills.request_of(room, {4, 7}))
+    run = runs.start_still(room, frame_preview.request_of(room, {4, 7}))
     assert runs.active_still() == run
     assert not bpy.ops.noisy_world.preview_frame.poll()
     run.background.wait()
@@ -33,7 +33,7 @@ def test_a_frame_rendered_in_the_background_is_the_one_that_is_rendered_here(roo
     run.tidy()
     assert sorted(found) == [4, 7]
     for index, frame in found.items():
-        here = stills.rendered(room, index)
+        here = frame_preview.rendered(room, index)
         assert np.array_equal(frame.rgb, here.rgb)
         assert np.array_equal(frame.depth_m, here.depth_m)
 
@@ -55,7 +55,7 @@ def test_rendering_stops_at_once_and_the_picture_stays(editor, scene):
     cycles_scene((0.1, 0.2, 0.05))
     assert bpy.ops.noisy_world.preview_frame() == {"FINISHED"}
     before = pixels(editor.spaces.active.image)
-    run = runs.start_still(scene, stills.request_of(scene, {5}))
+    run = runs.start_still(scene, frame_preview.request_of(scene, {5}))
     began_s = time.monotonic()
     run.background.cancel()
     run.background.wait()

@@ -20,7 +20,7 @@ from noisy_world.images.pixels import rgb_bytes
 from noisy_world.perturbations.execution import perturb_depth, perturb_rgb
 from noisy_world.perturbations.kinds import FrameContext
 from noisy_world.dataset.overview import colour_depth
-from noisy_world.panel import frame_preview, operators, presets, preview, stills, loading
+from noisy_world.panel import frame_preview, operators, presets, preview, loading
 
 
 pytestmark = pytest.mark.usefixtures("registered")
@@ -35,7 +35,7 @@ def renders(monkeypatch):
         made.extend(frames)
         return render_stills(scene, frames, **how)
 
-    monkeypatch.setattr(stills, "render_stills", render)
+    monkeypatch.setattr(frame_preview, "render_stills", render)
     return made
 
 

@@ -22,7 +22,6 @@ from noisy_world.panel import (
     preview,
     runs,
     open_scene,
-    stills,
     fields,
     drawn_paths,
     loading,
@@ -51,10 +50,10 @@ def test_what_is_previewed_is_what_is_written_from_a_copy_that_is_kept(hall, tmp
     hall.frame_set(5)
     there = names()
     picture, about = frame_preview.draw_colour(hall)
-    depth_m = stills.rendered(hall, 2).depth_m
+    depth_m = frame_preview.rendered(hall, 2).depth_m
     assert about.startswith("Frame 2: ")
     assert names() == there
-    background = runs.start_still(hall, stills.request_of(hall, {2}))
+    background = runs.start_still(hall, frame_preview.request_of(hall, {2}))
     background.background.wait()
     (elsewhere,) = read_frames(background.folder).values()
     background.tidy()
@@ -99,16 +98,16 @@ def test_through_a_lens_the_preview_is_what_is_written_and_its_preset_comes_back
     there = names()
     frame_preview.forget(hall)
     picture, _ = frame_preview.draw_colour(hall)
-    depth_m = stills.rendered(hall, 1).depth_m
+    depth_m = frame_preview.rendered(hall, 1).depth_m
     assert names() == there
-    background = runs.start_still(hall, stills.request_of(hall, {1}))
+    background = runs.start_still(hall, frame_preview.request_of(hall, {1}))
     background.background.wait()
     (elsewhere,) = read_frames(background.folder).values()
     background.tidy()
     assert np.array_equal(elsewhere.rgb, frame_preview.still_of(hall, 1).rgb)
     assert np.array_equal(elsewhere.depth_m, depth_m)
     item.camera.use_distortion = False
-    assert not np.array_equal(stills.rendered(hall, 1).rgb, elsewhere.rgb)
+    assert not np.array_equal(frame_preview.rendered(hall, 1).rgb, elsewhere.rgb)
     item.camera.use_distortion = True
     assert bpy.ops.noisy_world.generate() == {"FINISHED"}
     run_of(hall)
@@ -164,7 +163,7 @@ def test_one_rule_says_whether_compositing_is_in_the_view_in_preview_frame_and_i
     item = settings()
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "hall.blend"))
     item = settings()
-    bright = stills.rendered(hall, 1).rgb.mean()
+    bright = frame_preview.rendered(hall, 1).rgb.mean()
     item.preview = True
     rows = [("auto", True, True), ("auto", False, False), ("off", True, False), ("keep", False, True)]
     for chosen, composites, kept in [("auto", None, False), *rows]:
@@ -178,8 +177,8 @@ def test_one_rule_says_whether_compositing_is_in_the_view_in_preview_frame_and_i
             chosen,
             composites,
         )
-        assert (stills.own_still(hall, 1).keep_compositor) == kept, (chosen, composites)
-    assert stills.rendered(hall, 1).rgb.mean() < 0.7 * bright
+        assert (frame_preview.own_still(hall, 1).keep_compositor) == kept, (chosen, composites)
+    assert frame_preview.rendered(hall, 1).rgb.mean() < 0.7 * bright
 
 
 def test_another_files_scene_is_held_by_its_keys(hall, tmp_path):
@@ -211,7 +210,7 @@ def test_frames_of_a_file_s_path_and_the_live_chain_follow_the_scenes_frames(hal
     settings().scene.trajectory.file, _ = straight(tmp_path / "path.txt", 3)
     settings().scene.trajectory.rate_hz = 24.0
     bpy.ops.noisy_world.load_trajectory()
-    assert stills.path_frames(hall).tolist() == [1.0, 2.0, 3.0]
+    assert frame_preview.path_frames(hall).tolist() == [1.0, 2.0, 3.0]
     assert hall.camera == hall.objects["Mine"]
 
 
@@ -283,7 +282,7 @@ def test_cameras_that_markers_bind_take_turns_on_one_path_and_none_flies_between
         frame_preview.draw_colour(hall)  # which asks for a path that is loaded
     settings().deviation_translation_m = 0.0
     sequence, _ = frame_preview.sequence_of(hall)
-    state_at = stills.camera_states(hall, sequence)
+    state_at = frame_preview.camera_states(hall, sequence)
     speeds_m_s = [np.linalg.norm(state_at(frame).velocity_m_s) for frame in range(4)]
     turning_rad_s = [np.linalg.norm(state_at(frame).turning_rad_s) for frame in range(4)]
     # The rig turns 0.4 rad in 4 frames, more slowly at its ends; the other camera stands still.
@@ -303,7 +302,7 @@ def test_stereo_is_refused_in_a_line_for_this_scene_and_left_out_of_a_mesh(hall,
     item = settings()
     item.camera.width = item.camera.height = 16
     assert bpy.ops.noisy_world.load_scene() == bpy.ops.noisy_world.load_trajectory() == {"FINISHED"}
-    assert stills.rendered(hall, 0).rgb.shape == (16, 16, 3)
+    assert frame_preview.rendered(hall, 0).rgb.shape == (16, 16, 3)
     assert hall.render.use_multiview
 
 

@@ -18,7 +18,7 @@ from refusals import refused
 from noisy_world.perturbations.parsing import parse_settings
 from noisy_world.preset.keys import PresetSpec, check_document, read_preset
 from noisy_world.scenes.polygon_mesh import ROOMS
-from noisy_world.panel.drawing import draw_distortion
+from noisy_world.panel.tree import draw_distortion
 from noisy_world.panel.tree import hint_of, set_value, to_document as said_by, to_line, value_of
 from noisy_world.perturbations import registry
 from noisy_world.sources import SOURCES, read_scenes

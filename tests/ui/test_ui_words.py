@@ -16,7 +16,7 @@ from noisy_world.core.depth_range import DepthRange
 from noisy_world.dataset.differences import ELSEWHERE, PROCESSORS, other_dataset
 from noisy_world.layouts.replica import ReplicaLayout
 from noisy_world.core.errors import InputError, StorageError
-from noisy_world.core.labels import american, parameter_label
+from noisy_world.core.errors import american, parameter_label
 from noisy_world.core.errors import Action, CommandLineOnly, Message, PresetKey, either
 from noisy_world.perturbations.groups import socket_name
 from noisy_world.perturbations.kinds import ColourPerturbation

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.depth_range import OutOfRange
-from ..core.entry_points import LAST
 from ..core.geometry import Intrinsics
+from ..core.packages import LAST
 from ..core.trajectory import FrameStamps
 from ..images.pixels import decode_exr, decode_npy, decode_steps, encode_exr, encode_npy, encode_png
 from ..scenes.polygon_mesh import Mesh, SceneObject

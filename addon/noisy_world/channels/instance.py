@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.errors import InputError
-from ..core.json_text import read_json
+from ..core.file_access import read_json
 from ..images.pixels import UINT16_MAX
 from ..scenes.polygon_mesh import OBJECT_ID as PROPERTY
 from ..scenes.polygon_mesh import OBJECT_NAMES, Mesh, SceneObject

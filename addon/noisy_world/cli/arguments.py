@@ -8,9 +8,9 @@ from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
-from ..core.dependencies import shipped
 from ..core.errors import InputError, NoisyWorldError, StorageError, nearest, one_line
 from ..core.file_access import RENAME, is_utf8, with_home
+from ..core.packages import shipped
 from .entry import say
 
 if TYPE_CHECKING:

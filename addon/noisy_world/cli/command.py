@@ -11,9 +11,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, NoReturn
 
-from ..core.dependencies import NEEDED
-from ..core.entry_points import LAST, Door, Registry
 from ..core.errors import did_you_mean
+from ..core.packages import LAST, NEEDED, Door, Registry
 from .arguments import Parser
 from .entry import CONTINUES, Entry, ended, exit_status, say
 
@@ -169,7 +168,7 @@ def groups_text() -> str:
 
 
 def _version() -> str:
-    from ..core.dependencies import package_version
+    from ..core.packages import package_version
 
     return f"{PROGRAM} {package_version()}"
 

@@ -16,8 +16,8 @@ from functools import partial
 from types import FrameType
 from typing import IO, TYPE_CHECKING, Any, TextIO
 
-from ..core.dependencies import NEEDED, blender_missing, missing_packages, missing_sentence, old_opencv
 from ..core.errors import INTERRUPTED, READER_GONE
+from ..core.packages import NEEDED, blender_missing, missing_packages, missing_sentence, old_opencv
 from ..core.progress import JsonProgress, PlainProgress, Progress, TerminalProgress
 from .system_libraries import advice, missing_libraries
 

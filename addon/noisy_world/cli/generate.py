@@ -8,8 +8,8 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..core.dependencies import need
 from ..core.errors import MissingDependencyError, StorageError
+from ..core.packages import need
 from .arguments import (
     Parser,
     add_executor_options,
@@ -262,7 +262,7 @@ def _colours(files: list[Path]) -> "Iterator[NDArray[np.uint8]]":
     import cv2
     import numpy as np
 
-    from ..images.image_reading import read_pixels
+    from ..images.image_files import read_pixels
 
     for file in files:
         yield np.asarray(read_pixels(file, cv2.IMREAD_COLOR_RGB), np.uint8)

@@ -7,8 +7,8 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, get_args, get_type_hints
 
-from ..core.dependencies import need
 from ..core.errors import InputError, NoisyWorldError, StorageError, did_you_mean
+from ..core.packages import need
 from .arguments import Parser, add_part_options, add_set_option, number, out_path, path, planned, settled
 from .command import Command
 from .entry import Entry

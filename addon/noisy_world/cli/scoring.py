@@ -8,9 +8,9 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..core.dependencies import need
 from ..core.errors import InputError, NoisyWorldError
 from ..core.file_access import with_home
+from ..core.packages import need
 from .arguments import Parser, number, path
 from .command import Command
 from .entry import Entry, say
@@ -92,8 +92,7 @@ def _score_path(options: argparse.Namespace, _: Entry) -> int:
     """Score, print and write what is asked for; return 0 for a run that failed too, as that is a result."""
     from ..core.atomic_files import ELSEWHERE, storage_errors, write_atomic
     from ..evaluate.metrics import Alignment, frame_errors_text
-    from ..evaluate.scored_poses import read_poses_to_compare
-    from ..evaluate.trajectory_scores import score_trajectory
+    from ..evaluate.trajectory_scores import read_poses_to_compare, score_trajectory
     from ..trajectories.formats import TRAJECTORY_FORMATS as FORMATS
 
     if options.plot is not None:
@@ -345,8 +344,7 @@ def _path(
     options: argparse.Namespace, sequence: "SequenceToMap | None"
 ) -> "tuple[Estimate, Score] | tuple[None, None]":
     """Return the estimated path and what is said of it; None twice where a mesh is taken as it lies."""
-    from ..evaluate.scored_poses import read_poses_to_compare
-    from ..evaluate.trajectory_scores import score_trajectory
+    from ..evaluate.trajectory_scores import read_poses_to_compare, score_trajectory
 
     estimate = options.estimate
     if estimate is None and options.map.suffix.lower() != ".ply":
@@ -403,7 +401,7 @@ def _map(
 
 def _mesh_file(options: argparse.Namespace) -> Path | None:
     """Return the file of the map's mesh; None where frames are to be fused."""
-    from ..evaluate.run_files import MAP
+    from ..evaluate.cases import MAP
 
     if options.map.suffix.lower() == ".ply":
         return options.map

@@ -196,10 +196,9 @@ def _track(options: argparse.Namespace, _: Entry) -> int:
 def _tracked(sequence: Path, out: Path, progress: Progress, stop: "threading.Event") -> str:
     """Follow the camera through one sequence; return how it went. Raises InterruptedRunError."""
     from ..core.atomic_files import ELSEWHERE, storage_errors
-    from ..evaluate.frame_index import read_index
     from ..evaluate.frame_tracking import write_results
     from ..evaluate.odometry import run
-    from ..evaluate.system_input import sequence_input
+    from ..evaluate.system_input import read_index, sequence_input
 
     given = sequence_input(sequence)
     with storage_errors(out, ELSEWHERE):

@@ -5,8 +5,8 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ..core.dependencies import need
 from ..core.errors import InputError, NoisyWorldError
+from ..core.packages import need
 from ..core.schema import ConfigPath, read_yaml
 from .arguments import (
     Parser,
@@ -320,8 +320,7 @@ def _find_thresholds(options: argparse.Namespace, entry: Entry) -> int:
     from ..evaluate.study_sequences import PresetOrigin
     from ..evaluate.system_runs import check_system
     from ..evaluate.systems import find_systems, isolating
-    from ..evaluate.threshold_table import write_thresholds
-    from ..evaluate.thresholds import Trials, axis_of, check_success, preset_of
+    from ..evaluate.thresholds import Trials, axis_of, check_success, preset_of, write_thresholds
     from ..perturbations import registry
     from ..perturbations.parsing import known_perturbation
     from .generate import need_blender, need_packages

@@ -10,9 +10,9 @@ from dataclasses import replace
 from pathlib import Path
 
 from ..core.atomic_files import FolderLock
-from ..core.dependencies import need
 from ..core.errors import StorageError
 from ..core.machine import available_threads
+from ..core.packages import need
 from ..core.progress import Progress
 from ..dataset.estimate import size_text
 from ..evaluate.cases import Case

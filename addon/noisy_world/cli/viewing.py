@@ -8,8 +8,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..core.dependencies import need
 from ..core.errors import InputError, NoisyWorldError, StorageError
+from ..core.packages import need
 from ..core.schema import ConfigPath
 from .arguments import Parser, frame_slice, out_path, place, positive
 from .command import Command

@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What a user can mend: errors in one line, messages in parts, suggestions for misspelt names, exit statuses.
+"""What a user can mend: errors in one line, suggestions for misspelt names, and parameters' names for people.
+
+What a user can mend: errors in one line, messages in parts, suggestions for misspelt names, exit statuses.
 
 The errors that a user can cause and mend.
 
@@ -8,6 +10,7 @@ other exception is a bug and keeps its traceback.
 """
 
 import difflib
+import re
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -287,3 +290,63 @@ def how_it_ended(status: int) -> str:
     if status >= 0:
         return f"ended with status {status}"
     return f"was ended by signal {-status}{', perhaps for want of memory' if status == -KILLED else ''}"
+
+
+# Names of parameters for people: the same in the panel and on node groups' sockets, in Blender's wording.
+
+
+UNIT_SUFFIXES = (
+    "_px",
+    "_deg",
+    "_m",
+    "_mm",
+    "_percent",
+    "_hz",
+    "_m_s",
+    "_mm_h",
+    "_mrad",
+    "_ms",
+    "_per_s",
+    "_db",
+    "_stops",
+    "_s",
+)
+_SMALL_WORDS = ("by", "of", "to", "and", "on", "in", "the")
+_AMERICAN = {
+    "colour": "color", "colours": "colors", "coloured": "colored", "grey": "gray", "greys": "grays",
+    "centre": "center", "centres": "centers", "metre": "meter", "metres": "meters", "neighbour": "neighbor",
+    "neighbours": "neighbors", "synchronisation": "synchronization", "desynchronisation": "desynchronization",
+    "quantised": "quantized", "normalised": "normalized", "optimised": "optimized", "recognised": "recognized",
+    "kerb": "curb", "licence": "license", "behaviour": "behavior", "favour": "favor", "minimise": "minimize",
+}  # fmt: skip
+# Not inside the name of a file: after or before a slash, a dot, a dash or an underscore.
+_WORD = re.compile(rf"(?<![\w/\\.-])({'|'.join(_AMERICAN)})(?![\w/\\-]|\.\w)", re.IGNORECASE)
+
+
+def title(text: str) -> str:
+    """Return a label as Blender writes them: "fog by depth" -> "Fog by Depth"."""
+    words = text.replace("_", " ").split()
+    return american(
+        " ".join(
+            word if (place and word in _SMALL_WORDS) or not word[0].islower() else word[0].upper() + word[1:]
+            for place, word in enumerate(words)
+        )
+    )
+
+
+def parameter_label(name: str) -> str:
+    """Return a parameter's name in words, without its unit, which the slider shows."""
+    for suffix in UNIT_SUFFIXES:
+        name = name.removesuffix(suffix)
+    return title(name)
+
+
+def american(text: str) -> str:
+    """Return a text in the spelling of Blender's interface; names of files in it stay as they are."""
+
+    def spelt(match: re.Match[str]) -> str:
+        word = match.group()
+        other = _AMERICAN[word.lower()]
+        return other.upper() if word.isupper() else other.capitalize() if word[0].isupper() else other
+
+    return _WORD.sub(spelt, text)

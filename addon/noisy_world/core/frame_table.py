@@ -16,8 +16,7 @@ from typing import Any, BinaryIO
 from .atomic_files import link_on_the_way, storage_errors, write_atomic
 from .depth_range import OutOfRange
 from .errors import InputError
-from .file_access import open_regular, open_text, read_bytes, read_text
-from .json_text import finite_number, parse_json, parse_json_file
+from .file_access import finite_number, open_regular, open_text, parse_json, parse_json_file, read_bytes, read_text
 from .machine import batched
 
 LARGEST_S = 1e15  # far beyond any time stamp; a whole number of JSON may be too large for a float

@@ -29,8 +29,7 @@ from typing import (
     get_type_hints,
 )
 
-from .errors import InputError, Part, did_you_mean
-from .labels import parameter_label
+from .errors import InputError, Part, did_you_mean, parameter_label
 
 if TYPE_CHECKING:
     import yaml

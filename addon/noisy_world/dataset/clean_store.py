@@ -25,10 +25,9 @@ from ..channels import CHANNELS, in_order
 from ..channels.channel import Fact
 from ..core.atomic_files import FolderLock, own_scratch, sha256_of_bytes, sha256_of_file, storage_errors, write_atomic
 from ..core.errors import InputError, InterruptedRunError, StorageError
-from ..core.file_access import read_array, read_bytes
+from ..core.file_access import canonical, read_array, read_bytes, read_json
 from ..core.frame_request import FrameRequest
 from ..core.geometry import Intrinsics
-from ..core.json_text import canonical, read_json
 from ..core.progress import Progress
 from ..core.trajectory import Axes, Trajectory
 from ..images.pixels import encode_npy

@@ -7,9 +7,9 @@ from dataclasses import replace
 from ..channels import surface_channels
 from ..core.depth_range import RangeLoss, range_loss
 from ..core.errors import Message, PresetKey
+from ..core.file_access import canonical
 from ..core.frame_request import SensorPaths
 from ..core.frame_table import COMPLETED, FrameRecord
-from ..core.json_text import canonical
 from ..core.trajectory import FrameStamps
 from ..layouts import OutputFormat, SequenceFacts
 from ..layouts.asl import imu_texts

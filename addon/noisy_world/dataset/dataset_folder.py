@@ -28,6 +28,7 @@ from ..core.atomic_files import (
     write_atomic,
 )
 from ..core.errors import StorageError
+from ..core.file_access import canonical
 from ..core.frame_table import (
     FRAMES,
     FrameRecord,
@@ -40,7 +41,6 @@ from ..core.frame_table import (
     read_records,
     records_in,
 )
-from ..core.json_text import canonical
 from ..layouts import FrameNames, OutputFormat
 from .differences import other_dataset
 from .folder_state import (

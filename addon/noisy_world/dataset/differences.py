@@ -16,8 +16,8 @@ import numpy as np
 from ..channels import COLOUR_AND_DEPTH, in_order, pair_channels
 from ..core.atomic_files import sha256_of_bytes
 from ..core.errors import Action, CommandLineOnly, Message, PresetKey, StorageError, either, offers
+from ..core.file_access import canonical
 from ..core.frame_request import SensorPaths
-from ..core.json_text import canonical
 from ..core.trajectory import recentring_m
 from ..preset.names import format_same_folder
 from .identity import BETWEEN, CHANNELS, HUFFMAN, KEYS, RecordedSetting, RecordedStep, path_sha256

@@ -12,16 +12,8 @@ from typing import Any
 
 from ..core.atomic_files import UNFINISHED, link_on_the_way, sha256_of_regular_file, storage_errors
 from ..core.errors import Action, StorageError
-from ..core.frame_table import (
-    FRAMES,
-    JOURNALS,
-    OUT_OF_RANGE,
-    Journals,
-    has_journal,
-    read_records,
-    remove_journals,
-)
-from ..core.json_text import read_json
+from ..core.file_access import read_json
+from ..core.frame_table import FRAMES, JOURNALS, OUT_OF_RANGE, Journals, has_journal, read_records, remove_journals
 from ..layouts import LAYOUTS
 from .identity import BETWEEN, FORMAT, identity_problem, is_sequence, manifest_problem, version_problem
 

@@ -22,14 +22,13 @@ from numpy.typing import NDArray
 from ..channels import CHANNELS as REGISTERED
 from ..channels import COLOUR_AND_DEPTH, surface_channels
 from ..core.atomic_files import sha256_of_file
-from ..core.dependencies import package_version
 from ..core.depth_range import RangeLoss
-from ..core.file_access import NOT_UTF8, RENAME, is_utf8
+from ..core.file_access import NOT_UTF8, RENAME, canonical, finite_number, is_utf8, plain_values
 from ..core.frame_table import FRAMES, OUT_OF_RANGE, SEQUENCE
 from ..core.geometry import Intrinsics
-from ..core.json_text import canonical, finite_number, plain_values
 from ..core.lens import OPTICS_KEYS
 from ..core.machine import processor_features
+from ..core.packages import package_version
 from ..core.schema import deciding_values, quoted
 from ..core.trajectory import Trajectory
 from ..layouts import EVERY, LAYOUTS, OutputFormat

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ..channels import COLOUR_AND_DEPTH, in_order
 from ..core.file_access import read_bytes
 from ..core.srgb import encoded
-from ..images.image_reading import read_pixels
+from ..images.image_files import read_pixels
 from ..images.pixels import decode_light, rgb_bytes
 from ..layouts import OutputFormat
 from ..layouts.layout import StampsLike

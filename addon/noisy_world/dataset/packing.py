@@ -17,12 +17,11 @@ from typing import Any, TypeAlias
 
 from ..channels import CHANNELS
 from ..core.atomic_files import sha256_of_bytes
-from ..core.dependencies import missing_packages
 from ..core.errors import InterruptedRunError, StorageError
-from ..core.file_access import read_bytes
-from ..core.json_text import canonical, parse_json
+from ..core.file_access import canonical, parse_json, read_bytes
 from ..core.lens import DEPTH_CAMERA, DepthCamera
 from ..core.machine import done_ahead
+from ..core.packages import missing_packages
 from ..core.progress import Progress
 from ..layouts import Modality
 from .differences import first_difference

@@ -13,9 +13,9 @@ from itertools import accumulate, groupby
 from pathlib import Path
 from typing import Any, TypeAlias, overload
 
-from ..core.dependencies import package_version
 from ..core.errors import InputError
-from ..core.json_text import read_json
+from ..core.file_access import read_json
+from ..core.packages import package_version
 from ..core.progress import Progress
 from .folder_state import MANIFEST, OVERVIEW
 from .identity import FORMAT as IDENTITY_FORMAT

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from ..core.errors import InputError, one_line
-from ..core.json_text import plain_values
+from ..core.file_access import plain_values
 from ..perturbations import registry
 from ..perturbations.steps import Setting, files_of, sha256_of
 from ..preset.keys import Preset, check_document

@@ -119,7 +119,7 @@ class _Around:
 
     def travel_px(self, times_s: NDArray[np.float64]) -> float:
         """Return how far what any pixel sees goes on the image, at most: see `Moments`. Depth is of the middle time."""
-        from ..core.travel import travel_px
+        from ..core.camera_motion import travel_px
 
         middle_s = float(times_s[len(times_s) // 2])
         depth_m = self.take(middle_s, None).depth_m

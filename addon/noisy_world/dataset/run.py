@@ -18,7 +18,7 @@ from typing import Any, Self, TypeAlias
 
 from ..core.atomic_files import FolderLock, Hasher
 from ..core.errors import Action, Message, StorageError, either
-from ..core.json_text import canonical
+from ..core.file_access import canonical
 from ..core.machine import available_threads, peak_memory_bytes
 from ..core.progress import Progress
 from .completed_images import CompletedImages, FinishedImages, find_missing, keep_intact

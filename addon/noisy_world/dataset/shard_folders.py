@@ -16,6 +16,7 @@ from typing import Any, Protocol, TypeAlias
 
 from ..core.atomic_files import FolderLock, Hasher, Mover, sha256_of_bytes, storage_errors, write_atomic
 from ..core.errors import BusyError, CannotJoinError
+from ..core.file_access import canonical, read_json
 from ..core.frame_table import (
     KEPT,
     FrameRecord,
@@ -28,7 +29,6 @@ from ..core.frame_table import (
     record_of,
     remove_journals,
 )
-from ..core.json_text import canonical, read_json
 from ..layouts import OutputFormat
 from .differences import identity_mismatch, identity_sha256
 from .folder_state import IDENTITY, MERGED, WORK_FOLDER, read_dataset_state, remove_dataset, remove_work_folder

@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 
 from ..core.atomic_files import sha256_of_bytes
 from ..core.errors import StorageError
-from ..core.file_access import read_bytes
-from ..core.json_text import parse_json
+from ..core.file_access import parse_json, read_bytes
 from .folder_state import WORK_FOLDER
 from .shard_folders import SHARDS, ShardRecord
 from .shards import Shard

@@ -16,7 +16,7 @@ from typing import Any
 
 from ..core.atomic_files import sha256_of_bytes
 from ..core.errors import StorageError
-from ..core.json_text import parse_json
+from ..core.file_access import parse_json
 from ..core.progress import Progress
 from .folder_state import (
     IDENTITY,

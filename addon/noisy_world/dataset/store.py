@@ -17,9 +17,9 @@ from pathlib import Path
 from typing import IO, Any, TypeAlias
 
 from ..core.atomic_files import FULL, FolderLock, unfinished_name
-from ..core.dependencies import install_command, pip_command
 from ..core.errors import MissingDependencyError, StorageError
 from ..core.file_access import open_regular, with_home
+from ..core.packages import install_command, pip_command
 from .folder_state import WORK_FOLDER
 
 # Turns a store's exceptions into one line with the address and the remedy.

@@ -22,10 +22,9 @@ from numpy.typing import NDArray
 from ..channels import CHANNELS, in_order
 from ..core.atomic_files import Hasher, sha256_of_bytes
 from ..core.errors import InputError, InterruptedRunError
-from ..core.file_access import open_text
+from ..core.file_access import open_text, parse_json, read_json
 from ..core.frame_table import FRAMES, FrameRecord, Journals, files_in, joined_records, read_records
 from ..core.geometry import Intrinsics
-from ..core.json_text import parse_json, read_json
 from ..core.lens import DEPTH_CAMERA, DISTORTION, Optics
 from ..core.trajectory import FrameStamps
 from ..layouts import LAYOUTS, Layout, Modality

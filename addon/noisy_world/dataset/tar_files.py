@@ -12,8 +12,8 @@ from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 from ..core.errors import InputError, InterruptedRunError
+from ..core.file_access import parse_json
 from ..core.frame_table import FRAMES, FrameRecord, joined_records, records_in
-from ..core.json_text import parse_json
 from ..core.machine import done_ahead
 from ..layouts import Modality
 from .store import Store, missing

@@ -19,12 +19,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.atomic_files import storage_errors
-from ..core.dependencies import PACKAGE
 from ..core.errors import InputError, MissingDependencyError, NoisyWorldError
 from ..core.file_access import read_text
+from ..core.packages import PACKAGE
 from ..core.schema import yaml_text
 from ..core.trajectory import evenly_stamped
-from ..images.image_reading import read_pixels
+from ..images.image_files import read_pixels
 from ..images.pixels import encode_png
 from ..trajectories.matrix_poses import replica_text
 from .estimates import Index

@@ -12,15 +12,14 @@ from math import isfinite
 from statistics import median
 from typing import TYPE_CHECKING, Any
 
-from ..core.json_text import finite_number
+from ..core.file_access import finite_number
 from .cases import CLEAN
 from .figures import Bar, RankPanel, ranking
 from .metrics import FAILED, METRICS, OVER_CLEAN
-from .report_input import Results, records
 from .report_sections import FEWEST, LABELS, Analyses, with_interval
-from .report_tables import NOTHING, Column, Table, cell_text, column_of
-from .run_tables import LEFT_OUT, RESULT, SUCCESS, SUCCESS_OVER_CLEAN, complete_runs
+from .report_tables import NOTHING, Column, Results, Table, cell_text, column_of, records
 from .study_results import EXPECTED
+from .study_tables import LEFT_OUT, RESULT, SUCCESS, SUCCESS_OVER_CLEAN, complete_runs
 from .systems import ExpectedClean
 
 if TYPE_CHECKING:

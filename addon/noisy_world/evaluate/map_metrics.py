@@ -11,9 +11,9 @@ from typing import Literal, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..core.entry_points import Door, Registry
 from ..core.errors import InputError
 from ..core.geometry import nearest_rotation, pose, rotation_angle_rad
+from ..core.packages import Door, Registry
 from ..scenes.polygon_mesh import Mesh
 from .metrics import Metric, check_described, checked_value
 from .true_maps import (

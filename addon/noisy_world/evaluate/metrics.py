@@ -9,8 +9,8 @@ from typing import Any, Literal, TypeAlias, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.entry_points import Door, Registry
 from ..core.errors import NoisyWorldError
+from ..core.packages import Door, Registry
 from .pose_errors import (
     CONDITIONING,
     DECIDED,

@@ -6,16 +6,15 @@ from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
-from ..core.dependencies import PACKAGE
 from ..core.file_access import read_bytes
+from ..core.packages import PACKAGE
 from ..core.schema import read_yaml
 from ..dataset.identity import RecordedSetting, RecordedStep
 from .cases import CLEAN
 from .findings import counts
 from .metrics import IS_INCOMPLETE
-from .report_input import Results
-from .report_tables import NOTHING, Column, Table, cell_text, column_of, latex, latex_tabular
-from .run_tables import complete_runs, geometric_deviation, geometric_mean
+from .report_tables import NOTHING, Column, Results, Table, cell_text, column_of, latex, latex_tabular
+from .study_tables import complete_runs, geometric_deviation, geometric_mean
 
 if TYPE_CHECKING:
     from pandas import DataFrame

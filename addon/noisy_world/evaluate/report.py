@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, TypeVar
 import numpy as np
 
 from ..core.atomic_files import storage_errors
-from ..core.dependencies import need
 from ..core.file_access import read_text
+from ..core.packages import need
 from . import report_sections
 from .cases import CLEAN
 from .figures import Scale, heat_map
@@ -29,11 +29,12 @@ from .findings import (
     times,
 )
 from .paper_comparison import LatexFile, notes, paper_comparison, published
-from .report_input import RUN_KEY, Results
 from .report_sections import Analyses, Contents, Section, again, command, curves_of, facts, opening
 from .report_tables import (
     FOLDER,
     NOTHING,
+    RUN_KEY,
+    Results,
     Table,
     cell_text,
     column_of,
@@ -44,7 +45,7 @@ from .report_tables import (
     parquet_bytes,
 )
 from .run_figures import path_picture, time_picture, worst_frames
-from .threshold_table import threshold_section
+from .thresholds import threshold_section
 
 if TYPE_CHECKING:
     from .figures import Picture
@@ -75,7 +76,7 @@ def write_report(results: Path) -> WrittenReport:
     need(NEEDED, "evaluate")
     from .analyses import analyse
     from .paper_comparison import paper_tables, published
-    from .report_input import read_results
+    from .report_tables import read_results
 
     found = read_results(results)
     contents = gather(found, analyse(found.runs, found.sequences))

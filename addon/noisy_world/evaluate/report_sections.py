@@ -10,16 +10,14 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 from ..core.errors import one_line
 from .analyses import CAPTIONS
-from .cases import CLEAN
+from .cases import CLEAN, RUN
 from .figures import ENDS, HERE_ENDS, LINE, Picture, correlation_matrices, curves
 from .metrics import IS_INCOMPLETE, LEAST_TRACKED, PROTOCOLS
 from .pose_errors import CONDITIONING, WELL_CONDITIONED, WRONG_DEG
-from .report_input import KEY, Results, read_object, records
-from .report_tables import NOTHING, SHARED, Column, Table, cell_text, column_of
+from .report_tables import KEY, NOTHING, SHARED, Column, Results, Table, cell_text, column_of, read_object, records
 from .run_figures import FramePicture
-from .run_files import RUN
-from .run_tables import SUCCESS, SUCCESS_OVER_CLEAN
 from .study_results import VERSIONS
+from .study_tables import SUCCESS, SUCCESS_OVER_CLEAN
 
 if TYPE_CHECKING:
     from pandas import DataFrame

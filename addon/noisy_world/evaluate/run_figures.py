@@ -16,8 +16,7 @@ from ..core.errors import InputError
 from ..core.file_access import read_bytes, read_text
 from .figures import COLOURS, GREY, NARROW_IN, Picture, drawing, fixed_layout, line_styles, shortened, svg_bytes
 from .pose_errors import FrameErrors
-from .report_input import ERROR, REMEDY, Pick, Results, picked_runs, picked_sequences, read_texts
-from .report_tables import cell_text
+from .report_tables import ERROR, REMEDY, Pick, Results, cell_text, picked_runs, picked_sequences, read_texts
 from .study_results import ERRORS, FRAMES, THUMBS, TRUTH
 
 if TYPE_CHECKING:

@@ -17,11 +17,11 @@ from ..rooms import kept_room
 from ..scenes.ply import read_ply
 from ..scenes.polygon_mesh import MEANT, Mesh, is_embedded, room_seeds
 from ..sources.rendered_mesh import read_mesh
+from .cases import MAP
 from .estimates import MAX_DIFFERENCE_S, Estimate, associate_poses
 from .map_fusion import FAR_M, VOXEL_M, Fused, fuse
 from .map_metrics import moved
 from .pose_errors import Similarity, aligned_poses
-from .run_files import MAP
 
 # Reads what a user names for a map's score: meshes and sequences.
 

@@ -17,12 +17,11 @@ from ..core.progress import Progress
 from ..dataset.loader import Frame
 from ..preset.keys import check_document
 from ..trajectories.stamped_poses import tum_text
-from .cases import CLEAN, Case, SystemRun
+from .cases import CLEAN, Case, Outcome, RunRecord, SystemRun, read_run_record
 from .indicators import indicators_of
 from .map_metrics import MAP_METRICS, score_map
 from .metrics import METRICS
 from .pose_errors import CONDITIONING, DEFINITIONS, WELL_CONDITIONED, FrameErrors, frame_errors_text
-from .run_files import Outcome, RunRecord, read_run_record
 from .run_maps import map_of_run
 from .study_results import (
     ERRORS,

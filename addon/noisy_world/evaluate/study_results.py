@@ -14,15 +14,14 @@ import numpy as np
 
 from ..core.atomic_files import own_scratch, storage_errors, write_atomic
 from ..core.errors import StorageError
-from ..core.json_text import finite_number, read_json
+from ..core.file_access import finite_number, read_json
 from ..core.trajectory import Trajectory
 from ..dataset.differences import decisive, first_difference
 from ..dataset.folder_state import WORK_FOLDER
 from ..dataset.identity import HUFFMAN, setting_problem
-from .cases import Case, SystemRun
+from .cases import ESTIMATE, KEYFRAMES, Case, Outcome, RunRecord, SystemRun, read_estimate_file
 from .estimates import Estimate
 from .pose_errors import PROTOCOLS, FrameErrors, Similarity, paper_protocol
-from .run_files import ESTIMATE, KEYFRAMES, Outcome, RunRecord, read_estimate_file
 from .trajectory_scores import score_trajectory
 
 STUDY = "study.json"

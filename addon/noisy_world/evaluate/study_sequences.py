@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from ..channels import COLOUR_AND_DEPTH
 from ..core.atomic_files import sha256_of_bytes
 from ..core.errors import InputError, PresetKey
+from ..core.file_access import canonical
 from ..core.geometry import Intrinsics
-from ..core.json_text import canonical
 from ..core.lens import Distortion
 from ..core.progress import Progress, SilentProgress
 from ..core.schema import ConfigPath

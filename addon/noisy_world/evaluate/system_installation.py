@@ -17,9 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.atomic_files import StorageError, storage_errors, write_atomic
-from ..core.dependencies import PACKAGE, shipped
 from ..core.errors import InputError, MissingDependencyError
 from ..core.file_access import read_bytes, read_text
+from ..core.packages import PACKAGE, shipped
 from ..dataset.frame import CleanFrame
 from ..dataset.plan import make_plan
 from ..dataset.rendering import render_options, source_paths

@@ -20,15 +20,14 @@ from typing import Any
 import numpy as np
 
 from ..core.atomic_files import Mover, storage_errors, write_atomic
-from ..core.dependencies import PACKAGE
 from ..core.errors import InputError, InterruptedRunError, MissingDependencyError, NotFiniteError, one_line
-from ..core.file_access import check_regular, read_text
+from ..core.file_access import check_regular, parse_json, read_text
 from ..core.geometry import Intrinsics
-from ..core.json_text import parse_json
+from ..core.packages import PACKAGE
 from ..trajectories.formats import TRAJECTORY_FORMATS
 from ..trajectories.pose_files import LARGEST_READ_BYTES, OverLimitError
+from .cases import ESTIMATE, FRAMES, KEYFRAMES, MAP, RUN, Outcome, RunRecord, estimate_text
 from .estimates import Asked, Estimate, Frames, estimate_of, match_frames, read_poses
-from .run_files import ESTIMATE, FRAMES, KEYFRAMES, MAP, RUN, Outcome, RunRecord, estimate_text
 from .system_input import SequenceInput, sequence_input
 from .system_isolation import (
     CommandOutcome,

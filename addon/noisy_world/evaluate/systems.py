@@ -13,10 +13,9 @@ from pathlib import Path
 from types import ModuleType
 from typing import Literal, cast, get_args
 
-from ..core.dependencies import PACKAGE, checkout
-from ..core.entry_points import Brought, Distribution, add, loaded_entries
 from ..core.errors import InputError, NoisyWorldError
 from ..core.file_access import read_bytes
+from ..core.packages import PACKAGE, Brought, Distribution, add, checkout, loaded_entries
 from ..core.schema import Choice, ConfigPath, key, parse, quoted, read_yaml, unknown_name
 from ..layouts import LAYOUTS
 from ..trajectories.formats import TRAJECTORY_FORMATS

@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..channels import COLOUR_AND_DEPTH
-from ..core.dependencies import need
 from ..core.frame_request import SensorPaths
 from ..core.geometry import Intrinsics
 from ..core.machine import available_threads
+from ..core.packages import need
 from ..core.streams import stream
 from ..core.trajectory import evenly_stamped
 from ..images.pixels import rgb_bytes

@@ -18,9 +18,9 @@ from pathlib import Path
 from typing import Any
 
 from ..core.atomic_files import sha256_of_file
-from ..core.dependencies import install_command, package_version
 from ..core.errors import DONE, INTERRUPTED, REFUSED, USERS_ERROR, MissingDependencyError, NoisyWorldError
 from ..core.machine import thread_variables
+from ..core.packages import install_command, package_version
 from .jobs import Job, TaskMessage, TaskOutcome
 from .worker_process import NodeTask, carried, in_ray
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ..core.depth_range import UINT16_MAX, OutOfRange
 from ..core.errors import NoisyWorldError
-from .image_header import SIGNATURE
+from .image_header import PNG_SIGNATURE
 
 Number = TypeVar("Number", bound=np.generic)
 
@@ -173,7 +173,12 @@ def encode_png(pixels: NDArray[np.uint8] | NDArray[np.uint16]) -> bytes:
     np.subtract(rows[1:], rows[:-1], out=filtered[1:, 1:])
     header = struct.pack(">2I5B", width, height, 8 * pixels.itemsize, _COLOUR if pixels.ndim == 3 else _GREY, 0, 0, 0)
     return b"".join(
-        (SIGNATURE, _part(b"IHDR", header), _part(b"IDAT", deflate.zlib_compress(filtered, PNG_LEVEL)), _part(b"IEND"))
+        (
+            PNG_SIGNATURE,
+            _part(b"IHDR", header),
+            _part(b"IDAT", deflate.zlib_compress(filtered, PNG_LEVEL)),
+            _part(b"IEND"),
+        )
     )
 
 
@@ -195,13 +200,13 @@ def decode_png(data: bytes) -> NDArray[np.uint8] | NDArray[np.uint16] | None:
 
     if len(data) < _HEADER_END:
         return None
-    width, height, bits, kind, *_, interlaced = struct.unpack_from(">2I5B", data, len(SIGNATURE) + 8)
+    width, height, bits, kind, *_, interlaced = struct.unpack_from(">2I5B", data, len(PNG_SIGNATURE) + 8)
     channels = 3 if kind == _COLOUR else 1
     line = 1 + width * channels * bits // 8
     if bits not in (8, 16) or kind not in (_GREY, _COLOUR) or interlaced or height * line > LARGEST_BYTES:
         return None
     parts = []
-    at = len(SIGNATURE)
+    at = len(PNG_SIGNATURE)
     while (name := data[at + 4 : at + 8]) != b"IEND":
         end = at + 8 + int.from_bytes(data[at : at + 4], "big")
         if name == b"IDAT":
@@ -228,7 +233,7 @@ def decode_steps(data: bytes) -> NDArray[np.uint16]:
     """Return the 16-bit values that `encode_png` encoded. Raises ValueError where it is something else."""
     import cv2
 
-    steps = decode_png(data) if data.startswith(SIGNATURE) else None
+    steps = decode_png(data) if data.startswith(PNG_SIGNATURE) else None
     if steps is None and data:
         steps = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
         steps = steps[..., ::-1] if steps is not None and steps.ndim == 3 else steps

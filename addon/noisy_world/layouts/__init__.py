@@ -5,12 +5,11 @@ import re
 from collections.abc import Iterable
 from pathlib import Path, PurePosixPath
 
-from ..core.entry_points import Door, Registry
 from ..core.errors import InputError
-from .association import PosePolicy
+from ..core.packages import Door, Registry
 from .borrowed import BorrowedLayout
 from .layout import Beyond, Colour, FrameNames, Image, Layout, Modality, OutputFormat, RecordedLayout, SequenceFacts
-from .stored_recording import StoredSequence
+from .stored_recording import PosePolicy, StoredSequence
 
 __all__ = [
     "EVERY",

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..core.errors import InputError
+from ..core.file_access import finite_number
 from ..core.geometry import (
     Intrinsics,
     continuous_quats,
@@ -22,16 +23,14 @@ from ..core.geometry import (
     quat_wxyz_from_rotation,
     rotation_error,
 )
-from ..core.json_text import finite_number
 from ..core.lens import Distortion
 from ..core.schema import quoted, read_yaml
 from ..core.trajectory import NS_PER_S, Stamps, Trajectory, rounded_numbers, rounded_poses
 from ..trajectories.formats import read_trajectory
 from ..trajectories.rig import Imu, ImuModel, ImuSamples, ImuStates, RecordedImu, Rig, Sensor
-from .association import StampedFiles
 from .cam_params import checked_distortion
 from .layout import IMU_FILES, SequenceFacts, lines
-from .stored_recording import checked_depth_scale, checked_intrinsics, recorded_text
+from .stored_recording import StampedFiles, checked_depth_scale, checked_intrinsics, recorded_text
 
 STAMP_DIGITS = 19  # as many as the largest 64-bit integer has: equally long names sort by time
 LARGEST_NS = 2**63 - 1  # readers hold stamps in signed 64-bit integers; 292 years

@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.errors import InputError
+from ..core.file_access import finite_number, parse_json_file
 from ..core.geometry import invert_pose, nearest_rotation, pose, rotation_error
-from ..core.json_text import finite_number, parse_json_file
 from ..core.lens import PINHOLE
 from .described import DepthFilesSpec, DescribedLayout, ImageFilesSpec, SequenceSpec, Told, matrix_in, median_camera
 from .layout import MILLIMETRES, intrinsics_of_matrix

@@ -19,10 +19,9 @@ from ..core.frame_table import FRAMES
 from ..core.geometry import Intrinsics
 from ..core.lens import PINHOLE, Optics
 from ..core.trajectory import FrameStamps
-from .association import PosePolicy
 from .cam_params import CAM_PARAMS, cam_params_text, read_cam_params
 from .layout import Layout, RecordedLayout, counted_note
-from .stored_recording import StoredSequence, read_frame_times
+from .stored_recording import PosePolicy, StoredSequence, read_frame_times
 
 _DIGITS = range(1, 8)
 

@@ -20,12 +20,11 @@ from ..core.errors import InputError
 from ..core.geometry import Intrinsics, invert_pose, quat_wxyz_from_rotation
 from ..core.lens import Distortion, Optics, distortion_of
 from ..trajectories.formats import read_file_poses
-from .association import PosePolicy
 from .borrowed import BorrowedLayout
 from .layout import MILLIMETRES, RECORDED_HZ, Image, RecordedLayout, SequenceFacts, counted_note, lines, numbered
 from .nerfstudio import TRANSFORMS, by_number
 from .numbered import NumberedPoses, numbered_frames
-from .stored_recording import StoredSequence, check_files, checked_intrinsics, recorded_text
+from .stored_recording import PosePolicy, StoredSequence, check_files, checked_intrinsics, recorded_text
 
 IMAGES, DEPTH, MODEL = "images", "depth", "sparse/0"
 _BINARY = "cameras.bin"

@@ -21,14 +21,13 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ..core.errors import InputError
+from ..core.file_access import finite_number, parse_json_file
 from ..core.geometry import Intrinsics
-from ..core.json_text import finite_number, parse_json_file
 from ..core.trajectory import Stamps, Trajectory
 from ..trajectories.formats import read_file_poses
-from .association import MatchedFrames, PosePolicy, StampedFiles, associate_frames
 from .layout import MILLIMETRES, intrinsics_of_matrix, stated_camera
 from .numbered import Cameras, CountedPoses, ImageFiles, NumberedLayout, NumberedPoses, numbered_images, poses_of_images
-from .stored_recording import StoredSequence, recorded_text
+from .stored_recording import MatchedFrames, PosePolicy, StampedFiles, StoredSequence, associate_frames, recorded_text
 
 INTRINSICS = ("intrinsic.json", "camera_intrinsic.json")
 TRAJECTORIES = ("*.log", "scene/*.log", "*-traj.txt", "*trajectory.txt")

@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.errors import InputError
+from ..core.file_access import finite_number, parse_json_file
 from ..core.geometry import Intrinsics
-from ..core.json_text import finite_number, parse_json_file
 from ..core.lens import DepthCamera
 from ..core.schema import ConfigPath, key, key_of, quoted
 from ..core.trajectory import FrameStamps, Stamps, Trajectory, convert_convention
@@ -35,19 +35,24 @@ from ..trajectories.formats import (
 )
 from ..trajectories.pose_files import PER_SECOND, text_rows
 from ..trajectories.pose_files import read_text as read_numbers
-from .association import (
-    PAIRING_S,
-    MatchedFrames,
-    PosePolicy,
-    StampedFiles,
-    associate,
-    associate_frames,
-    chosen_by_pose,
-    truth_file,
-)
 from .layout import MILLIMETRES, RECORDED_HZ, RecordedLayout, counted_note, intrinsics_of_matrix
 from .numbered import LARGEST_NUMBER, Cameras, CountedPoses, poses_of_images
-from .stored_recording import SCALES_PER_M, SizePx, StoredSequence, checked_intrinsics, recorded_text, size_of
+from .stored_recording import (
+    PAIRING_S,
+    SCALES_PER_M,
+    MatchedFrames,
+    PosePolicy,
+    SizePx,
+    StampedFiles,
+    StoredSequence,
+    associate,
+    associate_frames,
+    checked_intrinsics,
+    chosen_by_pose,
+    recorded_text,
+    size_of,
+    truth_file,
+)
 
 _FILES = "a pattern of file names in the folder, such as image_left/*.png"
 _LEAST_NS = 1e17  # as files of poses: 1973 in nanoseconds since 1970

@@ -32,12 +32,11 @@ from .asl import (
     stamps_problem,
     states_csv,
 )
-from .association import PosePolicy, associate_frames, truth_file
 from .estimator_settings import FOLDER as SETTINGS
 from .estimator_settings import NAMES as SETTINGS_NAMES
 from .estimator_settings import settings_texts
 from .layout import Image, Layout, SequenceFacts, StampsLike, lines, poses_at
-from .stored_recording import StoredSequence, check_files, same_camera
+from .stored_recording import PosePolicy, StoredSequence, associate_frames, check_files, same_camera, truth_file
 
 MAV = "mav0"
 COLOUR = f"{MAV}/cam0"

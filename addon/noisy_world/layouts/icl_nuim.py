@@ -17,9 +17,9 @@ import numpy as np
 from ..core.errors import InputError
 from ..core.geometry import Intrinsics
 from ..trajectories.formats import read_trajectory_file
-from .association import MatchedFrames, PosePolicy
 from .cam_params import read_cam_params
 from .numbered import LARGEST_NUMBER, Cameras, ImageFiles, NumberedLayout, NumberedPoses
+from .stored_recording import MatchedFrames, PosePolicy
 
 TRUTH = "*.gt.freiburg"
 CAMERA = Intrinsics(640, 480, 481.2, 480.0, 319.5, 239.5)  # fy without its sign

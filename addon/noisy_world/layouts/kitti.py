@@ -21,11 +21,10 @@ from ..core.trajectory import NS_PER_S, Stamps
 from ..trajectories.formats import read_file_poses, read_trajectory
 from ..trajectories.matrix_poses import row_text
 from ..trajectories.pose_files import read_text
-from .association import MatchedFrames, PosePolicy
 from .borrowed import BorrowedLayout
 from .layout import PATH_SUFFIXES, Image, SequenceFacts, intrinsics_of_matrix, lines, numbered, path_suffix
 from .numbered import Cameras, ImageFiles, NumberedLayout, NumberedPoses
-from .stored_recording import size_of
+from .stored_recording import MatchedFrames, PosePolicy, size_of
 
 IMAGES = ("image_2", "image_0")  # colour, and grey where there is none
 DEPTH = "depth_2"

@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 from ..channels import CHANNELS, COLOUR_AND_DEPTH
 from ..channels.channel import FileKind
 from ..core.depth_range import Beyond, DepthRange, OutOfRange
-from ..core.entry_points import LAST
 from ..core.errors import InputError, Message, PresetKey
 from ..core.frame_request import SensorPaths
 from ..core.geometry import Intrinsics
 from ..core.lens import PINHOLE, Distortion, Optics
+from ..core.packages import LAST
 from ..core.trajectory import FrameStamps, Stamps, Trajectory
 from ..images.pixels import (
     UINT16_MAX,
@@ -32,8 +32,7 @@ from ..images.pixels import (
 )
 from ..trajectories.pose_files import read_text, text_rows
 from ..trajectories.rig import ImuSamples, Rig
-from .association import PosePolicy, associate
-from .stored_recording import StoredSequence, checked_intrinsics, size_of
+from .stored_recording import PosePolicy, StoredSequence, associate, checked_intrinsics, size_of
 
 Modality: TypeAlias = str
 """The name of a channel, as in `output.modalities`."""

@@ -17,16 +17,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.errors import InputError
+from ..core.file_access import finite_number, parse_json_file
 from ..core.geometry import Intrinsics, blender_from_opencv_c2w, opencv_from_blender_c2w
-from ..core.json_text import finite_number, parse_json_file
 from ..core.lens import Distortion, Optics, distortion_of
 from ..trajectories.formats import read_file_poses
-from .association import PosePolicy
 from .borrowed import BorrowedLayout
 from .described import seen_by_depth
 from .layout import MILLIMETRES, RECORDED_HZ, Image, RecordedLayout, SequenceFacts, counted_note, numbered
 from .numbered import NumberedPoses, numbered_frames
-from .stored_recording import StoredSequence, check_files, checked_intrinsics, recorded_text, size_of
+from .stored_recording import PosePolicy, StoredSequence, check_files, checked_intrinsics, recorded_text, size_of
 
 TRANSFORMS = "transforms.json"
 INTRINSICS = ("w", "h", "fl_x", "fl_y", "cx", "cy")

@@ -18,9 +18,8 @@ from ..core.geometry import Intrinsics
 from ..core.lens import PINHOLE, Optics
 from ..core.trajectory import FrameStamps, Stamps, Trajectory
 from ..trajectories.formats import read_file_poses
-from .association import MatchedFrames, PosePolicy, chosen_by_pose, truth_file
 from .layout import MILLIMETRES, RECORDED_HZ, RecordedLayout, counted_note
-from .stored_recording import StoredSequence
+from .stored_recording import MatchedFrames, PosePolicy, StoredSequence, chosen_by_pose, truth_file
 
 LARGEST_NUMBER = 10**9  # over a year at 30 Hz: what is larger is no count
 

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.errors import InputError
+from ..core.file_access import finite_number
 from ..core.geometry import nearest_rotation, pose, rotation_error
-from ..core.json_text import finite_number
 from ..core.lens import Optics
 from ..core.schema import read_yaml
 from .cam_params import checked_distortion

@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.errors import InputError
+from ..core.file_access import finite_number, parse_json_file
 from ..core.geometry import (
     Intrinsics,
     nearest_rotation,
@@ -28,17 +29,8 @@ from ..core.geometry import (
     rotation_error,
     rotation_from_quat_wxyz,
 )
-from ..core.json_text import finite_number, parse_json_file
 from ..core.trajectory import Stamps
-from .described import (
-    DepthFilesSpec,
-    DescribedLayout,
-    ImageFilesSpec,
-    SequenceSpec,
-    Told,
-    matrix_in,
-    median_camera,
-)
+from .described import DepthFilesSpec, DescribedLayout, ImageFilesSpec, SequenceSpec, Told, matrix_in, median_camera
 from .layout import intrinsics_of_matrix
 from .numbered import Cameras
 from .stored_recording import checked_intrinsics, recorded_text, size_of

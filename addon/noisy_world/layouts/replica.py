@@ -15,10 +15,9 @@ from ..core.lens import PINHOLE, Optics
 from ..core.trajectory import FrameStamps
 from ..trajectories.formats import TRAJECTORY_FORMATS, read_trajectory, read_trajectory_file
 from ..trajectories.matrix_poses import replica_text
-from .association import PosePolicy, chosen_by_pose, truth_file, unposed
 from .cam_params import CAM_PARAMS, cam_params_text, read_cam_params
 from .layout import PATH_SUFFIXES, Image, Layout, SequenceFacts, counted_note, numbered, path_suffix
-from .stored_recording import RATE_HZ, StoredSequence, read_frame_times
+from .stored_recording import RATE_HZ, PosePolicy, StoredSequence, chosen_by_pose, read_frame_times, truth_file, unposed
 
 RESULTS = "results"
 LARGEST_NUMBER = 10**9  # 19 months at 20 Hz: what is larger is no count

@@ -18,11 +18,10 @@ from ..trajectories.formats import read_trajectory
 from ..trajectories.matrix_poses import row_text
 from ..trajectories.pose_files import read_text as read_numbers
 from ..trajectories.pose_files import text_rows
-from .association import MatchedFrames
 from .borrowed import BorrowedLayout, unpadded
 from .layout import MILLIMETRES, Image, SequenceFacts, intrinsics_of_matrix
 from .numbered import Cameras, ImageFiles, NumberedLayout
-from .stored_recording import same_camera, size_of
+from .stored_recording import MatchedFrames, same_camera, size_of
 
 
 class ScanNetRecordings(NumberedLayout):

@@ -13,13 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.errors import InputError
+from ..core.file_access import finite_number
 from ..core.geometry import Intrinsics
-from ..core.json_text import finite_number
 from ..core.lens import DepthCamera, Optics
-from .association import MatchedFrames, PosePolicy
 from .layout import intrinsics_of_matrix, stated_camera
 from .numbered import Cameras, ImageFiles, NumberedLayout
-from .stored_recording import recorded_text, same_camera
+from .stored_recording import MatchedFrames, PosePolicy, recorded_text, same_camera
 
 CALIBRATIONS = ("info.txt", "_info.txt")
 NO_DEPTH = 65535  # "invalid depth is set to 65535"

@@ -15,10 +15,19 @@ from ..core.lens import PINHOLE, Optics, distortion_of
 from ..core.trajectory import NS_PER_S, Stamps
 from ..trajectories.formats import read_trajectory
 from ..trajectories.stamped_poses import tum_text
-from .association import PosePolicy, StampedFiles, associate_frames, truth_file
 from .cam_params import CAM_PARAMS, cam_params_text, read_cam_params
 from .layout import PATH_SUFFIXES, Image, Layout, SequenceFacts, lines, numbered, path_suffix, poses_at
-from .stored_recording import StoredSequence, check_files, checked_intrinsics, recorded_text, size_of
+from .stored_recording import (
+    PosePolicy,
+    StampedFiles,
+    StoredSequence,
+    associate_frames,
+    check_files,
+    checked_intrinsics,
+    recorded_text,
+    size_of,
+    truth_file,
+)
 
 LARGEST_S = 10**11  # 3,000 years: what is later is in another unit
 SECONDS_PER_YEAR = 31_557_600  # Julian

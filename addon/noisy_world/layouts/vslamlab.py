@@ -15,18 +15,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.errors import InputError
+from ..core.file_access import finite_number
 from ..core.geometry import Intrinsics, continuous_quats, invert_pose, quat_wxyz_from_rotation
-from ..core.json_text import finite_number
 from ..core.lens import Distortion, DistortionModel, Optics
 from ..core.schema import quoted, read_yaml
 from ..core.trajectory import FrameStamps, Stamps, Trajectory
 from ..trajectories.formats import read_trajectory
 from ..trajectories.rig import Imu, ImuSamples
 from .asl import LARGEST_NS, exact_stamps
-from .association import PosePolicy, StampedFiles, associate_frames, truth_file
 from .estimator_settings import LEAST
 from .layout import PATH_SUFFIXES, Image, Layout, SequenceFacts, StampsLike, lines, numbered, path_suffix, poses_at
-from .stored_recording import StoredSequence, check_files, checked_depth_scale, checked_intrinsics, recorded_text
+from .stored_recording import (
+    PosePolicy,
+    StampedFiles,
+    StoredSequence,
+    associate_frames,
+    check_files,
+    checked_depth_scale,
+    checked_intrinsics,
+    recorded_text,
+    truth_file,
+)
 
 # An IMU as VSLAM-LAB has it: `imu_0.csv`, and its mapping in `calibration.yaml`.
 #

@@ -10,11 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.camera_motion import AT_REST, CameraState
+from ..core.errors import title
 from ..core.geometry import Intrinsics
-from ..core.labels import title
 from ..core.node_graph import INTERFACE, Graph, GroupInput, Socket, flat
 from ..perturbations.execution import ColourWork, deciding
-from ..perturbations.group_camera import OVERRIDE_CAMERA, camera_values, looks_at_scene
 from ..perturbations.groups import (
     CLIP_INPUT,
     DEPTH_INPUT,
@@ -22,6 +21,7 @@ from ..perturbations.groups import (
     IMAGE_INPUT,
     OFFSET_INPUT,
     OVERRIDE,
+    OVERRIDE_CAMERA,
     PATTERN,
     REFERENCE_INPUT,
     ROUNDING,
@@ -29,6 +29,8 @@ from ..perturbations.groups import (
     SEVERITY_INPUT,
     Light,
     build_group,
+    camera_values,
+    looks_at_scene,
     seed_of,
     socket_name,
     socket_value,

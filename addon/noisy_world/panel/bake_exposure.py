@@ -20,17 +20,16 @@ from ..perturbations.groups import group_name
 from ..perturbations.kinds import ColourPerturbation, FrameContext
 from ..perturbations.parsing import parse_steps
 from ..perturbations.steps import DEFAULT_SEVERITY, Setting, Step
-from ..render.compositor_keys import ToldGroup, bake, told_groups
 from ..render.own_stills import OwnStill, StillRequest, read_metered
+from ..render.own_view import ToldGroup, bake, told_groups
+from . import frame_preview as metered
 from . import open_scene, preview, runs, source_views
-from . import stills as metered
 from .document import identifiers_of, steps_of
-from .frame_preview import forget_drawn, sequence_of
+from .frame_preview import forget_drawn, request_of, sequence_of
 from .operators import CANCELLED, UNDOABLE, OnScene, guarded
 from .properties import panel_of
 from .runs import Following
 from .sidebar import write
-from .stills import request_of
 from .tree import value_of
 
 SIZES = (
@@ -136,7 +135,7 @@ they are written, lag and all. Press again when the scene's light has changed; E
     def key(self, scene: bpy.types.Scene, lights: Mapping[int, NDArray[np.float32]]) -> str:
         """Keep what was metered, by which the preview is keyed from now on."""
         if lights:
-            metered.keep(scene, lights)
+            metered.keep_light(scene, lights)
         forget_drawn(scene)
         panel, (sequence, _) = panel_of(scene), sequence_of(scene)
         if not panel.preview:

@@ -36,18 +36,7 @@ from .properties import parameters_of, perturbation_of
 from .source_views import PANEL_SOURCES, Footage, footage_of, shown, shown_as, shows_footage
 from .step_list import clear_entries, curve_ends, curve_of, levels_of
 from .steps import in_order, put_entry, take_entry
-from .tree import (
-    FileText,
-    from_line,
-    is_file,
-    is_given,
-    set_value,
-    take,
-    taking,
-    to_line,
-    value_of,
-    with_files,
-)
+from .tree import FileText, from_line, is_file, is_given, set_value, take, taking, to_line, value_of, with_files
 from .tree import to_document as said_by
 
 CLEAN = "clean"

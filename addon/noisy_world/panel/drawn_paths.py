@@ -165,7 +165,7 @@ class TrackedPath:
 
 def read_tracked(dataset: Path, found: Path, name: str) -> TrackedPath:
     """Compare what the tracker found of a sequence with its true path. Raises InputError for files that are damaged."""
-    from ..evaluate.run_files import ESTIMATE, read_estimate_file
+    from ..evaluate.cases import ESTIMATE, read_estimate_file
     from ..evaluate.trajectory_scores import score_trajectory
 
     truth = find_sequence(dataset / name).trajectory

@@ -11,7 +11,7 @@ from typing import Any, Literal, TypeAlias, Union, get_args, get_origin, get_typ
 
 import bpy
 
-from ..core.labels import american, title
+from ..core.errors import american, title
 from ..core.schema import KeyInfo, label_of, tooltip_of
 from ..perturbations.shipped.faster_motion import FasterMotion
 from ..perturbations.shipped.motion_deviation import MotionDeviation

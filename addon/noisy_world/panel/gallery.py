@@ -11,9 +11,8 @@ from typing import Any
 import bpy
 import bpy.utils.previews
 
-from ..core.errors import InputError
+from ..core.errors import InputError, american, title
 from ..core.file_access import utf8_name
-from ..core.labels import american, title
 from ..nodes.datablocks import layout_of
 from ..perturbations import registry
 from ..perturbations.kinds import Perturbation

@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import bpy
 
-from ..core.errors import Action, InputError, NoisyWorldError, offers
+from ..core.errors import Action, InputError, NoisyWorldError, american, offers
 from ..core.file_access import utf8_name
-from ..core.labels import american
 from ..nodes.datablocks import layout_of
 from . import drawn_paths, exclusions, loading
 from .document import CLEAN, scene_name, setting_name

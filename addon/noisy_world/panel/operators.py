@@ -7,14 +7,12 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import bpy
 
-from ..core.errors import NoisyWorldError, memory_errors
+from ..core.errors import NoisyWorldError, american, memory_errors, title
 from ..core.file_access import utf8_name
-from ..core.labels import american, title
 from ..nodes.datablocks import camera_of
 from ..perturbations import registry
 from ..perturbations.kinds import SEQUENCE_KINDS
-from ..render.compositor_keys import has_several_cameras, key_motion, keyable
-from ..render.own_view import bound_cameras
+from ..render.own_view import bound_cameras, has_several_cameras, key_motion, keyable
 from . import loading, source_views
 from .fields import tell
 from .gallery import line_on

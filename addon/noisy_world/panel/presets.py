@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING, Any
 import bpy
 from bpy_extras.io_utils import ExportHelper, ImportHelper
 
-from ..core.errors import InputError
+from ..core.errors import InputError, title
 from ..core.file_access import with_home
-from ..core.labels import title
 from ..nodes.datablocks import layout_of
 from ..perturbations.steps import Step
 from . import gallery

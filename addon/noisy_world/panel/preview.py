@@ -18,16 +18,21 @@ from ..nodes.datablocks import layout_of, override
 from ..perturbations import registry
 from ..perturbations.kinds import DepthPerturbation, PairingPerturbation
 from ..render.own_stills import read_frames
-from . import exclusions, frame_preview, open_scene, properties, runs, source_views, stills, views
+from . import exclusions, frame_preview, open_scene, properties, runs, source_views, views
 from .document import intrinsics_of
 from .fields import Handlers
 from .frame_preview import (
     Kind,
+    camera_states,
+    check_depth,
     count_of_changes,
     forget,
     forget_drawn,
+    is_unknown,
     keep,
     outdated,
+    path_frames,
+    request_of,
     sequence_of,
     show_frame,
     sources_of,
@@ -37,7 +42,6 @@ from .operators import CANCELLED, DONE, UNDOABLE, OnScene, guarded
 from .properties import panel_of
 from .runs import Following, redraw
 from .sidebar import write
-from .stills import camera_states, check_depth, is_unknown, path_frames, request_of
 from .views import UseStandardView, falsified_by, is_working_space_wrong, shown_after
 from .wording import spoken
 
@@ -356,7 +360,7 @@ def show(scene: bpy.types.Scene) -> None:
         split=panel.preview_split,
         intrinsics=intrinsics_of(panel),
         camera_state_at=camera_states(scene, sequence),
-        decided_at=stills.decided_at(scene, sequence),
+        decided_at=frame_preview.decided_at(scene, sequence),
         lit=open_scene.is_shown(panel),
         after_own=not leaves_compositing_out(scene),
     )

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import bpy
 
-from ..core.errors import NoisyWorldError
-from ..core.labels import american, title
+from ..core.errors import NoisyWorldError, american, title
 from ..core.schema import label_of
 from ..perturbations import registry
 from ..perturbations.kinds import SEVERITIES, Perturbation

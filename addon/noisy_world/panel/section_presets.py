@@ -10,11 +10,10 @@ import bpy.utils.previews
 from bpy.utils.previews import ImagePreviewCollection
 from bpy_extras.io_utils import ImportHelper
 
-from ..core.errors import InputError
+from ..core.errors import InputError, american
 from ..core.file_access import utf8_name
-from ..core.labels import american
 from ..core.schema import ConfigPath, parse
-from ..layouts.camera_file import read_camera_file
+from ..layouts.cam_params import read_camera_file
 from ..nodes.datablocks import layout_of
 from ..perturbations import registry
 from ..perturbations.kinds import ExposurePerturbation

@@ -24,7 +24,6 @@ from ..preset.scene_keys import HandheldSpec, TrajectorySpec
 from . import bake_exposure, gallery, generate, loading, operators, preview, section_presets, source_views, views
 from . import drawn_paths as paths
 from .document import APART, OF_FILES, PANEL, identifiers_of, values_of
-from .drawing import draw_body, draw_distortion, draw_given, draw_imu, draw_keys, draw_lines
 from .fields import CAMERA, DEVIATION, OUTPUT, PERTURBATIONS, SCENE, TRAJECTORY
 from .gallery import BENCHMARK, PACKAGES, PHYSICAL, Offered, line_on, offered, short_label
 from .own_objects import own_object
@@ -33,6 +32,7 @@ from .sidebar import write
 from .source_views import shown
 from .step_list import without_effect
 from .steps import draw_step, other_rate
+from .tree import draw_body, draw_distortion, draw_given, draw_imu, draw_keys, draw_lines
 
 # A small picture of what a perturbation of motion does: how it moves and turns the camera in time, and how often.
 #

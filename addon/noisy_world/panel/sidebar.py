@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import bpy
 
-from ..core.labels import american
+from ..core.errors import american
 
 if TYPE_CHECKING:
     from bpy.stub_internal.rna_enums import IconItems

@@ -26,14 +26,10 @@ from ..scenes.polygon_mesh import is_embedded, room_mesh, room_name, room_seeds
 from ..sources import SOURCES, find_scenes
 from ..sources.scene_kinds import SceneEntry
 from . import open_scene
-from .drawing import draw_keys
 from .open_scene import absolute
 from .properties import SHARED, SOURCE_GROUP
 from .sidebar import write
-from .tree import (
-    FileText,
-    take,
-)
+from .tree import FileText, draw_keys, take
 from .tree import to_document as said_by
 
 KEPT = 2  # scenes whose files were looked through; chosen: one is shown at a time

@@ -7,7 +7,7 @@ from typing import Any
 
 import bpy
 
-from ..core.labels import title
+from ..core.errors import title
 from ..nodes.datablocks import get_value, inputs
 from ..perturbations import registry
 from ..perturbations.kinds import ColourPerturbation

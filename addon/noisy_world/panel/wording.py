@@ -4,8 +4,7 @@
 from collections.abc import Iterable
 from typing import Any, cast
 
-from ..core.errors import Action, CommandLineOnly, Part, PresetKey, Remedy, Subject, one_of, parts_of
-from ..core.labels import american, title
+from ..core.errors import Action, CommandLineOnly, Part, PresetKey, Remedy, Subject, american, one_of, parts_of, title
 from ..core.schema import fields_on
 from ..perturbations import registry
 from ..preset.keys import PresetSpec

@@ -8,8 +8,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from functools import cache
 
-from ..core.dependencies import check_opencv
-from ..core.entry_points import Door, Registry
+from ..core.packages import Door, Registry, check_opencv
 from . import shipped
 from .kinds import KINDS, Perturbation, propagation_key
 

@@ -8,11 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.camera_motion import AT_REST, camera_state_of
+from ..core.errors import title
 from ..core.graph_arrays import carried_out, image_of
-from ..core.labels import title
 from ..core.node_graph import Graph
-from .group_camera import camera_values
-from .groups import PATTERN, build_group, seed_of, socket_name, socket_value
+from .groups import PATTERN, build_group, camera_values, seed_of, socket_name, socket_value
 from .kinds import ColourPerturbation, FrameContext
 
 _GROUPS: dict[tuple[Any, ...], Graph] = {}  # describing one takes as long as a small frame

@@ -548,7 +548,7 @@ def perturb_light(
     """
     context = replace(context, lit=True)
     if step.perturbation.lit_by_nodes:
-        from ..perturbations.as_nodes import as_nodes
+        from .as_nodes import as_nodes
 
         made = as_nodes(step.perturbation, light, step.parameters(severity), context)
     elif step.perturbation.averages:

@@ -12,8 +12,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from ..core.entry_points import Door, Registry
 from ..core.geometry import Intrinsics
+from ..core.packages import Door, Registry
 from ..core.schema import ConfigPath, describe, unknown_name
 
 Values = Mapping[str, Any]

@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.dependencies import install_command, unavailable
 from ..core.errors import Message, MissingDependencyError, NoisyWorldError, PresetKey, either
+from ..core.packages import install_command, unavailable
 
 
 @dataclass(frozen=True)

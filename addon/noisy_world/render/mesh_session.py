@@ -8,8 +8,8 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
+from ..channels import SurfaceImages
 from ..channels.channel import Surface
-from ..channels.surface_images import SurfaceImages
 from ..core.frame_request import FrameRequest, SensorPaths
 from ..core.geometry import Intrinsics, blender_from_opencv_c2w, continuous_quats, quat_wxyz_from_rotation
 from ..core.srgb import exact_light

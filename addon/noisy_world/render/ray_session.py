@@ -10,14 +10,14 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from ..channels import SurfaceImages
 from ..channels.channel import Surface
-from ..channels.surface_images import SurfaceImages
-from ..core.dependencies import install_command
 from ..core.file_access import private_cache_folder
 from ..core.frame_request import FrameRequest, SensorPaths
 from ..core.geometry import Intrinsics
 from ..core.lens import WIDEST_DEG, Distortion, LensRays, lens_rays
 from ..core.machine import available_threads, keep_freed_memory
+from ..core.packages import install_command
 from ..core.srgb import exact_colours, quick_light
 from ..core.trajectory import Trajectory, recentring_m
 from ..scenes.polygon_mesh import Mesh

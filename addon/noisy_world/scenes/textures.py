@@ -13,8 +13,15 @@ from numpy.typing import NDArray
 
 from ..core.errors import InputError
 from ..core.file_access import read_bytes
-from ..images.image_header import DamagedImageError, read_exactly
-from ..images.jpeg_files import END_OF_IMAGE, FRAMES, SIGNATURE, START_OF_SCAN, next_segment
+from ..images.image_header import (
+    END_OF_IMAGE,
+    FRAMES,
+    JPEG_SIGNATURE,
+    START_OF_SCAN,
+    DamagedImageError,
+    next_segment,
+    read_exactly,
+)
 from .mesh_formats import is_file, place_inside
 
 # The size of an image in pixels by its file's header, before memory is taken for it.
@@ -59,7 +66,7 @@ def _png(data: bytes) -> SizePx:
 def _jpeg(data: bytes) -> SizePx:
     """Walk the segments to the frame's start, which has bits (1), height (2) and width (2)."""
     stream = io.BytesIO(data)
-    stream.seek(len(SIGNATURE))
+    stream.seek(len(JPEG_SIGNATURE))
     while True:
         marker, length = next_segment(stream)
         if marker in FRAMES:

@@ -9,7 +9,7 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import fields
 from typing import Any, TypeVar
 
-from ..core.entry_points import Door, Registry
+from ..core.packages import Door, Registry
 from ..core.schema import ConfigPath, KeyInfo, describe, list_keys, list_leaves, parse, unknown_name
 from ..preset.keys import Preset, PresetSpec
 from ..preset.names import selected

@@ -12,8 +12,7 @@ from ..preset.names import LAST_POSSIBLE, FrameRange, frame_range_problem
 from ..preset.scene_keys import PathKeys, check_trajectory
 from ..render.source import OwnRendering, Source
 from .renderers import check_light_lens
-from .scene_files import FileSource, path_file_of, read_path
-from .scene_kinds import SceneEntry
+from .scene_kinds import FileSource, SceneEntry, path_file_of, read_path
 
 if TYPE_CHECKING:
     from ..scenes.blend_scene import OwnScene

@@ -24,9 +24,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.dependencies import blender_missing
 from ..core.errors import InputError, MissingDependencyError
 from ..core.file_access import ScratchFolder, check_regular, read_text, utf8_name
+from ..core.packages import blender_missing
 from ..core.schema import ConfigPath
 from ..core.srgb import exact_light
 from ..preset.names import FrameRange

@@ -40,7 +40,7 @@ from ..scenes.polygon_mesh import SceneObject
 from .blender_process import last_words, write_lit_file
 from .rendered_mesh import MeshSource
 from .renderers import Beginning, beginning_of, check_beginning, check_light_lens, lens_of
-from .scene_files import sha256_of_path
+from .scene_kinds import sha256_of_path
 
 if TYPE_CHECKING:
     from ..render.own_scene import OwnSceneFile, OwnSceneSession

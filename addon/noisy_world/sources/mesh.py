@@ -13,8 +13,7 @@ from ..preset.scene_keys import PathKeys, check_trajectory
 from ..render.source import Source
 from ..scenes.polygon_mesh import EMBEDDED_ROOM, MEANT, ROOMS, is_embedded, room_name, room_seeds
 from .rendered_mesh import MeshSource, mesh_scene
-from .scene_files import FileSource, check_one_name, named
-from .scene_kinds import FoundScene, SceneEntry
+from .scene_kinds import FileSource, FoundScene, SceneEntry, check_one_name, named
 
 
 @dataclass(frozen=True, kw_only=True)

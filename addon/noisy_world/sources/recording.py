@@ -25,17 +25,15 @@ from ..core.trajectory import FrameStamps, Trajectory
 from ..images.image_files import WholeFile
 from ..images.measured_depth import VOID_CHOICES, VOID_MEANING, MeasuredDepth, Void
 from ..layouts import Modality, OutputFormat, PosePolicy, find_sequence, recognising
-from ..layouts.association import unposed
 from ..layouts.described import Key, SequenceSpec, check_sequence, name_key, read_described
 from ..layouts.layout import counted_note
-from ..layouts.stored_recording import RATE_HZ, SCALES_PER_M, StoredFrame, StoredSequence, same_camera
+from ..layouts.stored_recording import RATE_HZ, SCALES_PER_M, StoredFrame, StoredSequence, same_camera, unposed
 from ..preset.scene_keys import SceneKeys
 from ..preset.sensor_keys import DistortionSpec, check_distortion, sound_lens
 from ..render.source import ColourAndDepth, RenderOptions, SimpleSource, Source, SourceCapabilities
 from .parallax import parallax_remark
 from .renderers import Rectification
-from .scene_files import GUESSED, FileSource, camera_or_guess, sha256_of_path
-from .scene_kinds import Lack, SceneEntry
+from .scene_kinds import GUESSED, FileSource, Lack, SceneEntry, camera_or_guess, sha256_of_path
 
 ReadAs: TypeAlias = Literal["auto", "images"]
 # Plain ones, as they are read.

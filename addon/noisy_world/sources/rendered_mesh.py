@@ -39,7 +39,7 @@ from .renderers import (
     open_session,
     undistorted,
 )
-from .scene_files import path_file_of, read_path, selected_poses, sha256_of_path
+from .scene_kinds import path_file_of, read_path, selected_poses, sha256_of_path
 
 # Checking a rendered frame against the mesh, the pose and the intrinsics, without any renderer.
 #

@@ -10,8 +10,7 @@ from pathlib import Path
 from ..core.schema import ConfigPath, key, unknown_name
 from ..preset.scene_keys import PathKeys, TrajectorySpec, check_trajectory
 from .rendered_mesh import MeshSource, mesh_scene
-from .scene_files import check_one_name, named
-from .scene_kinds import FoundScene, SceneEntry, SourceKind
+from .scene_kinds import FoundScene, SceneEntry, SourceKind, check_one_name, named
 
 # The scenes of Replica that SLAM systems are compared on, and where people have their files.
 #

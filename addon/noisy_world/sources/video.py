@@ -18,18 +18,15 @@ from ..core.frame_request import FrameRequest, SensorPaths
 from ..core.geometry import Intrinsics
 from ..core.schema import ConfigPath, key
 from ..core.trajectory import Trajectory
-from ..images.image_files import WholeFile
-from ..images.image_reading import DepthFolder, read_depth_folder
+from ..images.image_files import DepthFolder, WholeFile, read_depth_folder
 from ..images.measured_depth import VOID_CHOICES, VOID_MEANING, MeasuredDepth, Void
 from ..images.video_files import VideoFile, VideoReader, read_video
 from ..layouts import Modality, OutputFormat
-from ..layouts.association import unposed
 from ..layouts.layout import MILLIMETRES
-from ..layouts.stored_recording import SCALES_PER_M
+from ..layouts.stored_recording import SCALES_PER_M, unposed
 from ..preset.scene_keys import SceneKeys
 from ..render.source import ColourAndDepth, RenderOptions, SimpleSource, Source, SourceCapabilities
-from .scene_files import GUESSED, FileSource, camera_or_guess, filled, located_path
-from .scene_kinds import Lack, SceneEntry
+from .scene_kinds import GUESSED, FileSource, Lack, SceneEntry, camera_or_guess, filled, located_path
 
 RECORDED = "a video has nothing between its frames"
 

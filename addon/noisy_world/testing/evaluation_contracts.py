@@ -10,10 +10,10 @@ import numpy as np
 from ..core.errors import NoisyWorldError
 from ..core.file_access import read_bytes
 from ..core.trajectory import Trajectory
+from ..evaluate.cases import ESTIMATE, Outcome, read_estimate_file
 from ..evaluate.estimates import Estimate, associate_poses
 from ..evaluate.map_metrics import MAP_METRICS, ComparedMap, MapMetric
 from ..evaluate.metrics import Metric, TrajectoryMetric, checked_value, value_of
-from ..evaluate.run_files import ESTIMATE, Outcome, read_estimate_file
 from ..evaluate.system_runs import run_system
 from ..evaluate.systems import System, read_system
 from ..evaluate.trajectory_scores import compare_poses

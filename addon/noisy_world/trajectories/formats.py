@@ -13,8 +13,8 @@ from typing import Literal, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.entry_points import Door, Registry
 from ..core.errors import InputError, Message, PresetKey
+from ..core.packages import Door, Registry
 from ..core.schema import Choice, ChoicesOf, key
 from ..core.trajectory import AXES, DIRECTIONS, Axes, Direction, Trajectory, checked_rate, convert_convention
 from .pose_columns import STAMP_UNITS, StampUnit

@@ -17,10 +17,10 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.entry_points import LAST
 from ..core.errors import InputError, NotFiniteError
 from ..core.file_access import open_regular, read_bytes
 from ..core.geometry import Intrinsics
+from ..core.packages import LAST
 from ..core.schema import LONGEST_QUOTED, quoted
 from ..core.trajectory import Axes, Direction, Trajectory
 from .pose_columns import PoseColumns, StampUnit, named_columns, split_cells

@@ -8,9 +8,9 @@ from typing import Any, Literal, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.dependencies import need
 from ..core.errors import NoisyWorldError
 from ..core.geometry import opencv_from_robot_c2w, pose
+from ..core.packages import need
 from ..core.streams import stream
 from ..core.trajectory import Trajectory
 

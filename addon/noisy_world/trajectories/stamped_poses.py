@@ -25,15 +25,7 @@ from ..core.geometry import continuous_quats, pose, quat_wxyz_from_rotation, rot
 from ..core.schema import quoted
 from ..core.trajectory import Trajectory
 from .matrix_poses import AllLostError, rigid_poses, row_text
-from .pose_columns import (
-    EUROC_COLUMNS,
-    HEADER,
-    TUM_COLUMNS,
-    PoseColumns,
-    StampUnit,
-    named_columns,
-    split_cells,
-)
+from .pose_columns import EUROC_COLUMNS, HEADER, TUM_COLUMNS, PoseColumns, StampUnit, named_columns, split_cells
 from .pose_files import (
     LARGEST_STAMP_S,
     PER_SECOND,

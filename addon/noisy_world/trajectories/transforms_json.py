@@ -19,15 +19,7 @@ from ..core.errors import InputError
 from ..core.schema import quoted
 from ..core.trajectory import Direction
 from .matrix_poses import rigid_poses
-from .pose_files import (
-    FilePoses,
-    PoseFile,
-    ReadOptions,
-    StatedCamera,
-    TrajectoryFormat,
-    all_finite,
-    named_rows,
-)
+from .pose_files import FilePoses, PoseFile, ReadOptions, StatedCamera, TrajectoryFormat, all_finite, named_rows
 
 _REMEDY = "frames is a list, each with transform_matrix: four rows of four numbers"
 # nerfstudio's rays go through half-numbered pixels (cameras.py adds 0.5), ours through whole ones.

@@ -8,7 +8,7 @@ import pytest
 from refusals import refused
 from cases import cases
 
-from noisy_world.layouts.association import associate, associate_frames, StampedFiles
+from noisy_world.layouts.stored_recording import associate, associate_frames, StampedFiles
 from noisy_world.layouts import LAYOUTS, find_sequence
 from noisy_world.layouts.layout import OutputFormat
 from noisy_world.core.trajectory import Stamps

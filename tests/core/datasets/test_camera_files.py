@@ -6,7 +6,7 @@ import json
 import pytest
 from refusals import refused
 
-from noisy_world.layouts.camera_file import read_camera_file
+from noisy_world.layouts.cam_params import read_camera_file
 from noisy_world.core.geometry import Intrinsics
 
 CAMERA = Intrinsics(640, 480, 525.0, 524.0, 319.5, 239.5)

@@ -19,7 +19,7 @@ from refusals import refused
 
 from noisy_world.images.image_files import check_whole, read_header, whole_image
 from noisy_world.images.image_header import LARGEST_PIXELS
-from noisy_world.images.image_reading import metres, read_colour, read_steps
+from noisy_world.images.image_files import metres, read_colour, read_steps
 
 RNG = np.random.default_rng(11)
 WIDE, HIGH = 21, 19

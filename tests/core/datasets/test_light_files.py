@@ -10,7 +10,7 @@ from refusals import refused
 
 from noisy_world.images.pixels import decode_light, encode_exr, encode_light
 from noisy_world.images.image_files import read_header
-from noisy_world.images.image_reading import read_colour, read_light
+from noisy_world.images.image_files import read_colour, read_light
 from noisy_world.layouts import LAYOUTS, OutputFormat
 from noisy_world.core.errors import NoisyWorldError
 

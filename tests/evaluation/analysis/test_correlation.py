@@ -6,14 +6,14 @@ import pandas as pd
 import pytest
 from scipy import stats
 
-from noisy_world.evaluate.prediction import (
+from noisy_world.evaluate.analyses import (
     indicator_correlations,
     pearson,
     perturbation_correlations,
     spearman,
     system_correlations,
 )
-from noisy_world.evaluate.run_tables import tidy_runs, tidy_sequences
+from noisy_world.evaluate.study_tables import tidy_runs, tidy_sequences
 
 
 def runs_of(rows):

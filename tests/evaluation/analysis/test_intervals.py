@@ -13,7 +13,7 @@ from interval_coverage import (
 )
 from scipy import stats
 
-from noisy_world.evaluate.intervals import (
+from noisy_world.evaluate.spread import (
     Interval,
     bootstrap_interval,
     difference_here_interval,

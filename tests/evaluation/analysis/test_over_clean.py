@@ -5,10 +5,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from noisy_world.evaluate.run_tables import over_clean_table, with_over_clean
-from noisy_world.evaluate.run_tables import with_results
-from noisy_world.evaluate.run_tables import SETTING, tidy_runs
-from noisy_world.evaluate.run_tables import metric_of
+from noisy_world.evaluate.study_tables import over_clean_table, with_over_clean
+from noisy_world.evaluate.study_tables import with_results
+from noisy_world.evaluate.study_tables import SETTING, tidy_runs
+from noisy_world.evaluate.study_tables import metric_of
 
 # scene, setting, seed, repeat, ATE in metres, tracked share, failure
 CLEAN = (("a", "clean", 1, 1, 0.001, 1.0, ""), ("b", "clean", 1, 1, 0.004, 1.0, ""))

@@ -7,14 +7,8 @@ import pytest
 from scipy import stats
 
 from noisy_world.core.streams import stream
-from noisy_world.evaluate.prediction import (
-    auc,
-    auc_interval,
-    fit_failure_model,
-    held_out_predictions,
-    prediction_tables,
-)
-from noisy_world.evaluate.run_tables import tidy_runs, tidy_sequences
+from noisy_world.evaluate.analyses import auc, auc_interval, fit_failure_model, held_out_predictions, prediction_tables
+from noisy_world.evaluate.study_tables import tidy_runs, tidy_sequences
 
 
 def data(count=200, seed=10):

@@ -6,7 +6,7 @@ import pandas as pd
 import pytest
 from scipy import stats
 
-from noisy_world.evaluate.run_tables import tidy_runs
+from noisy_world.evaluate.study_tables import tidy_runs
 from noisy_world.evaluate.spread import holm, against_clean_table, welch, wilcoxon
 
 

@@ -104,7 +104,7 @@ def test_what_cannot_be_drawn_is_one_line(files, capsys, monkeypatch):
     said = capsys.readouterr()
     assert said.out == ""
     assert said.err.count("\n") == 1
-    monkeypatch.setattr("noisy_world.core.dependencies.missing_packages", list)
+    monkeypatch.setattr("noisy_world.core.packages.missing_packages", list)
     assert score(files / "estimate.txt", files / "truth.txt", "--plot", files / "plot.png") == 1
     said = capsys.readouterr()
     assert said.err.count("\n") == 1

@@ -11,10 +11,10 @@ from noisy_world.core.geometry import quat_wxyz_from_rotation
 from noisy_world.core.trajectory import Trajectory
 from noisy_world.evaluate.estimates import Estimate
 from noisy_world.evaluate.trajectory_scores import score_trajectory
-from noisy_world.evaluate.scored_poses import read_poses_to_compare
-from noisy_world.evaluate.run_files import Outcome
+from noisy_world.evaluate.trajectory_scores import read_poses_to_compare
+from noisy_world.evaluate.cases import Outcome
 from noisy_world.evaluate.systems import Writes
-from noisy_world.evaluate.run_files import estimate_text, read_estimate_file
+from noisy_world.evaluate.cases import estimate_text, read_estimate_file
 from noisy_world.evaluate.system_runs import normalised
 from noisy_world.evaluate.estimates import check_whole
 

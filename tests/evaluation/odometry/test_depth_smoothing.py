@@ -4,7 +4,7 @@ import box_room
 import numpy as np
 import pytest
 
-from noisy_world.evaluate.odometry_views import depth_noise_m, smoothed
+from noisy_world.evaluate.frame_tracking import depth_noise_m, smoothed
 
 DEPTH_M = box_room.frame(box_room.path(1)[0])[1].astype(np.float32)
 

@@ -6,9 +6,9 @@ import pytest
 
 from noisy_world.core.geometry import pose, rotation_from_euler_deg
 from noisy_world.evaluate.frame_tracking import agreement
-from noisy_world.evaluate.odometry_views import Aligner
-from noisy_world.evaluate.loop_closure import Recogniser
-from noisy_world.evaluate.loop_closure import near_keyframes
+from noisy_world.evaluate.frame_tracking import Aligner
+from noisy_world.evaluate.odometry import Recogniser
+from noisy_world.evaluate.odometry import near_keyframes
 from noisy_world.evaluate.frame_tracking import Edge
 
 
@@ -66,7 +66,7 @@ def ring(count):
 
 def test_a_loop_spreads_the_drift_over_the_ring():
     pytest.importorskip("gtsam")
-    from noisy_world.evaluate.loop_closure import optimised
+    from noisy_world.evaluate.odometry import optimised
 
     true = ring(41)
     drift = pose(rotation_from_euler_deg(0.0, 0.1, 0.3), [0.002, 0.003, 0.001])
@@ -84,7 +84,7 @@ def test_a_loop_spreads_the_drift_over_the_ring():
 
 def test_one_wrong_loop_among_right_ones_is_outvoted():
     pytest.importorskip("gtsam")
-    from noisy_world.evaluate.loop_closure import optimised
+    from noisy_world.evaluate.odometry import optimised
 
     true = ring(41)
     edges = [Edge(n, n + 1, np.linalg.inv(true[n]) @ true[n + 1]) for n in range(40)]
@@ -102,7 +102,7 @@ def test_near_keyframes_are_those_that_look_the_same_way_long_before():
 
 def test_a_path_that_returns_closes_its_loop(tmp_path):
     pytest.importorskip("gtsam")
-    from noisy_world.evaluate.frame_index import read_index
+    from noisy_world.evaluate.system_input import read_index
     from noisy_world.evaluate.odometry import Options, run
 
     there = box_room.path(18, turn_deg=70.0)

@@ -14,7 +14,7 @@ import pytest
 from noisy_world.core.errors import InputError
 from noisy_world.scenes.ply import read_ply
 from noisy_world.evaluate.odometry import main
-from noisy_world.evaluate.frame_index import read_index
+from noisy_world.evaluate.system_input import read_index
 from noisy_world.evaluate.odometry import Options, run
 from noisy_world.evaluate.frame_tracking import State
 

@@ -17,7 +17,7 @@ pytest.importorskip("scipy", reason="the extra evaluate is not installed")
 from noisy_world.evaluate.report import write_report
 from noisy_world.evaluate.findings import MARK, clean_gate
 from noisy_world.evaluate.report_sections import opening
-from noisy_world.evaluate.report_input import read_results
+from noisy_world.evaluate.report_tables import read_results
 
 WANTED = {"digest": "d", "repeatable": False, "expects_clean": {"ate_m": 0.01, "scale_off": 0.01}}
 OF_ITS_OWN_SCALE = {**WANTED, "expects_clean": {"ate_m": 0.01, "scale_off": None}}

@@ -19,9 +19,9 @@ from noisy_world.cli import command
 from noisy_world.core.errors import StorageError
 from noisy_world.evaluate.analyses import analyse
 from noisy_world.evaluate.report import write_report
-from noisy_world.evaluate.threshold_table import threshold_text
+from noisy_world.evaluate.thresholds import threshold_text
 from noisy_world.evaluate.findings import settings_table
-from noisy_world.evaluate.report_input import read_results
+from noisy_world.evaluate.report_tables import read_results
 from noisy_world.evaluate.study_results import ResultsFolder as StudyResults
 from noisy_world.evaluate.study_tables import write_tables
 from noisy_world.evaluate.thresholds import FORMAT, KIND

@@ -10,15 +10,15 @@ pytest.importorskip("jinja2", reason="the extra evaluate is not installed")
 pytest.importorskip("matplotlib", reason="the extra evaluate is not installed")
 pytest.importorskip("scipy", reason="the extra evaluate is not installed")
 
-from noisy_world.evaluate.run_tables import over_clean_table
-from noisy_world.evaluate.run_tables import SETTING, tidy_runs
+from noisy_world.evaluate.study_tables import over_clean_table
+from noisy_world.evaluate.study_tables import SETTING, tidy_runs
 from noisy_world.evaluate.analyses import analyse
 from noisy_world.evaluate.report_sections import curves_of, table_of, with_interval
 from noisy_world.evaluate.report_sections import opening
 from noisy_world.evaluate.figures import numbered_decades
 from noisy_world.evaluate.findings import findings_of, ranking_picture, sentences
 from noisy_world.evaluate.findings import headline_table
-from noisy_world.evaluate.report_input import read_results
+from noisy_world.evaluate.report_tables import read_results
 from noisy_world.evaluate.report_tables import markdown_table
 
 FAILED = ("", "", "crashed", "no_poses")

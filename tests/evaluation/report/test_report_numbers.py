@@ -16,9 +16,9 @@ from noisy_world.evaluate.paper_comparison import paper_comparison, paper_condit
 from noisy_world.evaluate.report_tables import latex, markdown
 from noisy_world.evaluate.paper_comparison import paper_tables
 from noisy_world.evaluate.findings import endings, settings_table
-from noisy_world.evaluate.report_input import picked_runs, picked_sequences
+from noisy_world.evaluate.report_tables import picked_runs, picked_sequences
 from noisy_world.evaluate.paper_comparison import published
-from noisy_world.evaluate.report_input import read_results, records
+from noisy_world.evaluate.report_tables import read_results, records
 from noisy_world.evaluate.report_tables import cell_text
 from noisy_world.evaluate.paper_comparison import paper_condition
 

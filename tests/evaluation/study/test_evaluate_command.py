@@ -10,7 +10,7 @@ import pytest
 from results_made import without_analyses, without_pictures
 from study_tools import FRAMES, SETTINGS, evaluate, rows_of, small_world, told, write_systems
 
-from noisy_world.core import dependencies
+from noisy_world.core import packages
 from noisy_world.evaluate import study
 
 pytest.importorskip("embreex", reason="embreex comes with an extra")
@@ -81,13 +81,13 @@ def test_what_is_missing_is_said_before_anything_is_done(tmp_path, monkeypatch, 
         with monkeypatch.context() as patched:
             patched.setitem(sys.modules, "embreex.rtcore_scene", None)  # importing it raises ImportError
             assert evaluate(*command, *dry) == 1
-        assert "run: " + dependencies.install_command("embree") in capfd.readouterr().err
+        assert "run: " + packages.install_command("embree") in capfd.readouterr().err
         with monkeypatch.context() as patched:
-            patched.setattr(dependencies, "missing_packages", {"pandas"}.intersection)
+            patched.setattr(packages, "missing_packages", {"pandas"}.intersection)
             assert evaluate(*command, *dry, report=True) == 1
         said = capfd.readouterr()
         assert said.err.startswith("noisy-world evaluate: pandas: missing in this Python")
-        assert said.err.endswith(f"; run: {dependencies.install_command('evaluate')}\n")
+        assert said.err.endswith(f"; run: {packages.install_command('evaluate')}\n")
         assert ("missing    1 of 1 runs" in said.out) == bool(dry)
     assert evaluate(*command, "--dry-run", report=True) == 0
     assert not (tmp_path / "results").exists()

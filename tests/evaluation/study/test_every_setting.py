@@ -167,7 +167,7 @@ SEARCHED = [
 @pytest.mark.parametrize(("name", "perturbation", "words"), SEARCHED, ids=[item[1] for item in SEARCHED])
 def test_a_threshold_is_searched_along_each_kind(worlds, tmp_path, monkeypatch, name, perturbation, words):  # noqa: PLR0917 - fixtures
     """One run, and the search is taken up for a second."""
-    monkeypatch.setattr("noisy_world.evaluate.threshold_table.drawn", lambda found: Picture("", "", "", b""))
+    monkeypatch.setattr("noisy_world.evaluate.thresholds.drawn", lambda found: Picture("", "", "", b""))
     words = ("--perturbation", perturbation, *words, "--out", tmp_path / "out")
     for most in (1, 2):
         system = ("--system", worlds / "systems/fine.yaml", "--most", most)

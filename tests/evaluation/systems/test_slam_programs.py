@@ -15,9 +15,9 @@ from refusals import refused
 from noisy_world.core.errors import MissingDependencyError
 from noisy_world.core.geometry import rotation_from_quat_wxyz
 from noisy_world.trajectories.formats import read_trajectory
-from noisy_world.evaluate.run_files import Outcome
+from noisy_world.evaluate.cases import Outcome
 from noisy_world.evaluate.system_runs import PROGRAMS, check_system
-from noisy_world.evaluate.run_files import read_estimate_file
+from noisy_world.evaluate.cases import read_estimate_file
 from noisy_world.evaluate.systems import find_system
 from noisy_world.evaluate.system_runs import run_system
 

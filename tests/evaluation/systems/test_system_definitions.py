@@ -10,7 +10,7 @@ from refusals import refused
 import yaml
 
 from noisy_world.core.errors import MissingDependencyError
-from noisy_world.core.dependencies import PACKAGE
+from noisy_world.core.packages import PACKAGE
 from noisy_world.evaluate.system_runs import check_system
 from noisy_world.evaluate.systems import ExpectedClean, filled, read_system
 from noisy_world.evaluate.systems import SHIPPED, find_system, find_systems, shipped_names

@@ -9,7 +9,7 @@ import numpy as np
 from fuzz.mutation import pick
 from fuzz.structure import as_cell, changed, note, whole
 
-from noisy_world.images.image_reading import read_colour
+from noisy_world.images.image_files import read_colour
 
 TASK, SOUND = "task.json", "sound.jpg"
 FIRST = 64

@@ -20,7 +20,7 @@ from fuzz.structure import OF_TABLES, PLAIN, as_cell, as_json, as_table, beside,
 from noisy_world.core.errors import NoisyWorldError as Refused
 from noisy_world.trajectories import formats
 from noisy_world.trajectories.pose_files import PoseFile
-from noisy_world.evaluate.run_files import Outcome
+from noisy_world.evaluate.cases import Outcome
 from noisy_world.evaluate.systems import Writes
 from noisy_world.evaluate.system_runs import normalised
 from noisy_world.trajectories.formats import TRAJECTORY_FORMATS as FORMATS

@@ -11,8 +11,8 @@ from results_made import SETTINGS, make_results
 
 from noisy_world.core.errors import InputError
 from noisy_world.evaluate import report_sections, run_figures
-from noisy_world.evaluate.report_input import picked_runs, picked_sequences
-from noisy_world.evaluate.report_input import read_results
+from noisy_world.evaluate.report_tables import picked_runs, picked_sequences
+from noisy_world.evaluate.report_tables import read_results
 from noisy_world.evaluate.study_results import ResultsFolder
 from noisy_world.evaluate.study_tables import write_tables
 

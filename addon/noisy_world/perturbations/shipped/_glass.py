@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 from ...core.node_graph import Graph, Socket
 from ...core.srgb import encoded
 from ..groups import Canvas
-from ._arrays import bands, three_channels
-from ._kernels import gaussian
+from ._arrays import bands, gaussian, three_channels
 
 Float32: TypeAlias = NDArray[np.float32]
 

@@ -13,8 +13,7 @@ from dataclasses import dataclass, fields, replace
 from typing import TypeAlias
 
 from ...core.node_graph import Graph, GroupInput, Kind, Socket
-from ..group_camera import CameraSockets
-from ..groups import Canvas
+from ..groups import CameraSockets, Canvas
 from ._particles import NEAR_M
 from ._weather import EXCESS, MOST_OPAQUE, SOFTNESS, area_and_width
 

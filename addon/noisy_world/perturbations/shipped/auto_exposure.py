@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 from ...core.node_graph import Socket
 from ...core.schema import Choice, key
 from ...core.srgb import LUMINANCE, decoded, encoded
-from ..about import About, Example
 from ..groups import Canvas
-from ..kinds import ByFrame, ColourPerturbation, EarlierFrame, FrameContext, FrameValue
+from ..kinds import About, ByFrame, ColourPerturbation, EarlierFrame, Example, FrameContext, FrameValue
 from ._arrays import by_bands
 
 # What a camera's automatics make of earlier frames: a first-order lag, sampled at frames that need not be regular.

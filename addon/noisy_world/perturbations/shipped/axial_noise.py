@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from ...core.geometry import Intrinsics
 from ...core.schema import Choice, key
-from ..about import About
-from ..kinds import DepthPerturbation, FrameContext
+from ..kinds import About, DepthPerturbation, FrameContext
 from ._arrays import without_void
 from ._depth_devices import (
     DEVICE_TOOLTIPS,

@@ -11,11 +11,10 @@ from numpy.typing import NDArray
 from ...core.node_graph import Socket
 from ...core.schema import key
 from ...core.srgb import decoded, encoded
-from ..about import About
 from ..groups import Canvas
-from ..kinds import ColourPerturbation, FrameContext
+from ..kinds import About, ColourPerturbation, FrameContext
+from ._arrays import as_blur_node
 from ._glass import reduced, reduced_nodes, sampled
-from ._kernels import as_blur_node
 
 Float32: TypeAlias = NDArray[np.float32]
 

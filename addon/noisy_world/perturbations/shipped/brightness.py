@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 from ...core.node_graph import Socket
 from ...core.schema import key
 from ...images.pixels import rgb_bytes
-from ..about import About
 from ..groups import Canvas
-from ..kinds import ColourPerturbation, FrameContext
+from ..kinds import About, ColourPerturbation, FrameContext
 from ._arrays import by_bands
 from ._noise import look_up
 

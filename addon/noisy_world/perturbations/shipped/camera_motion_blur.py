@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from ...core.frame_request import Shutter
 from ...core.schema import Choice, key
 from ...core.srgb import decoded, encoded, quick_light
-from ..about import About, Example
-from ..kinds import ExposurePerturbation, SceneAround
+from ..kinds import About, Example, ExposurePerturbation, SceneAround
 
 MS_PER_S = 1000.0
 PLACES = {"start": 0.0, "middle": 0.5, "end": 1.0}

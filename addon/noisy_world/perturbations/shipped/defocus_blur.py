@@ -11,10 +11,9 @@ from numpy.typing import NDArray
 
 from ...core.node_graph import Graph, GroupInput, Kind, Socket
 from ...core.schema import key
-from ..about import About
 from ..groups import Canvas
-from ..kinds import ColourPerturbation, FrameContext
-from ._kernels import correlate, disk_kernel, gaussian
+from ..kinds import About, ColourPerturbation, FrameContext
+from ._arrays import correlate, disk_kernel, gaussian
 
 # A row of the disk that ends exactly at a pixel's centre includes it; above float32's error of a radius (4e-6 at 50
 # px).

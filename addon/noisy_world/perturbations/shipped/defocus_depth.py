@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 
 from ...core.node_graph import Socket
 from ...core.schema import key
-from ..about import About
 from ..groups import Canvas
-from ..kinds import ColourPerturbation, FrameContext
+from ..kinds import About, ColourPerturbation, FrameContext
 
 NEAREST_M = 1e-3  # least distance of the focus beyond the focal length; chosen: nearer, a lens cannot focus
 ROWS = 16  # of a band; chosen so that a band's arrays stay in the processor's cache

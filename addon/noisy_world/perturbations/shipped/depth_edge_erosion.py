@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.schema import key
-from ..about import About
-from ..kinds import DepthPerturbation, FrameContext
+from ..kinds import About, DepthPerturbation, FrameContext
 from ._arrays import without_void
 
 JUMP = np.float32(0.05)  # of the nearer depth; chosen: the published toolbox finds edges by Canny on scaled depth

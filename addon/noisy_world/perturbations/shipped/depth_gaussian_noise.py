@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.schema import key
-from ..about import About
-from ..kinds import DepthPerturbation, FrameContext
+from ..kinds import About, DepthPerturbation, FrameContext
 from ._arrays import without_void
 from ._noise import look_up, normal_quantiles, uniform_codes
 

@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.schema import key
-from ..about import About
-from ..kinds import DepthPerturbation, FrameContext
+from ..kinds import About, DepthPerturbation, FrameContext
 from ._arrays import without_void
 
 PATCH = 0.1  # of the frame's height and width, as the published toolbox

@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.schema import Choice, key
-from ..about import About, Example
-from ..kinds import PairingPerturbation, SequenceContext
+from ..kinds import About, Example, PairingPerturbation, SequenceContext
 
 
 @dataclass(frozen=True)

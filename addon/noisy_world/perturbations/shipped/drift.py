@@ -9,8 +9,7 @@ import numpy as np
 
 from ...core.schema import key
 from ...core.trajectory import Trajectory
-from ..about import About, Example
-from ..kinds import MotionPerturbation, SequenceContext
+from ..kinds import About, Example, MotionPerturbation, SequenceContext
 from ._deviations import AxisSpectrum, deviated, drawn_sines, falling
 
 

@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.schema import key
-from ..about import About, Example
-from ..kinds import MotionPerturbation, SequenceContext
+from ..kinds import About, Example, MotionPerturbation, SequenceContext
 
 
 @dataclass(frozen=True)

@@ -13,9 +13,8 @@ from ...core.frame_request import Shutter
 from ...core.node_graph import Socket
 from ...core.schema import key
 from ...core.srgb import decoded, encoded
-from ..about import About, Example
 from ..groups import Canvas
-from ..kinds import ByFrame, ColourPerturbation, FrameContext, FrameValue
+from ..kinds import About, ByFrame, ColourPerturbation, Example, FrameContext, FrameValue
 from ._arrays import by_bands
 
 MS_PER_S = 1000.0

@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 
 from ...core.node_graph import Graph, GroupInput, Socket
 from ...core.schema import key
-from ..about import About
 from ..groups import PURPOSES, Canvas
-from ..kinds import ColourPerturbation, FrameContext
+from ..kinds import About, ColourPerturbation, FrameContext
 from ._arrays import Level, colour_by_bands, kept_for_sequence, three_channels, torus_window
 
 _LEAST_CELLS = 256  # least number of points along a side, however smooth the haze; chosen

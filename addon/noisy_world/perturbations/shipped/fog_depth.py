@@ -16,9 +16,8 @@ from ...core.node_graph import Graph, GroupInput, Socket, Value
 from ...core.schema import Choice, key
 from ...core.srgb import decoded, encoded
 from ...core.streams import stream
-from ..about import About
 from ..groups import Canvas, convert, seed_of
-from ..kinds import ColourPerturbation, FrameContext
+from ..kinds import About, ColourPerturbation, FrameContext
 from ._air import (
     AIR_TOOLTIPS,
     BLOCK_PX,

@@ -16,9 +16,8 @@ from ...core.file_access import read_bytes
 from ...core.node_graph import BroughtImage, Kind, Socket, Value
 from ...core.schema import key
 from ...images.pixels import as_float, rgb_bytes
-from ..about import About
 from ..groups import Canvas
-from ..kinds import ColourPerturbation, FrameContext
+from ..kinds import About, ColourPerturbation, FrameContext
 from ._arrays import by_bands
 from ._noise import look_up, white_noise
 

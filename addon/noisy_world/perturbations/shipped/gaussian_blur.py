@@ -11,10 +11,9 @@ from numpy.typing import NDArray
 
 from ...core.node_graph import Socket
 from ...core.schema import key
-from ..about import About
 from ..groups import Canvas
-from ..kinds import ColourPerturbation, FrameContext
-from ._kernels import as_blur_node, gaussian
+from ..kinds import About, ColourPerturbation, FrameContext
+from ._arrays import as_blur_node, gaussian
 
 HALF = math.sqrt(0.5)  # of a standard deviation: what two blurs in a row have each
 

@@ -12,10 +12,9 @@ from numpy.typing import NDArray
 
 from ...core.node_graph import BroughtImage, Socket
 from ...core.schema import key
-from ..about import About
 from ..groups import Canvas
-from ..kinds import ColourPerturbation, FrameContext
-from ._kernels import as_blur_node, gaussian
+from ..kinds import About, ColourPerturbation, FrameContext
+from ._arrays import as_blur_node, gaussian
 from ._noise import WhiteNoise, look_up, uniform_codes, white_noise
 from ._sizes import full_size, with_full_sizes
 

@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 from ...core.node_graph import Socket
 from ...core.schema import Choice, key
 from ...core.srgb import LUMINANCE, decoded, encoded
-from ..about import About
 from ..groups import Canvas, convert
-from ..kinds import ColourPerturbation, FrameContext
+from ..kinds import About, ColourPerturbation, FrameContext
 from ._air import (
     AIR_TOOLTIPS,
     DROP,

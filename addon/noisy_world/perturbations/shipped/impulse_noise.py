@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 
 from ...core.node_graph import Socket
 from ...core.schema import key
-from ..about import About
 from ..groups import Canvas
-from ..kinds import ColourPerturbation, FrameContext
+from ..kinds import About, ColourPerturbation, FrameContext
 from ._arrays import by_bands
 from ._noise import CODES, look_up, uniform_codes
 

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from ...core.camera_motion import Pulses
 from ...core.schema import key
 from ...core.trajectory import Trajectory
-from ..about import About, Example
-from ..kinds import MotionPerturbation, SequenceContext
+from ..kinds import About, Example, MotionPerturbation, SequenceContext
 from ._deviations import deviated
 
 

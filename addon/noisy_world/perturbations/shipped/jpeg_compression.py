@@ -13,9 +13,8 @@ from numpy.typing import NDArray
 from ...core.node_graph import Graph, GroupInput, Socket, Value
 from ...core.schema import key
 from ...images.pixels import as_float, rgb_bytes
-from ..about import About
 from ..groups import Canvas
-from ..kinds import ColourPerturbation, FrameContext
+from ..kinds import About, ColourPerturbation, FrameContext
 from ._sizes import full_size
 
 # The discrete cosine transform of 8 x 8 blocks as node groups, three channels at once.

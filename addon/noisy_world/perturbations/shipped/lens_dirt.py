@@ -14,12 +14,10 @@ from ...core.node_graph import BroughtImage, Graph, Socket
 from ...core.schema import key
 from ...core.srgb import decoded, encoded
 from ...core.streams import stream
-from ..about import About, Example
 from ..groups import Canvas
-from ..kinds import ColourPerturbation, FrameContext
-from ._arrays import by_bands, kept_for_sequence, three_channels
+from ..kinds import About, ColourPerturbation, Example, FrameContext
+from ._arrays import by_bands, gaussian, kept_for_sequence, three_channels
 from ._glass import reduced, reduced_nodes, sampled, share_of
-from ._kernels import gaussian
 from ._noise import white_noise
 
 # A pane's dirt, drawn once: a picture that repeats, with specks of dust, smears of grease and scratches.

@@ -10,9 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.node_graph import Graph, GroupInput, Socket, Value
-from ..about import About, Example
 from ..groups import PURPOSES, Canvas
-from ..kinds import ColourPerturbation, FrameContext
+from ..kinds import About, ColourPerturbation, Example, FrameContext
 from ._arrays import by_camera
 from ._drops import (
     ASIDE,

@@ -17,9 +17,8 @@ from ...core.node_graph import BroughtImage, Graph, Socket, Value
 from ...core.schema import key
 from ...core.srgb import LUMINANCE, decoded, encoded
 from ...core.streams import stream
-from ..about import About, Example
 from ..groups import Canvas
-from ..kinds import ColourPerturbation, FrameContext
+from ..kinds import About, ColourPerturbation, Example, FrameContext
 from ._arrays import by_bands, three_channels
 from ._noise import white_noise
 from ._sizes import full_size, with_full_sizes

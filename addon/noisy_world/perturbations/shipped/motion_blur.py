@@ -10,10 +10,9 @@ from numpy.typing import NDArray
 
 from ...core.node_graph import Graph, GroupInput, Socket, Value
 from ...core.schema import key
-from ..about import About
 from ..groups import Canvas
-from ..kinds import ColourPerturbation, FrameContext
-from ._kernels import correlate, line_kernel
+from ..kinds import About, ColourPerturbation, FrameContext
+from ._arrays import correlate, line_kernel
 from ._noise import white_noise
 
 # Of the pixel's own weight: smaller weights are left out of the node group. Together they are less than 0.1 of 255.

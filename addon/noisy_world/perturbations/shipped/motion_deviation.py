@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from ...core.geometry import rotation_from_euler_deg
 from ...core.schema import key
 from ...core.trajectory import Trajectory
-from ..about import About, Example
-from ..kinds import MotionPerturbation, SequenceContext
+from ..kinds import About, Example, MotionPerturbation, SequenceContext
 
 
 @dataclass(frozen=True)

@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 from ...core.node_graph import Graph, GroupInput, Socket, Value
 from ...core.schema import key
 from ...images.pixels import as_float, rgb_bytes
-from ..about import About
 from ..groups import Canvas
-from ..kinds import ColourPerturbation, FrameContext
+from ..kinds import About, ColourPerturbation, FrameContext
 
 T = TypeVar("T", bound=np.integer | np.floating)
 

@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 
 from ...core.node_graph import Graph, Socket
 from ...core.schema import key
-from ..about import About
 from ..groups import Canvas
-from ..kinds import ColourPerturbation, FrameContext
+from ..kinds import About, ColourPerturbation, FrameContext
 from ._air import DROP
 from ._arrays import by_camera
 from ._falling_nodes import Laws, build_falling

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 from ...core.file_access import read_text
 from ...core.schema import Choice, key
-from ..about import About
-from ..kinds import DepthPerturbation, FrameContext
+from ..kinds import About, DepthPerturbation, FrameContext
 from ._arrays import quotient, without_void
 from ._depth_devices import DEVICE_TOOLTIPS, NOISE_SEVERITIES, Devices, filled, noise_of_device, of_device
 from ._noise import look_up, scaled_normal, shifted_places, taken, uniform_codes

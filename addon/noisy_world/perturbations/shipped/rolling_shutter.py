@@ -7,8 +7,7 @@ from typing import ClassVar, Literal
 
 from ...core.frame_request import ReadoutDirection, RequestedRays, Shutter
 from ...core.schema import Choice, key
-from ..about import About, Example
-from ..kinds import ExposurePerturbation
+from ..kinds import About, Example, ExposurePerturbation
 
 MS_PER_S = 1000.0
 

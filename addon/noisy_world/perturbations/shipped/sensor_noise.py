@@ -14,9 +14,8 @@ from ...core.node_graph import Socket, Value
 from ...core.schema import key
 from ...core.srgb import decoded, encoded
 from ...core.streams import stream
-from ..about import About, Example
 from ..groups import HALF, ROUNDING, SEEDS, Canvas
-from ..kinds import ByFrame, ColourPerturbation, FrameContext
+from ..kinds import About, ByFrame, ColourPerturbation, Example, FrameContext
 from ._arrays import by_bands
 from ._noise import CODES, look_up, normal_quantile, poisson_quantile, scaled_normal, uniform_codes
 

@@ -13,9 +13,8 @@ from numpy.typing import NDArray
 from ...core.node_graph import Socket
 from ...core.schema import key
 from ...images.pixels import rgb_bytes
-from ..about import About
 from ..groups import Canvas
-from ..kinds import ColourPerturbation, FrameContext
+from ..kinds import About, ColourPerturbation, FrameContext
 from ._arrays import bands, by_bands
 from ._noise import CODES, look_up, poisson_quantile, uniform_codes, uniform_words
 

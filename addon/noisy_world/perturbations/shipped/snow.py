@@ -11,11 +11,9 @@ from numpy.typing import NDArray
 
 from ...core.node_graph import Graph, GroupInput, Socket
 from ...core.schema import key
-from ..about import About
 from ..groups import Canvas
-from ..kinds import ColourPerturbation, FrameContext
-from ._arrays import Level, colour_by_bands, kept_for_sequence, three_channels, torus_window
-from ._kernels import correlate, line_kernel
+from ..kinds import About, ColourPerturbation, FrameContext
+from ._arrays import Level, colour_by_bands, correlate, kept_for_sequence, line_kernel, three_channels, torus_window
 from ._sizes import full_size, with_full_sizes
 
 

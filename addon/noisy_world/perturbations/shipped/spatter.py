@@ -11,11 +11,9 @@ from numpy.typing import NDArray
 
 from ...core.node_graph import INTERFACE, Graph, Kind, Socket, Value
 from ...core.schema import key
-from ..about import About
 from ..groups import Canvas
-from ..kinds import ColourPerturbation, FrameContext
-from ._arrays import Level, colour_by_bands, kept_for_sequence, three_channels, torus_window
-from ._kernels import gaussian
+from ..kinds import About, ColourPerturbation, FrameContext
+from ._arrays import Level, colour_by_bands, gaussian, kept_for_sequence, three_channels, torus_window
 from ._noise import look_up, normal_quantiles, uniform_codes
 
 # The colours, the distance and the kernel are ImageNet-C's.

@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.schema import Choice, key
-from ..about import About
-from ..kinds import DepthPerturbation, FrameContext
+from ..kinds import About, DepthPerturbation, FrameContext
 from ._arrays import by_bands, quotient, without_void
 from ._depth_devices import (
     DEVICE_TOOLTIPS,

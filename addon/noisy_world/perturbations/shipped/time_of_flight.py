@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 from ...core.geometry import Intrinsics
 from ...core.schema import Choice, key
 from ...core.srgb import decoded
-from ..about import About
-from ..kinds import DepthPerturbation, FrameContext
+from ..kinds import About, DepthPerturbation, FrameContext
 from ._arrays import quotient, without_void
 from ._depth_devices import (
     DEVICE_TOOLTIPS,

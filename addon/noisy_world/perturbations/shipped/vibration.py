@@ -11,8 +11,7 @@ from ...core.camera_motion import Sines
 from ...core.errors import NoisyWorldError
 from ...core.schema import Choice, key
 from ...core.trajectory import Trajectory
-from ..about import About, Example
-from ..kinds import MotionPerturbation, SequenceContext
+from ..kinds import About, Example, MotionPerturbation, SequenceContext
 from ._deviations import SPECTRA, SourceName, deviated, drawn_sines, limited
 
 

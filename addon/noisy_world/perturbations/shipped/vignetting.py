@@ -13,9 +13,8 @@ from ...core.geometry import Intrinsics
 from ...core.node_graph import Socket
 from ...core.schema import key
 from ...core.srgb import decoded, encoded
-from ..about import About
 from ..groups import Canvas
-from ..kinds import ColourPerturbation, FrameContext
+from ..kinds import About, ColourPerturbation, FrameContext
 from ._arrays import axis_by_camera, axis_px, camera_of
 from ._arrays import by_camera as view_by_camera
 
