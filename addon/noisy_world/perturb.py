@@ -16,7 +16,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, get_args, overload
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias, get_args, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,10 +25,18 @@ from .core.geometry import Intrinsics
 from .core.machine import keep_freed_memory
 from .core.schema import ConfigPath, describe
 from .images.measured_depth import Void, completed_m
-from .images.pixels import as_float
+from .images.pixels import GREY_WEIGHTS_PER_MILLE, as_float, grey_bytes
 from .perturbations import registry
 from .perturbations.execution import perturb_colour, perturb_depth, perturb_rgb, split_motion
-from .perturbations.kinds import SEQUENCE_KINDS, DepthPerturbation, FrameContext, alone
+from .perturbations.kinds import (
+    SEQUENCE_KINDS,
+    SEVERITIES,
+    ColourPerturbation,
+    DepthPerturbation,
+    FrameContext,
+    alone,
+    kind_name,
+)
 from .perturbations.parsing import drawing_by, parse_steps
 from .perturbations.steps import Setting, Step
 
@@ -52,12 +60,19 @@ _ROUNDING = 1e-6  # chosen: by how much float32 arithmetic may miss [0, 1]; it i
 
 
 def checked_colour(argument: str, image: Any) -> NDArray[np.uint8] | NDArray[np.float32]:
-    """Return colour (H, W, 3), contiguous, as uint8 or float32 in [0, 1]. Other floating types become float32."""
+    """Return colour (H, W, 3), contiguous, as uint8 or float32 in [0, 1]. Other floating types become float32.
+
+    Grey, (H, W) or (H, W, 1), becomes three equal channels.
+    """
     _check_array(argument, image, "uint8, or float in [0, 1]")
-    if image.ndim != 3 or image.shape[2] != 3:
+    grey = _is_grey(image)
+    if not grey and (image.ndim != 3 or image.shape[2] != 3):
         alpha = "; leave the alpha channel out" if image.ndim == 3 and image.shape[2] == 4 else ""
-        raise TypeError(f"{argument} has the shape {image.shape}, but colour has to be (H, W, 3){alpha}")
+        wanted = f"colour has to be (H, W, 3), or grey (H, W){alpha}"
+        raise TypeError(f"{argument} has the shape {image.shape}, but {wanted}")
     _check_pixels(argument, image)
+    if grey:
+        image = np.repeat(image.reshape(*image.shape[:2], 1), 3, axis=2)
     if image.dtype == np.uint8:
         return np.ascontiguousarray(image)
     if image.dtype.kind != "f":
@@ -150,6 +165,21 @@ def plain(value: Any) -> Any:
     return value
 
 
+def _is_grey(image: NDArray[Any]) -> bool:
+    return image.ndim == 2 or (image.ndim == 3 and image.shape[2] == 1)
+
+
+def _as_grey(rgb: NDArray[Any], shape: tuple[int, ...], *, grain: bool) -> NDArray[Any]:
+    """Return colour (H, W, 3) as grey of a shape: its luminance or, with noise of each pixel's own, one channel."""
+    if grain:
+        grey = rgb[..., 1]
+    elif rgb.dtype == np.uint8:
+        grey = grey_bytes(rgb)
+    else:
+        grey = rgb @ (np.array(GREY_WEIGHTS_PER_MILLE, rgb.dtype) / rgb.dtype.type(1000))
+    return np.ascontiguousarray(grey).reshape(shape)
+
+
 def _check_array(argument: str, image: Any, wanted: str) -> None:
     if not isinstance(image, np.ndarray):
         raise TypeError(f"{argument} is {describe(image)}, but has to be a numpy array, {wanted}")
@@ -172,23 +202,99 @@ def _as_float32(argument: str, image: NDArray[Any], remedy: str = "") -> NDArray
     return made
 
 
-__all__ = ["PerturbedFrame", "apply", "frames", "names"]
+__all__ = ["PerturbedFrame", "apply", "corrupt", "frames", "get_corruption_names", "names"]
+
+NamesOf: TypeAlias = Literal["image", "motion", "exposure", "colour", "depth", "pairing", "all"]
+"""What `names` lists: those of one kind, of all kinds, or those that need nothing but a colour image."""
 
 
 def __dir__() -> list[str]:
     return __all__
 
 
-def names() -> list[str]:
-    """Return the names of all perturbations that there are, those of installed packages too, in propagation order.
+def names(kind: NamesOf = "image") -> list[str]:
+    """Return the names of perturbations, those of installed packages too, in propagation order.
+
+    kind: "image", those that `apply` makes of a colour image and nothing else; "colour", these and those that look at
+    its depth too; "depth", "motion", "exposure" or "pairing"; "all".
 
     >>> from noisy_world.perturb import names
-    >>> "fog" in names(), "desync" in names()
-    (True, True)
+    >>> "fog" in names(), "fog_depth" in names(), "fog_depth" in names("colour"), "desync" in names("all")
+    (True, False, True, True)
 
-    Raises InputError where an installed package brings perturbations that cannot be loaded.
+    Raises ValueError for another kind, InputError where an installed package brings what cannot be loaded.
     """
-    return list(registry())
+    if kind not in get_args(NamesOf):
+        raise ValueError(f"kind is {describe(kind)}, but has to be one of {', '.join(get_args(NamesOf))}")
+    if kind == "all":
+        return list(registry())
+    if kind != "image":
+        return [name for name, item in registry().items() if kind_name(item) == kind]
+    return [name for name, item in registry().items() if isinstance(item, ColourPerturbation) and not item.needs_depth]
+
+
+# imagecorruptions' names of ImageNet-C, in its order; the last four are ImageNet-C's own for validation.
+_CORRUPTIONS = (
+    *("gaussian_noise", "shot_noise", "impulse_noise", "defocus_blur", "glass_blur", "motion_blur", "zoom_blur"),
+    *("snow", "frost", "fog", "brightness", "contrast", "elastic_transform", "pixelate", "jpeg_compression"),
+    *("speckle_noise", "gaussian_blur", "spatter", "saturate"),
+)
+_SUBSETS = {
+    "common": slice(15),
+    "validation": slice(15, None),
+    "all": slice(None),
+    "noise": slice(3),
+    "blur": slice(3, 7),
+    "weather": slice(7, 11),
+    "digital": slice(11, 15),
+}
+
+
+def get_corruption_names(subset: str = "common") -> list[str]:
+    """Return names of ImageNet-C's corruptions as imagecorruptions does.
+
+    subset: "common", the 15 of ImageNet-C; "validation", its other four; "all"; or "noise", "blur", "weather" or
+    "digital". Raises ValueError for another.
+
+    >>> from noisy_world.perturb import get_corruption_names
+    >>> get_corruption_names("blur")
+    ['defocus_blur', 'glass_blur', 'motion_blur', 'zoom_blur']
+    """
+    if subset not in _SUBSETS:
+        raise ValueError(f"subset is {describe(subset)}, but has to be one of {', '.join(_SUBSETS)}")
+    return list(_CORRUPTIONS[_SUBSETS[subset]])
+
+
+def corrupt(
+    image: NDArray[np.uint8],
+    severity: int = 1,
+    corruption_name: str | None = None,
+    corruption_number: int = -1,
+    *,
+    seed: int | None = None,
+) -> NDArray[np.uint8]:
+    """Corrupt an image by `apply`, for those who come from imagecorruptions: its signature and its names.
+
+    image: (H, W, 3), (H, W) or (H, W, 1) uint8; the result has the same shape. severity: 1 to 5. corruption_name: as
+    `get_corruption_names` lists them; or corruption_number, the place in its subset "all". seed: decides what is
+    random; None draws one from numpy's global generator, so that `numpy.random.seed` decides it as there.
+
+    Raises ValueError where neither name nor number is given, or there is none of it, and as `apply` does.
+    """
+    if corruption_name is None:
+        if not 0 <= corruption_number < len(_CORRUPTIONS):
+            places = f"a corruption_number from 0 to {len(_CORRUPTIONS) - 1}"
+            raise ValueError(f"give a corruption_name, or {places}, not {describe(corruption_number)}")
+        corruption_name = _CORRUPTIONS[corruption_number]
+    elif corruption_name not in _CORRUPTIONS:
+        raise ValueError(f"corruption_name is {describe(corruption_name)}; there are {', '.join(_CORRUPTIONS)}")
+    if getattr(image, "dtype", None) != np.uint8:
+        raise TypeError(f"image is {getattr(image, 'dtype', type(image).__name__)}, but has to be a uint8 array")
+    if severity not in SEVERITIES:
+        raise ValueError(f"severity is {describe(severity)}, but has to be a whole number from 1 to 5")
+    if seed is None:
+        seed = int(np.random.randint(2**31))  # noqa: NPY002 - what numpy.random.seed decides
+    return apply(image, corruption_name, severity, seed=seed)
 
 
 @overload
@@ -243,7 +349,8 @@ def apply(
 
     image: (H, W, 3) RGB, sRGB-encoded, uint8 or float in [0, 1], for a perturbation of colour; (H, W) float planar
     depth in metres, 0 = void, for one of depth. The result has the same shape; it is uint8 for uint8, and float32 for
-    any floating type, which is converted first.
+    any floating type, which is converted first. Grey (H, W) or (H, W, 1) is perturbed as three equal channels; what
+    comes back is their luminance or, of noise that each pixel has of its own, one of them.
     name: of the perturbation, such as "fog"; `names` lists them. severity: 0, or 1 to 5.
     seed, frame: decide the random stream; equal ones give equal pixels. seed is from 0 to 2^63 - 1, frame from 0 to
     2^64 - 1.
@@ -296,6 +403,8 @@ def apply(
         read_earlier=None if of_depth else alone(pixels),
     )
     made = _perturbed(step, pixels, where)
+    if isinstance(step.perturbation, ColourPerturbation) and _is_grey(image):
+        return _as_grey(made, image.shape, grain=step.perturbation.grain)
     return made.copy() if made is pixels else made
 
 

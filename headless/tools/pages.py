@@ -114,9 +114,11 @@ def perturbation_counts() -> str:
     """Return the sentence that counts them."""
     every = own_perturbations().values()
     papers = sum(item.about.of_paper for item in every)
+    others = sum(item.about.of_imagenet_c for item in every)
+    own = len(every) - papers - others
     return wrapped(
-        f"There are {len(every)}: all {papers} of the paper's taxonomy, and {len(every) - papers} of our own that look "
-        "and act as in the world. The [gallery](gallery.md) shows every one of them."
+        f"There are {len(every)}: all {papers} of the paper's taxonomy, {others} more by which ImageNet-C is whole, "
+        f"and {own} of our own that look and act as in the world. The [gallery](gallery.md) shows every one of them."
     )
 
 
@@ -130,7 +132,12 @@ def perturbation_table() -> str:
 def law_of(item: Perturbation) -> str:
     """Return what a perturbation is."""
     law = item.about.law or f"{item.sentence[:1].lower()}{item.sentence[1:]}"
-    return law if item.about.of_paper else f"our own: {law}"
+    return f"{origin}: {law}" if (origin := origin_of(item, "our own")) else law
+
+
+def origin_of(item: Perturbation, ours: str) -> str:
+    """Return whose a perturbation is, in a word or two; "" for the paper's."""
+    return "" if item.about.of_paper else "ImageNet-C's" if item.about.of_imagenet_c else ours
 
 
 def parameters_of(item: Perturbation) -> str:
@@ -152,7 +159,7 @@ def gallery() -> str:
             caption = (about.caption or f"{item.sentence[:1].lower()}{item.sentence[1:]}").removesuffix(".")
             parts += [
                 f"### {item.label}",
-                wrapped(f"`{item.name}`{'' if about.of_paper else ', ours'}: {caption}."),
+                wrapped(f"`{item.name}`{f', {origin}' if (origin := origin_of(item, 'ours')) else ''}: {caption}."),
                 f"![{about.picture or f'{item.label} at severities 1, 3 and 5'}](gallery/{item.name}.jpg)",
             ]
     return "\n\n".join(parts)

@@ -108,7 +108,7 @@ def test_both_executions_give_the_same_light_of_any_brightness():
     height, width = depth_m.shape
     camera = Intrinsics(width, height, 50.0, 50.0, (width - 1) / 2, (height - 1) / 2)
     air, lens = ("fog_depth", "haze", "frost"), ("lens_dirt", "lens_drops", "bloom", "defocus_blur", "defocus_depth")
-    names = (*air, *lens, "gaussian_blur", "glass_blur", "motion_blur")
+    names = (*air, *lens, "gaussian_blur", "glass_blur", "motion_blur", "zoom_blur", "elastic_transform")
     chains = {name: [step_of(name, severity=3)] for name in names}
     with Compositor((width, height), chains, width, camera, lit=True) as compositor:
         found, _ = compositor.evaluate(light, dict.fromkeys(names, (5, IDENTIFIERS)), depth_m)

@@ -44,7 +44,7 @@ def frame():
     return picture(67, 93)
 
 
-@cases("name", ["defocus_blur", "gaussian_blur"])
+@cases("name", ["defocus_blur", "gaussian_blur", "zoom_blur"])
 def test_blurs_are_their_references_up_to_the_border(name, frame):
     assert_equal(frame, [(name, {"severity": severity}) for severity in SEVERITIES])
 
@@ -256,3 +256,17 @@ def test_a_constant_frame_stays(level):
     flat = np.full((20, 30, 3), level, dtype=np.float32)
     for made in each(flat, [(name, {"severity": 4}) for name in NAMES], depth_of(flat))[0]:
         assert levels_apart(made, flat)[0] < 0.01
+
+
+def test_elastic_nodes_displace_by_the_law_of_the_reference():
+    """Strength and correlation of the displacement, inside and at the border, where noise is mirrored."""
+    image = places(150, 200)
+    laws = []
+    for make in (by_nodes, by_reference):
+        fields = np.array([offsets_taken(image, one) for one in make("elastic_transform", image, range(8), severity=4)])
+        inner = fields[..., 12:-12, 12:-12]
+        beside = [(inner[..., k:] * inner[..., :-k]).mean() / (inner**2).mean() for k in (1, 3)]
+        below = [(inner[..., k:, :] * inner[..., :-k, :]).mean() / (inner**2).mean() for k in (1, 3)]
+        border = fields[:, 0, 0, 12:-12].std(), fields[:, 1, 12:-12, 0].std()  # along the border, where it may
+        laws.append([inner.std(), *beside, *below, *border])
+    np.testing.assert_allclose(*laws, rtol=0.1)

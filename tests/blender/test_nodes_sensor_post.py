@@ -125,6 +125,20 @@ def test_darkness_has_no_noise_of_light_and_a_constant_frame_stays(shape):
             np.testing.assert_allclose(by_nodes(name, flat(value, *shape), severity=5)[0], value, atol=1e-5)
 
 
+# --- saturate ---
+
+
+@cases("severity", [1, 3, 4, 5])
+def test_saturate_is_its_reference(severity):
+    image = picture(67, 93)  # with black and white
+    image[10:20, 30:60] = 0.5  # grey has no hue
+    made, expected = (
+        by_nodes("saturate", image, severity=severity)[0],
+        by_reference("saturate", image, severity=severity)[0],
+    )
+    assert levels_apart(made, expected)[0] < 0.01
+
+
 # --- contrast ---
 
 

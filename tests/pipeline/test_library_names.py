@@ -55,7 +55,7 @@ def test_names_that_there_are_not():
 
 
 def test_perturbations_are_listed():
-    assert noisy_world.perturb.names() == list(registry())
+    assert noisy_world.perturb.names("all") == list(registry())
     assert {"apply", "frames", "names"} <= set(dir(noisy_world.perturb))
 
 

@@ -401,7 +401,19 @@ MS_PER_S = 1000.0
 
 def plan_notes(plan: Plan) -> list[str]:
     """Return what is to be said of a plan beside its format: of exposures, and of what a camera sees too much of."""
-    return [*_long_exposures(plan), *_limits(plan)]
+    return [*_long_exposures(plan), *_limits(plan), *_broken_depth(plan)]
+
+
+def _broken_depth(plan: Plan) -> list[str]:
+    """Return a sentence for each setting of a dataset with depth that moves colour away from it."""
+    if not {"rgb", "depth"} <= set(plan.format.modalities):
+        return []
+    return [
+        f"{setting.name}: {step.perturbation.name} moves colour alone: depth no longer fits it"
+        for setting in plan.settings
+        for step in setting.rgb
+        if step.perturbation.breaks_depth and step.severity != 0
+    ]
 
 
 def _limits(plan: Plan) -> list[str]:

@@ -30,7 +30,7 @@ class Offered:
 
 
 PHYSICAL = Offered("physical", "Physical", "Of the scene's air and light, the lens, the sensors")
-BENCHMARK = Offered("benchmark", "Benchmark", "The paper's: laid over images, depth and path")
+BENCHMARK = Offered("benchmark", "Benchmark", "The paper's and ImageNet-C's: laid over images, depth and path")
 PACKAGES = Offered("packages", "Packages", "Of packages that are installed")
 
 
@@ -38,7 +38,8 @@ def list_of(perturbation: Perturbation) -> Offered:
     """Return the list that a perturbation is offered in."""
     if perturbation.distribution:
         return PACKAGES
-    return BENCHMARK if perturbation.about.of_paper else PHYSICAL
+    about = perturbation.about
+    return BENCHMARK if about.of_paper or about.of_imagenet_c else PHYSICAL
 
 
 def offered(chosen: Offered) -> list[Perturbation]:

@@ -53,6 +53,7 @@ class About:
     sentence: what it does to what is seen, for menus. law: what it is, for the table of the docs. caption, picture:
     what the gallery's picture shows, below it and in its place; by default the sentence, and severities 1, 3 and 5.
     twin: the name of the physical one of the same cause. of_paper: it is one of the paper's taxonomy.
+    of_imagenet_c: it is one of ImageNet-C's that the paper does without.
     """
 
     sentence: str = ""
@@ -61,6 +62,7 @@ class About:
     picture: str = ""
     twin: str = ""
     of_paper: bool = False
+    of_imagenet_c: bool = False
     example: Example = STANDARD
 
 
@@ -583,7 +585,8 @@ class ColourPerturbation(Perturbation):
     looks_back_s: parameters -> how many seconds of earlier frames it asks its context for. decides: what it sets by
     these; the contexts of its own and of later steps of the setting hold it. by_frame: what the group is told for each
     frame, in place of parameters or of some of them. limits: parameters, camera -> what `apply` draws less of there
-    than they ask for, to be said in the plan after its name; "" where nothing.
+    than they ask for, to be said in the plan after its name; "" where nothing. breaks_depth: it moves what colour
+    shows, so that depth no longer fits, which is said in the plan.
 
     Raises ValueError for another stage, for temporals of what is repeatable, and where it looks back and is repeatable.
     """
@@ -607,6 +610,7 @@ class ColourPerturbation(Perturbation):
     decides: Decides | None = None
     by_frame: ByFrame | None = None
     limits: Callable[[Any, Intrinsics], str] | None = None
+    breaks_depth: bool = False
 
     @property
     def has_parameter_sockets(self) -> bool:
