@@ -41,11 +41,13 @@ if TYPE_CHECKING:
     from .perturbations.groups import Canvas
     from .perturbations.kinds import (
         About,
+        Automatic,
         ColourPerturbation,
         DepthPerturbation,
         ExposurePerturbation,
         FrameContext,
         MotionPerturbation,
+        Nodes,
         PairingPerturbation,
         SequenceContext,
     )
@@ -61,6 +63,7 @@ __all__ = [
     "CAM_PARAMS",
     "PINHOLE",
     "About",
+    "Automatic",
     "CameraDevice",
     "Cameras",
     "Canvas",
@@ -84,6 +87,7 @@ __all__ = [
     "MapMetric",
     "MatchedFrames",
     "MotionPerturbation",
+    "Nodes",
     "NumberedLayout",
     "NumberedPoses",
     "Optics",
@@ -143,8 +147,8 @@ _NAMES = {
     "numbered_frames numbered_images",
     "layouts.stored_recording": "MatchedFrames PosePolicy StoredSequence read_frame_times truth_file",
     "perturbations.groups": "Canvas",
-    "perturbations.kinds": "About ColourPerturbation DepthPerturbation ExposurePerturbation FrameContext "
-    "MotionPerturbation PairingPerturbation SequenceContext",
+    "perturbations.kinds": "About Automatic ColourPerturbation DepthPerturbation ExposurePerturbation "
+    "FrameContext MotionPerturbation Nodes PairingPerturbation SequenceContext",
     "preset.camera_devices": "CameraDevice",
     "preset.scene_keys": "SceneKeys",
     "render.source": "ComputedSource RenderedFrame SimpleSource SourceCapabilities",

@@ -37,7 +37,7 @@ from noisy_world.perturbations.kinds import ColourPerturbation
 
 def main(arguments: list[str]) -> int:
     """Run the command line and return the exit status."""
-    names = [item.name for item in registry().values() if isinstance(item, ColourPerturbation) and item.build]
+    names = [item.name for item in registry().values() if isinstance(item, ColourPerturbation) and item.nodes]
     parser = argparse.ArgumentParser(prog="group_cost.py", description="Measure the node groups' processor time.")
     parser.add_argument("picture", type=Path, help="any picture")
     parser.add_argument("--size", default="1920x1080", help="of the frame, in pixels (default 1920x1080)")

@@ -77,7 +77,7 @@ def main(arguments: list[str]) -> int:
             peer = Contestant("peer", [PEER_PYTHON, ROOT / "headless/bench/corruptions_peer.py", clean])
         text, reference_ms = times(names, frames, peer)
         parts = ["# The perturbations", text, depth_times()]
-        everything = [item.name for item in coloured if item.build]
+        everything = [item.name for item in coloured if item.nodes]
         parts += ["## Node groups", building(everything), errors(frames)]
         parts += [group_times(names, frames, reference_ms), previews(everything, frames)]
         if options.targets and peer:

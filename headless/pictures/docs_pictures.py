@@ -247,9 +247,11 @@ def save(path: Path, picture: NDArray[np.uint8]) -> None:
 
 def effects() -> dict[str, ColourPerturbation]:
     """Return the perturbations of air and lens that work in linear light, or by depth: weather, lenses."""
-    colour = {name: item for name, item in registry().items() if isinstance(item, ColourPerturbation) and item.build}
+    colour = {name: item for name, item in registry().items() if isinstance(item, ColourPerturbation) and item.nodes}
     seen = {name: item for name, item in colour.items() if item.stage in ("environment", "lens")}
-    return {name: item for name, item in seen.items() if item.needs_depth or item.linear}
+    return {
+        name: item for name, item in seen.items() if item.needs_depth or (item.nodes is not None and item.nodes.linear)
+    }
 
 
 def pictures(name: str, frame: LitFrame) -> dict[str, NDArray[np.uint8]]:

@@ -287,7 +287,7 @@ def save(path: Path, picture: NDArray[np.uint8], quality: int) -> None:
 
 def shown_perturbations() -> list[ColourPerturbation]:
     """Return the perturbations of colour that have a node group, in the order of propagation."""
-    return [item for item in registry().values() if isinstance(item, ColourPerturbation) and item.build]
+    return [item for item in registry().values() if isinstance(item, ColourPerturbation) and item.nodes]
 
 
 def demo_camera() -> Intrinsics:

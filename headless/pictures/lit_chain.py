@@ -234,7 +234,8 @@ def _group(tree: bpy.types.NodeTree, link: Link, camera: Intrinsics) -> bpy.type
     node = new_node(tree, bpy.types.CompositorNodeGroup)
     node.node_tree = ensure_group(build_group(perturbation))
     node.width = group_of(node).default_group_node_width
-    seen = {} if perturbation.by_camera is None else perturbation.by_camera(camera)
+    by_camera = None if perturbation.nodes is None else perturbation.nodes.by_camera
+    seen = {} if by_camera is None else by_camera(camera)
     if OVERRIDE_CAMERA in node.inputs:
         set_value(node.inputs[OVERRIDE_CAMERA], True)
     for name, value in seen.items():

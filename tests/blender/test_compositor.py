@@ -24,7 +24,7 @@ from noisy_world.perturbations.kinds import ColourPerturbation
 from noisy_world.core.schema import ConfigPath
 from noisy_world.perturbations import registry
 
-NAMES = [item.name for item in registry().values() if isinstance(item, ColourPerturbation) and item.build]
+NAMES = [item.name for item in registry().values() if isinstance(item, ColourPerturbation) and item.nodes]
 MIXED = [
     {"gaussian_noise": {"severity": 3, "mode": "dynamic"}},
     {"fog": {"severity": 5, "mode": "dynamic"}},

@@ -18,7 +18,7 @@ from noisy_world.perturbations.groups import socket_name, socket_value
 from noisy_world.perturbations.kinds import ColourPerturbation
 from noisy_world.perturbations import registry
 
-COLOUR = {item.name: item for item in registry().values() if isinstance(item, ColourPerturbation) and item.build}
+COLOUR = {item.name: item for item in registry().values() if isinstance(item, ColourPerturbation) and item.nodes}
 NAMES = list(COLOUR)
 TABLED = [name for name, item in COLOUR.items() if item.group_severities]
 LAMPS = (4.0, 20.0, 100.0)
@@ -56,7 +56,7 @@ def trees():
 
 def test_every_perturbation_of_colour_has_a_group():
     assert len(NAMES) >= 18
-    assert all(item.build for item in registry().values() if isinstance(item, ColourPerturbation))
+    assert all(item.nodes for item in registry().values() if isinstance(item, ColourPerturbation))
 
 
 @cases("name", NAMES)
@@ -64,7 +64,7 @@ def test_sockets_say_what_the_parameters_say(trees, name):
     perturbation, tree = registry()[name], trees[name]
     sockets = [item for item in tree.interface.items_tree if item.item_type == "SOCKET"]
     items = {item.name: item for item in sockets if item.in_out == "INPUT"}
-    for told, value in () if perturbation.by_frame is None else perturbation.by_frame.values.items():
+    for told, value in perturbation.nodes.values.items():
         socket = items[socket_name(perturbation, told)]
         assert socket.description == american(value.meaning)
         ends = socket.min_value, socket.default_value, socket.max_value

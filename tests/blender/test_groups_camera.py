@@ -12,7 +12,7 @@ from noisy_world.perturbations.groups import OVERRIDE_CAMERA, looks_at_scene
 from noisy_world.perturbations.kinds import ColourPerturbation
 from noisy_world.perturbations import registry
 
-COLOUR = {item.name: item for item in registry().values() if isinstance(item, ColourPerturbation) and item.build}
+COLOUR = {item.name: item for item in registry().values() if isinstance(item, ColourPerturbation) and item.nodes}
 NAMES = [name for name, item in COLOUR.items() if looks_at_scene(item)]
 SIZE_PX = {"wide": (48, 32), "tall": (32, 48)}
 FRAME = 7

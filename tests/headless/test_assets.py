@@ -23,7 +23,7 @@ from noisy_world.perturbations.groups import build_group
 from noisy_world.perturbations.kinds import ColourPerturbation
 from noisy_world.perturbations import registry
 
-PERTURBATIONS = [item for item in registry().values() if isinstance(item, ColourPerturbation) and item.build]
+PERTURBATIONS = [item for item in registry().values() if isinstance(item, ColourPerturbation) and item.nodes]
 BLENDER = os.environ.get("NOISY_WORLD_BLENDER", "")
 SCRIPT = ROOT / "tests/headless/append_groups.py"
 

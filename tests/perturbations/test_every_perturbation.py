@@ -15,7 +15,9 @@ from noisy_world.perturbations import registry
 from noisy_world.perturbations.kinds import ColourPerturbation, DepthPerturbation
 
 EVERY = {name: item for name, item in registry().items() if isinstance(item, ColourPerturbation | DepthPerturbation)}
-TOLD = [name for name, item in EVERY.items() if getattr(item, "looks_back_s", None) is not None]  # by earlier frames
+TOLD = [
+    name for name, item in EVERY.items() if getattr(getattr(item, "automatic", None), "looks_back_s", None) is not None
+]  # by earlier frames
 COLOUR = [name for name, item in EVERY.items() if isinstance(item, ColourPerturbation)]
 BYTES = [name for name in COLOUR if EVERY[name].apply_bytes is not None]
 DRAWN = [name for name, item in EVERY.items() if {"fresh", "fixed"} <= set(item.temporals)]

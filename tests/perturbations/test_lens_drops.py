@@ -206,5 +206,4 @@ def test_a_narrow_camera_sees_less_of_the_scene_in_a_drop():
     values = {"severity": 5, "size_px": 12.0}
     assert np.array_equal(seen(rgb, **values), seen(rgb, intrinsics=wide, **values))
     assert not np.array_equal(seen(rgb, **values), seen(rgb, intrinsics=narrow, **values))
-    assert ITEM.by_camera is not None
-    assert ITEM.by_camera(wide)["view_deg"] == pytest.approx(90)
+    assert ITEM.nodes.by_camera(wide)["view_deg"] == pytest.approx(90)

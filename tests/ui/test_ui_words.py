@@ -115,7 +115,7 @@ def test_panel_socket_and_preset_use_the_same_word():
             label = group.bl_rna.properties[property_name(item.name)].name
             label = label.partition(" (")[0]
             assert label == label_of(perturbation.parameters, item.name)
-            if isinstance(perturbation, ColourPerturbation) and perturbation.build:
+            if isinstance(perturbation, ColourPerturbation) and perturbation.nodes:
                 assert socket_name(perturbation, item.name) == label
             assert tooltip_of(perturbation.parameters, item.name) != item.metadata["key"].meaning
     assert (parameter_label("std"), label_of(DefocusDepth, "f_number")) == ("Std", "F-Stop")

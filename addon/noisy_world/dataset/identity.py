@@ -289,10 +289,7 @@ def _rig(rig: Rig) -> dict[str, Any]:
     if rig.imu is not None:
         content = {item.name: getattr(rig.imu, item.name) for item in fields(rig.imu)}
         content["robot_from_sensor"] = (rig.imu.robot_from_sensor + 0.0).tolist()
-        model = asdict(rig.imu.model)
-        if not rig.imu.model.bandwidth_hz:  # datasets of before have none
-            del model["bandwidth_hz"]
-        found["imu"] = content | {"model": model}
+        found["imu"] = content | {"model": asdict(rig.imu.model)}
     return found
 
 

@@ -207,48 +207,48 @@ def success_name(threshold_m: float) -> str:
 
 
 def _of_ate() -> list[TrajectoryMetric]:
-    metrics = []
-    for key, (label, meaning) in _STATISTICS.items():
+    found = []
+    for key, (label, said) in _STATISTICS.items():
         distance = "the distances between estimated and true positions, after alignment, over the tracked frames"
         source = f" The absolute trajectory error; {_STURM}" if key == "rmse" else ""
-        metrics.append(
+        found.append(
             TrajectoryMetric(
                 f"ate_{key}_m",
                 f"ATE {label}",
                 "m",
                 "lower",
-                f"{meaning} of {distance}.{source}",
+                f"{said} of {distance}.{source}",
                 lambda compared, key=key: getattr(compared.position, key),
                 misleads=_JUMPS if key == "rmse" else _MIXED,
             )
         )
     for key in ("rmse", "mean", "median", "max"):
-        label, meaning = _STATISTICS[key]
+        label, said = _STATISTICS[key]
         angle = "the angles between estimated and true rotations, after alignment"
         line = (
             f" Where conditioning is below {DECIDED:g}, positions alone do not decide the turn, and full poses do."
             if key == "rmse"
             else ""
         )
-        metrics.append(
+        found.append(
             TrajectoryMetric(
                 f"ate_rotation_{key}_deg",
                 f"ATE rotation {label}",
                 "deg",
                 "lower",
-                f"{meaning} of {angle}.{line}",
+                f"{said} of {angle}.{line}",
                 lambda compared, key=key: getattr(compared.rotation, key),
                 misleads="a camera mounted or stated with other axes adds the same angle everywhere",
             )
         )
-    return metrics
+    return found
 
 
 def _of_rpe() -> list[TrajectoryMetric]:
-    metrics = []
-    for key, (label, meaning, misleads) in _DELTAS.items():
-        pairs = f"T^-1 E of true motions T and estimated E {meaning}, over all pairs of tracked frames"
-        metrics.append(
+    found = []
+    for key, (label, said, misleads) in _DELTAS.items():
+        pairs = f"T^-1 E of true motions T and estimated E {said}, over all pairs of tracked frames"
+        found.append(
             TrajectoryMetric(
                 f"rpe_{key}_rmse_m",
                 f"RPE {label}",
@@ -259,7 +259,7 @@ def _of_rpe() -> list[TrajectoryMetric]:
                 misleads=misleads,
             )
         )
-        metrics.append(
+        found.append(
             TrajectoryMetric(
                 f"rpe_{key}_rmse_deg",
                 f"RPE {label}, rotation",
@@ -270,7 +270,7 @@ def _of_rpe() -> list[TrajectoryMetric]:
                 misleads=misleads,
             )
         )
-    return metrics
+    return found
 
 
 def _rmse(errors: NDArray[np.float64]) -> float | None:

@@ -131,17 +131,17 @@ class ResultsFolder:
     def runs(self) -> Iterator[SystemRun]:
         """Yield the runs that are whole, sorted."""
         folder = self.folder / "runs"
-        folders = [path.parent.relative_to(folder) for path in folder.glob(f"*/*/*/*/*/{SCORES}")]
+        found = [path.parent.relative_to(folder) for path in folder.glob(f"*/*/*/*/*/{SCORES}")]
         yield from sorted(
             SystemRun(Case.parse("/".join(path.parts[:3])), path.parts[3], int(path.parts[4].removeprefix("repeat-")))
-            for path in folders
+            for path in found
         )
 
     def cases(self) -> Iterator[Case]:
         """Yield the cases whose frames are described, sorted."""
         folder = self.folder / "sequences"
-        folders = [path.parent.relative_to(folder) for path in folder.glob(f"*/*/*/{INDICATORS}")]
-        yield from sorted(Case.parse(path.as_posix()) for path in folders)
+        found = [path.parent.relative_to(folder) for path in folder.glob(f"*/*/*/{INDICATORS}")]
+        yield from sorted(Case.parse(path.as_posix()) for path in found)
 
 
 # A run of a system scored, by both protocols.
@@ -238,10 +238,10 @@ def read_scores(results: ResultsFolder, run: SystemRun) -> dict[str, Any]:
 def read_indicators(results: ResultsFolder, case: Case) -> dict[str, Any]:
     """Return what the frames of a case are like, numbers by name. Raises StorageError."""
     path = results.of_case(case) / INDICATORS
-    values = results.read_json(path)
-    if not _is_values(values):
+    found = results.read_json(path)
+    if not _is_values(found):
         raise _not_as_written(path)
-    return values
+    return found
 
 
 def _not_as_written(path: Path) -> StorageError:
@@ -336,8 +336,8 @@ def write_study_identity(results: ResultsFolder, identity: dict[str, Any], *, se
 
 def why_not(there: dict[str, Any], here: dict[str, Any]) -> str:
     """Return the first difference of two studies in what both name, or ""."""
-    if difference := _run_or_scored_otherwise(there, here):
-        return difference
+    if found := _run_or_scored_otherwise(there, here):
+        return found
     before, now = there["subject"], here["subject"]
     if of_any_processor(before) and of_any_processor(now):
         before, now = decisive(before), decisive(now)
@@ -348,8 +348,8 @@ def why_not(there: dict[str, Any], here: dict[str, Any]) -> str:
             left, right = ({name: part[name] for name in both} for part in (left, right))
         if key == "output":  # systems read the same pixels
             left, right = ({**(part or {}), HUFFMAN: None} for part in (left, right))
-        if difference := first_difference(left, right, key):
-            return difference
+        if found := first_difference(left, right, key):
+            return found
     return ""
 
 

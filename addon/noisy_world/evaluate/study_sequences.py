@@ -442,15 +442,15 @@ class PresetOrigin:
 
     @cached_property
     def _frames(self) -> Mapping[Case, int]:
-        counts: dict[Case, int] = {}
+        found: dict[Case, int] = {}
         clean_first = sorted(self._settings.values(), key=lambda setting: bool(setting.steps))
         for scene in self._scenes.values():
             for seed in self.seeds:
                 for setting in clean_first:
                     if seed == self.seeds[0] or self._varies(setting, scene, seed):
                         laid = lay_out(setting, scene.name, scene.frame_count, (seed, scene.name, setting.name))
-                        counts[Case(scene.name, setting.name, seed)] = len(laid.frames)
-        return counts
+                        found[Case(scene.name, setting.name, seed)] = len(laid.frames)
+        return found
 
     def _varies(self, setting: Setting, scene: Scene, seed: int) -> bool:
         """Tell whether a sequence with a seed is another than that with the first one."""

@@ -352,8 +352,8 @@ class _Conditions:
 
     def columns(self, case: Case) -> Row:
         name = case.setting
-        known = self._found.get(name) or Condition.of_name(name)
-        condition = {"perturbation": known.perturbation, "mode": known.mode, "severity": known.severity}
+        found = self._found.get(name) or Condition.of_name(name)
+        condition = {"perturbation": found.perturbation, "mode": found.mode, "severity": found.severity}
         return {"scene": case.scene, "setting": name, **condition, "seed": case.seed}
 
 
@@ -388,8 +388,8 @@ def run_columns(rows: Sequence[Row], protocol: str) -> list[str]:
 
 
 def _sequence_row(results: ResultsFolder, case: Case, conditions: _Conditions) -> Row:
-    indicators = read_indicators(results, case)
-    return {**conditions.columns(case), **indicators}
+    found = read_indicators(results, case)
+    return {**conditions.columns(case), **found}
 
 
 def with_others(first: Iterable[str], rows: Iterable[Row]) -> list[str]:
@@ -520,16 +520,16 @@ def _run_of(row: Cells) -> SystemRun:
 
 def _versions(results: ResultsFolder) -> dict[str, dict[str, str]]:
     """Return by system the versions that its runs used."""
-    of_systems: dict[str, dict[str, str]] = {}
+    found: dict[str, dict[str, str]] = {}
     for run in results.runs():
         made = read_run_record(results.of_run(run))
-        versions = {} if made is None else made.versions
-        known = of_systems.setdefault(run.system, {})
-        if problem := _other_versions({run.system: known}, {run.system: versions}):
+        said = {} if made is None else made.versions
+        known = found.setdefault(run.system, {})
+        if problem := _other_versions({run.system: known}, {run.system: said}):
             remedy = "remove the runs of one, and run 'noisy-world evaluate' again"
             raise StorageError(problem, file=results.of_run(run), remedy=remedy)
-        known.update(versions)
-    return of_systems
+        known.update(said)
+    return found
 
 
 def _other_versions(there: Mapping[str, Any], here: Mapping[str, Any]) -> str:
@@ -557,11 +557,11 @@ def _twice(there: Mapping[Any, Cells], here: Mapping[Any, Cells], apart: Iterabl
 
 def _one(*processors: Any) -> list[Any]:
     """Return each kind of processor once; None, where none is known, is left out."""
-    kinds: list[Any] = []
+    found: list[Any] = []
     for each in processors:
-        if each is not None and each not in kinds:
-            kinds.append(each)
-    return kinds
+        if each is not None and each not in found:
+            found.append(each)
+    return found
 
 
 # A short table of a study for a terminal: what each system made of each perturbation.
@@ -606,9 +606,9 @@ def _median(of_setting: list[Cells], system: str, name: str) -> str:
     if not rows:
         return ""
     ended = [(sum(row["result"] == result for row in rows), result) for result in (FAILED, INCOMPLETE)]
-    endings = ", ".join(f"{count} {result}" for count, result in ended if count)
+    said = ", ".join(f"{count} {result}" for count, result in ended if count)
     if not values:
-        return endings
+        return said
     middle = statistics.median(values)
     text = f"{middle * 1000:.1f} mm" if name.endswith("_m") else f"{middle:.2f}"
-    return text if len(values) == len(rows) else f"{text} ({endings or f'{len(values)} of {len(rows)}'})"
+    return text if len(values) == len(rows) else f"{text} ({said or f'{len(values)} of {len(rows)}'})"

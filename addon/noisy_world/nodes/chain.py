@@ -35,7 +35,7 @@ from ..perturbations.groups import (
     socket_name,
     socket_value,
 )
-from ..perturbations.kinds import SEVERITIES, ColourPerturbation, FrameContext, Identifiers, without_frames
+from ..perturbations.kinds import SEVERITIES, ColourPerturbation, FrameContext, Identifiers, Nodes, without_frames
 from ..perturbations.steps import Step
 
 BYTE_PLACES = (1.0, 2.0**8, 2.0**16)
@@ -167,12 +167,18 @@ def step_node(step: Step[ColourPerturbation]) -> str:
     return name if step.occurrence == 0 else f"{name} {step.occurrence + 1}"
 
 
+def nodes_of(step: Step[ColourPerturbation]) -> Nodes:
+    """Return how nodes carry out a step of a chain, which has none that they cannot."""
+    assert step.perturbation.nodes is not None, f"{step.perturbation.name} has no node group"
+    return step.perturbation.nodes
+
+
 def capacity_of(step: Step[ColourPerturbation]) -> dict[str, float]:
     """Return the largest values that a step's group has to serve, where these exceed the group's default capacity."""
     levels = (step.severity,) if step.levels is None else step.levels
     used = [step.parameters(level) for level in levels if level != 0]
     served = {}
-    for name, default in step.perturbation.capacity.items():
+    for name, default in nodes_of(step).capacity.items():
         largest = max((getattr(item, name) for item in used), default=default)
         if largest > default:
             served[name] = largest
@@ -207,8 +213,8 @@ def socket_values(
         values |= {socket_name(perturbation, name): value for name, value in told.items()}
     elif severity != 0:
         parameters = replace(step.parameters(severity), **told)
-        if intrinsics is not None and perturbation.by_camera is not None:
-            parameters = replace(parameters, **perturbation.by_camera(intrinsics))
+        if intrinsics is not None and (by_camera := nodes_of(step).by_camera) is not None:
+            parameters = replace(parameters, **by_camera(intrinsics))
         for item in fields(parameters):
             value = socket_value(perturbation, item.name, getattr(parameters, item.name))
             values[socket_name(perturbation, item.name)] = value
@@ -233,10 +239,10 @@ def group_note(step: Step[ColourPerturbation], context: FrameContext, severity: 
 
 def _told(step: Step[ColourPerturbation], severity: float | None, context: FrameContext) -> dict[str, float]:
     """Return what a step's group is told for a frame, by name: values, or parameters."""
-    by_frame = step.perturbation.by_frame
+    by_frame = nodes_of(step).by_frame
     if by_frame is None:
         return {}
-    if step.perturbation.decides is not None and context.read_decided is None:
+    if step.perturbation.automatic is not None and context.read_decided is None:
         ((_, context, _),) = deciding(((step, context, severity),))
     made = by_frame.of(step.parameters(severity), context)
     return dict(made) if not by_frame.values else {name: float(made[name]) for name in by_frame.values}

@@ -16,7 +16,7 @@ from ..core.node_graph import Graph
 from ..perturbations.groups import socket_name
 from ..perturbations.kinds import ColourPerturbation, FrameContext, Identifiers
 from ..perturbations.steps import Step
-from .chain import build_chain, camera_state_values, capacity_of, shown_values, step_node
+from .chain import build_chain, camera_state_values, capacity_of, nodes_of, shown_values, step_node
 from .datablocks import (
     action_of,
     fcurves_of,
@@ -80,7 +80,7 @@ def set_values(
         if node is None:  # a user has removed it
             continue
         shown = partial(shown_values, step, identifiers=identifiers, intrinsics=intrinsics, lit=lit)
-        told_at = None if step.perturbation.by_frame is None else decided_at
+        told_at = None if nodes_of(step).by_frame is None else decided_at
         each = list(
             _values(step, frames, identifiers, index_of, shown, camera_state_at=camera_state_at, decided_at=told_at)
         )
@@ -217,10 +217,10 @@ def kept_by_user(tree: bpy.types.NodeTree, steps: Sequence[Step[ColourPerturbati
     taken = _keyed_paths(tree) - set(json.loads(tree.get(KEYED, "[]")))
     found: list[str] = []
     for step in steps:
-        node, by_frame = tree.nodes.get(step_node(step)), step.perturbation.by_frame
-        if node is None or by_frame is None:
+        node = tree.nodes.get(step_node(step))
+        if node is None:
             continue
-        sockets = [node.inputs[socket_name(step.perturbation, name)] for name in by_frame.values]
+        sockets = [node.inputs[socket_name(step.perturbation, name)] for name in nodes_of(step).values]
         own = [item for item in sockets if item.is_linked or item.path_from_id("default_value") in taken]
         found += [f"{node.name} > {item.name}" for item in own]
     return found

@@ -194,9 +194,10 @@ with the values that the tab's list has for them, else the defaults. Your own ke
 
 
 def _told(step: Step[ColourPerturbation], context: FrameContext) -> Mapping[str, float]:
-    by_frame = step.perturbation.by_frame
-    assert by_frame is not None, "it is told values"
-    return by_frame.of(step.parameters(step.severity), context)
+    nodes = step.perturbation.nodes
+    assert nodes is not None, "groups have them"
+    assert nodes.by_frame is not None, "it is told values"
+    return nodes.by_frame.of(step.parameters(step.severity), context)
 
 
 def _counted(lights: Mapping[int, Any]) -> str:
@@ -210,13 +211,13 @@ def _kept(left: list[str]) -> str:
 def decides(panel: Any) -> bool:
     """Tell whether a step of the panel's list decides frame by frame."""
     kinds = [registry().get(step.perturbation) for step in panel.steps if step.enabled]
-    return any(isinstance(kind, ColourPerturbation) and kind.decides is not None for kind in kinds)
+    return any(isinstance(kind, ColourPerturbation) and kind.automatic is not None for kind in kinds)
 
 
 def groups_of(scene: bpy.types.Scene) -> list[ToldGroup]:
     """Return the groups of the scene's own compositing that are told values frame by frame."""
     kinds = [kind for kind in registry().values() if isinstance(kind, ColourPerturbation)]
-    told = {group_name(kind): kind for kind in kinds if kind.by_frame is not None and kind.by_frame.values}
+    told = {group_name(kind): kind for kind in kinds if kind.nodes is not None and kind.nodes.values}
     return told_groups(own_compositing(scene), told)
 
 

@@ -228,7 +228,7 @@ def decided_at(scene: bpy.types.Scene, sequence: PlannedSequence) -> DecidedAt |
     Where frames were not metered, it is as if all had been mid-grey.
     """
     setting = sequence.setting
-    if all(step.perturbation.decides is None for step in setting.rgb):
+    if all(step.perturbation.automatic is None for step in setting.rgb):
         return None
     stamps_s, earlier = clean_stamps_s(scene), earlier_of(scene, sequence)
     (_grey.add if setting.looks_back and earlier is None else _grey.discard)(scene.session_uid)

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A perturbation of scene-linear light carried out on arrays by its own node group: both draw one picture."""
 
+from collections.abc import Mapping
 from dataclasses import fields, replace
 from typing import Any
 
@@ -21,11 +22,13 @@ def as_nodes(
     perturbation: ColourPerturbation, light: NDArray[np.float32], parameters: Any, context: FrameContext
 ) -> NDArray[np.float32]:
     """Return what the group makes of scene-linear light (H, W, 3), of any brightness."""
+    nodes = perturbation.nodes
+    assert nodes is not None, "it draws light by them"
     given: dict[str, Any] = {"Image": light, "Enabled": True, "Encoded": False, "Reference Width": light.shape[1]}
     if perturbation.needs_depth:
         given["Depth"] = context.depth_m
-    if context.intrinsics is not None and perturbation.by_camera is not None:
-        parameters = replace(parameters, **perturbation.by_camera(context.intrinsics))
+    if context.intrinsics is not None and nodes.by_camera is not None:
+        parameters = replace(parameters, **nodes.by_camera(context.intrinsics))
     given |= {
         socket_name(perturbation, item.name): socket_value(perturbation, item.name, getattr(parameters, item.name))
         for item in fields(parameters)
@@ -35,12 +38,12 @@ def as_nodes(
         given |= camera_values(AT_REST if held else camera_state_of(context.motion))
     if perturbation.temporals:
         given |= {"Seed": seed_of(context.identifiers), "Frame Offset": context.index, PATTERN: title(context.temporal)}
-    made = carried_out(_group(perturbation, parameters), given)["Image"]
+    made = carried_out(_group(perturbation, nodes.capacity, parameters), given)["Image"]
     return np.ascontiguousarray(image_of(made, light.shape[:2]))
 
 
-def _group(perturbation: ColourPerturbation, parameters: Any) -> Graph:
-    served = {name: max(most, getattr(parameters, name)) for name, most in perturbation.capacity.items()}
+def _group(perturbation: ColourPerturbation, capacity: Mapping[str, float], parameters: Any) -> Graph:
+    served = {name: max(most, getattr(parameters, name)) for name, most in capacity.items()}
     key = perturbation.name, *served.items()
     if key not in _GROUPS:
         _GROUPS[key] = build_group(perturbation, served, bare=True, lit=True)

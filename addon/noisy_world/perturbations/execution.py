@@ -265,13 +265,13 @@ class ColourWork(_ImageWork[ColourPerturbation]):
 
 def deciding(active: Active[ColourPerturbation]) -> Active[ColourPerturbation]:
     """Return the steps with contexts that hold what automatics decide, each its own and those of steps before it."""
-    if all(step.perturbation.decides is None for step, _, _ in active):
+    if all(step.perturbation.automatic is None for step, _, _ in active):
         return active
     found: list[tuple[Step[ColourPerturbation], FrameContext, float | None]] = []
     before: Callable[[], Mapping[str, float]] = dict[str, float]
     for step, context, severity in active:
         own = replace(context, read_decided=before)
-        if step.perturbation.decides is not None:
+        if step.perturbation.automatic is not None:
             before = cache(partial(_decisions, step, severity, own))
             own = replace(context, read_decided=before)
         found.append((step, own, severity))
@@ -279,9 +279,10 @@ def deciding(active: Active[ColourPerturbation]) -> Active[ColourPerturbation]:
 
 
 def _decisions(step: Step[ColourPerturbation], severity: float | None, context: FrameContext) -> Mapping[str, float]:
-    assert step.perturbation.decides is not None
+    automatic = step.perturbation.automatic
+    assert automatic is not None
     with left_alone(step.perturbation):
-        made = step.perturbation.decides(step.parameters(severity), context)
+        made = automatic.decides(step.parameters(severity), context)
     if wrong := [name for name, value in made.items() if not math.isfinite(value)]:
         raise NoisyWorldError(f"{step.perturbation.name}: decides has to return finite numbers, but {wrong[0]} is not")
     return {**context.decided, **{name: float(value) for name, value in made.items()}}
@@ -320,7 +321,7 @@ def perturb_colour(
     """Carry out one step on (H, W, 3) float32; the result may lie outside [0, 1]. context: the step's own."""
     if step.perturbation.needs_depth and context.read_depth_m is None:
         raise TypeError(f"{step.perturbation.name} needs the frame's depth; give depth_m")
-    if step.perturbation.decides is not None and context.read_decided is None:
+    if step.perturbation.automatic is not None and context.read_decided is None:
         ((_, context, _),) = deciding(((step, context, severity),))
     with left_alone(step.perturbation):
         made = step.perturbation.apply(read_only(rgb), step.parameters(severity), context)
@@ -547,7 +548,7 @@ def perturb_light(
     sRGB's curve, which goes on above 1.
     """
     context = replace(context, lit=True)
-    if step.perturbation.lit_by_nodes:
+    if step.perturbation.nodes is not None and step.perturbation.nodes.draws_lit:
         from .as_nodes import as_nodes
 
         made = as_nodes(step.perturbation, light, step.parameters(severity), context)

@@ -19,7 +19,7 @@ from ..core.machine import batched
 from ..core.node_graph import Graph, GroupInput, Kind, Panel, Socket, Value
 from ..core.schema import label_of
 from ..core.streams import stream
-from .kinds import SEVERITIES, ColourPerturbation, Perturbation, Temporal
+from .kinds import SEVERITIES, ColourPerturbation, Nodes, Perturbation, Temporal
 
 # The camera in node groups: the scene's own, by drivers, or sockets in its place; and how it moves, by sockets.
 #
@@ -102,7 +102,11 @@ def looks_at_scene(perturbation: ColourPerturbation) -> bool:
 def of_scene(perturbation: ColourPerturbation) -> tuple[str, ...]:
     """Return the parameters of a perturbation that the scene decides, in a group as people see it."""
     names = [item.name for item in fields(perturbation.parameters)] if perturbation.has_parameter_sockets else []
-    by_camera = (VIEW, AXIS_ACROSS, AXIS_DOWN) if perturbation.by_camera is not None else ()
+    by_camera = (
+        (VIEW, AXIS_ACROSS, AXIS_DOWN)
+        if perturbation.nodes is not None and perturbation.nodes.by_camera is not None
+        else ()
+    )
     return tuple(name for name in names if name == FRAME_RATE or name in by_camera)
 
 
@@ -256,7 +260,7 @@ def parameter_inputs(perturbation: Perturbation, served: Mapping[str, float]) ->
 
 def frame_inputs(perturbation: ColourPerturbation) -> dict[str, GroupInput]:
     """Return an input for each value that a group is told for a frame."""
-    values = {} if perturbation.by_frame is None else perturbation.by_frame.values
+    values = {} if perturbation.nodes is None else perturbation.nodes.values
     return {
         name: GroupInput(
             socket_name(perturbation, name), "float", item.default, american(item.meaning), item.minimum, item.maximum
@@ -551,10 +555,11 @@ def build_group(
     and always clipped. lit: for linear light, so never clipped, where it is bare. Raises NoisyWorldError where the
     perturbation has no group.
     """
-    if perturbation.build is None:
+    nodes = perturbation.nodes
+    if nodes is None:
         raise NoisyWorldError(f"{perturbation.name}: has no node group; the backend reference carries it out")
-    served = dict(perturbation.capacity) | dict(capacity or {})
-    larger = {name: value for name, value in served.items() if value != perturbation.capacity[name]}
+    served = dict(nodes.capacity) | dict(capacity or {})
+    larger = {name: value for name, value in served.items() if value != nodes.capacity[name]}
     more = [f"{socket_name(perturbation, name)} {value:g}" for name, value in larger.items()]
     text = " ".join((perturbation.parameters.__doc__ or "").split("\n\n")[0].split())
     graph = Graph(
@@ -578,7 +583,7 @@ def build_group(
         with graph.section("Severity"):
             given |= by_severity(perturbation, severity, override, given)
             share = strength(severity, override, mask)
-    source = _given(light, perturbation)
+    source = _given(light, nodes, averages=perturbation.averages)
     scenes = () if own_camera is None else of_scene(perturbation)
     with graph.section("Size"):
         canvas = _timed(_canvas(source, reference, depth_m, light.clip), perturbation, timing)
@@ -595,8 +600,8 @@ def build_group(
                 value = graph.choose(own_camera, given[key], seen[key], "float")
                 scaled[key] = _in_pixels_and_degrees(perturbation, key, value, canvas)
     with graph.section(perturbation.label):
-        result = perturbation.build(canvas, scaled, served)
-    given_back = _given_back(light, perturbation)(result, share)
+        result = nodes.build(canvas, scaled, served)
+    given_back = _given_back(light, nodes, averages=perturbation.averages)(result, share)
     with graph.section(BACK):
         if depth_m is not None and not bare:
             given_back = graph.choose(_is_there(depth_m), given_back, image)
@@ -618,18 +623,18 @@ def group_name(perturbation: ColourPerturbation) -> str:
     return title(perturbation.label)
 
 
-def _given(light: Light, perturbation: ColourPerturbation) -> Socket:
+def _given(light: Light, nodes: Nodes, *, averages: bool) -> Socket:
     """Return the image as a perturbation works on it."""
-    if perturbation.linear:
+    if nodes.linear:
         return light.to_linear()
-    return light.to_average() if perturbation.averages else light.to_encoded()
+    return light.to_average() if averages else light.to_encoded()
 
 
-def _given_back(light: Light, perturbation: ColourPerturbation) -> Callable[[Socket, Socket | None], Socket]:
+def _given_back(light: Light, nodes: Nodes, *, averages: bool) -> Callable[[Socket, Socket | None], Socket]:
     """Return what gives a perturbation's result back as the image was given."""
-    if perturbation.linear:
+    if nodes.linear:
         return light.from_linear
-    return light.from_average if perturbation.averages else light.from_encoded
+    return light.from_average if averages else light.from_encoded
 
 
 def _parameters(

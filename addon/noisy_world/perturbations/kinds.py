@@ -10,7 +10,7 @@ import math
 import re
 from bisect import bisect_right
 from collections.abc import Callable, Hashable, Mapping, Sequence
-from dataclasses import MISSING, dataclass, field, fields, is_dataclass, replace
+from dataclasses import MISSING, InitVar, dataclass, field, fields, is_dataclass, replace
 from typing import Any, Literal, Protocol, TypeAlias, get_args, get_origin, get_type_hints
 
 import numpy as np
@@ -564,58 +564,89 @@ class ExposurePerturbation(Perturbation):
         check_no_temporals(self.name, self.temporals)
 
 
+@dataclass(frozen=True)
+class Nodes:
+    """How a node group of Blender's compositor carries out a perturbation of colour.
+
+    build: the same definition as a group: sockets -> a socket. capacity: for each parameter that the number of its
+    nodes depends on, the largest value that the group serves by default. linear: it gives linear light, of any
+    brightness, so that what is brighter than 1 stays so. draws_lit: on lit frames arrays carry out the group itself, so
+    that both executions draw one picture. by_camera: of the group's parameters, what a known camera decides. by_frame:
+    what the group is told for each frame, in place of parameters or of some of them.
+    """
+
+    build: GroupBuild
+    capacity: Mapping[str, float] = field(default_factory=dict)
+    linear: bool = False
+    draws_lit: bool = False
+    by_camera: Callable[[Intrinsics], Mapping[str, Any]] | None = None
+    by_frame: ByFrame | None = None
+
+    @property
+    def values(self) -> Mapping[str, FrameValue]:
+        """What the group has sockets for in place of parameters; {} where it has those of parameters."""
+        return {} if self.by_frame is None else self.by_frame.values
+
+
+@dataclass(frozen=True, kw_only=True)
+class Automatic:
+    """What a camera sets by itself for a frame.
+
+    looks_back_s: parameters -> how many seconds of earlier frames it asks its context for. decides: what it sets; the
+    contexts of its own and of later steps of the setting hold it.
+    """
+
+    looks_back_s: Callable[[Any], float] | None = None
+    decides: Decides
+
+
 @dataclass(frozen=True, kw_only=True)
 class ColourPerturbation(Perturbation):
     """Acts on a colour image; several of the same name may act after one another.
 
-    stage: environment, lens, sensor or post. apply: the reference execution. apply_bytes: the same on bytes, used
-    where it is the only step on a frame. build: the same definition as a compositor node group, or None. capacity:
-    for each parameter that the number of its nodes depends on, the largest value that the group serves by default.
-    needs_depth: the context holds the frame's depth, and the group has an input for it. repeatable: the result
-    depends on image, parameters, intrinsics and depth alone, so that sequences which do the same to a frame share a
-    file; it draws nothing and does not look at the frame's number or stamp. linear: `build` is given and gives
-    linear light, of any brightness, so that what is brighter than 1 stays so. lit_by_nodes: on lit frames arrays
-    carry out the node group itself, so that both executions draw one picture. averages: it only moves and averages
-    values, so where light is not clipped it works on light itself, as a lens does. uses_motion: `apply` looks at
-    the camera's motion, where the context has it, and the group has inputs for it. goes_with_camera: a fixed
-    pattern does. by_camera: of the group's parameters, what a known camera decides. repeats: tells of which
-    parameters it is repeatable, and looks at no motion, though it has temporals. grain: each pixel has noise of its
-    own, which files of images hardly compress; estimates of sizes ask for it. on_light: of the sensor, but before
-    anything is encoded, so on lit frames it acts on light too, and takes and gives what is brighter than 1.
-    looks_back_s: parameters -> how many seconds of earlier frames it asks its context for. decides: what it sets by
-    these; the contexts of its own and of later steps of the setting hold it. by_frame: what the group is told for each
-    frame, in place of parameters or of some of them. limits: parameters, camera -> what `apply` draws less of there
-    than they ask for, to be said in the plan after its name; "" where nothing. breaks_depth: it moves what colour
-    shows, so that depth no longer fits, which is said in the plan.
+    stage: environment, lens, sensor or post.
 
-    Raises ValueError for another stage, for temporals of what is repeatable, and where it looks back and is repeatable.
+    How it is carried out. apply: the reference execution. apply_bytes: the same on bytes, used where it is the only
+    step on a frame. nodes: the same as a compositor node group; None for none. `build` and `capacity`, as arguments,
+    are those of `nodes`. averages: it only moves and averages values, so where light is not clipped it works on light
+    itself, as a lens does. on_light: of the sensor, but before anything is encoded, so on lit frames it acts on light
+    too, and takes and gives what is brighter than 1.
+
+    What it looks at. needs_depth: the context holds the frame's depth, and the group has an input for it. uses_motion:
+    `apply` looks at the camera's motion, where the context has it, and the group has inputs for it. goes_with_camera: a
+    fixed pattern does. automatic: what it decides for a frame, by earlier ones.
+
+    What its results are. repeatable: they depend on image, parameters, intrinsics and depth alone, so that sequences
+    which do the same to a frame share a file; it draws nothing and does not look at the frame's number or stamp.
+    repeats: tells of which parameters it is repeatable, and looks at no motion, though it has temporals. grain: each
+    pixel has noise of its own, which files of images hardly compress; estimates of sizes ask for it. limits:
+    parameters, camera -> what `apply` draws less of there than they ask for, to be said in the plan after its name; ""
+    where nothing. breaks_depth: it moves what colour shows, so that depth no longer fits, which is said in the plan.
+
+    Raises ValueError for another stage, for temporals of what is repeatable, and where it decides and is repeatable.
     """
 
     apply: ColourApply
     apply_bytes: BytesApply | None = None
-    build: GroupBuild | None = None
-    capacity: Mapping[str, float] = field(default_factory=dict)
-    needs_depth: bool = False
-    repeatable: bool = False
-    linear: bool = False
+    nodes: Nodes | None = None
+    build: InitVar[GroupBuild | None] = None
+    capacity: InitVar[Mapping[str, float] | None] = None
     averages: bool = False
-    lit_by_nodes: bool = False
+    on_light: bool = False
+    needs_depth: bool = False
     uses_motion: bool = False
     goes_with_camera: bool = False
-    by_camera: Callable[[Intrinsics], Mapping[str, Any]] | None = None
+    automatic: Automatic | None = None
+    repeatable: bool = False
     repeats: Callable[[Any], bool] | None = None
     grain: bool = False
-    on_light: bool = False
-    looks_back_s: Callable[[Any], float] | None = None
-    decides: Decides | None = None
-    by_frame: ByFrame | None = None
     limits: Callable[[Any, Intrinsics], str] | None = None
     breaks_depth: bool = False
 
     @property
     def has_parameter_sockets(self) -> bool:
         """Whether its node group has sockets for its parameters, not for what they decide in a frame."""
-        return self.by_frame is None or not self.by_frame.values
+        return self.nodes is None or not self.nodes.values
 
     @property
     def group_severities(self) -> Mapping[str, Sequence[float]]:
@@ -636,13 +667,15 @@ class ColourPerturbation(Perturbation):
         """Tell whether with these parameters the result depends on image, depth and intrinsics alone."""
         return self.repeatable or (self.repeats is not None and self.repeats(parameters))
 
-    def __post_init__(self) -> None:
+    def __post_init__(self, build: GroupBuild | None, capacity: Mapping[str, float] | None) -> None:
         super().__post_init__()
+        if build is not None:
+            object.__setattr__(self, "nodes", Nodes(build, capacity or {}))
         if self.stage not in COLOUR_STAGES:
             raise ValueError(f"{self.name}: stage is {self.stage!r}, but has to be one of {', '.join(COLOUR_STAGES)}")
         if self.repeatable and self.temporals:
             raise ValueError(f"{self.name}: what is repeatable has no random pattern, so it has no temporals")
-        if self.repeatable and (self.looks_back_s is not None or self.decides is not None):
+        if self.repeatable and self.automatic is not None:
             raise ValueError(f"{self.name}: what is repeatable neither looks back nor decides")
 
 

@@ -273,7 +273,7 @@ def parse_steps(items: Sequence[Any], place: ConfigPath, registry: Registry) -> 
         same = sum(step.perturbation.name == name for step in steps)
         if same and isinstance(perturbation, SEQUENCE_KINDS):
             raise where.error(f"{name} is given twice", "it acts once on a sequence")
-        if same and isinstance(perturbation, ColourPerturbation) and perturbation.decides is not None:
+        if same and isinstance(perturbation, ColourPerturbation) and perturbation.automatic is not None:
             raise where.error(f"{name} is given twice", "a camera has one of it")
         if is_sensor(perturbation) and (first := next(filter(is_sensor, (step.perturbation for step in steps)), None)):
             raise where.error(f"{name} measures depth, which {first.name} has measured", "keep one of them")

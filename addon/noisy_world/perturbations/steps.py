@@ -7,8 +7,8 @@ The order is the paper's, whatever the order in the preset: motion, then colour 
 post-processing) and depth, then pairing. Within a stage, each perturbation's `order` decides.
 """
 
-from collections.abc import Iterable, Mapping
-from dataclasses import Field, asdict, dataclass, field, fields, replace
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import asdict, dataclass, field, fields, replace
 from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any, Generic, Literal, TypeAlias, TypeVar
@@ -68,12 +68,9 @@ def files_of(parameters: Any) -> dict[str, Path]:
 def deciding(parameters: Any) -> dict[str, Any]:
     """Return the parameters of a step as an identity has them: of a file its SHA-256, and none that is not given.
 
-    One that came later than datasets were made is left out at its default, so these stay as they are.
-
     Raises OSError where a file is gone.
     """
-    later = {each.name for each in fields(parameters) if each.metadata["key"].later and _is_default(parameters, each)}
-    plain = {name: value for name, value in asdict(parameters).items() if name not in _names(parameters) | later}
+    plain = {name: value for name, value in asdict(parameters).items() if name not in _names(parameters)}
     return plain | {name: {"sha256": sha256_of(path)} for name, path in files_of(parameters).items()}
 
 
@@ -81,10 +78,6 @@ def recorded(parameters: Any) -> dict[str, Any]:
     """Return them as a frame's record has them: as `deciding` does, with the names of files too."""
     named = {name: {"name": path.name, "sha256": sha256_of(path)} for name, path in files_of(parameters).items()}
     return deciding(parameters) | named
-
-
-def _is_default(parameters: Any, item: Field[Any]) -> bool:
-    return getattr(parameters, item.name) == item.default
 
 
 def _names(parameters: Any) -> set[str]:
@@ -165,18 +158,23 @@ class Step(Generic[Kind]):
         return any(not kind.is_repeatable(self.parameters(each)) for each in severities if each != 0)
 
     @cached_property
+    def _span_s(self) -> Callable[[Any], float] | None:
+        """Parameters -> how many seconds of earlier frames it asks for; None where it asks for none."""
+        automatic = self.perturbation.automatic if isinstance(self.perturbation, ColourPerturbation) else None
+        return None if automatic is None else automatic.looks_back_s
+
+    @property
     def looks_back(self) -> bool:
         """Whether this step looks at earlier frames."""
-        return isinstance(self.perturbation, ColourPerturbation) and self.perturbation.looks_back_s is not None
+        return self._span_s is not None
 
     @cached_property
     def looks_back_s(self) -> float:
         """How many seconds of earlier frames it asks for, with any of its severities."""
-        kind = self.perturbation
-        if not isinstance(kind, ColourPerturbation) or kind.looks_back_s is None:
+        if self._span_s is None:
             return 0.0
         severities = (self.severity,) if self.levels is None else self.levels
-        return max((kind.looks_back_s(self.parameters(each)) for each in severities if each != 0), default=0.0)
+        return max((self._span_s(self.parameters(each)) for each in severities if each != 0), default=0.0)
 
     def sequence_context(self, identifiers: Identifiers) -> SequenceContext:
         """Return this step's context for a whole sequence. identifiers: the sequence's."""

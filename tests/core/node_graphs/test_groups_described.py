@@ -29,7 +29,7 @@ from noisy_world.perturbations.parsing import parse_steps
 from noisy_world.core.schema import ConfigPath, key
 from noisy_world.perturbations import registry
 
-COLOUR = {item.name: item for item in registry().values() if isinstance(item, ColourPerturbation) and item.build}
+COLOUR = {item.name: item for item in registry().values() if isinstance(item, ColourPerturbation) and item.nodes}
 WHERE = (7, "room", "setting")
 
 
@@ -43,7 +43,7 @@ def sockets_by_parameter(name):
     units = ("_per_s", "_mm_h", "_m_s", "_px", "_deg", "_mrad", "_mm", "_ms", "_hz", "_m")
     inputs["f number"] = inputs.get("f-stop")  # Blender's word for it
     found = {}
-    for item in () if COLOUR[name].by_frame is not None else fields(COLOUR[name].parameters):
+    for item in () if COLOUR[name].nodes.by_frame is not None else fields(COLOUR[name].parameters):
         suffix = next((unit for unit in units if item.name.endswith(unit)), "")
         found[item.name] = inputs[item.name.removesuffix(suffix).replace("_", " ")]
     return found
@@ -80,7 +80,7 @@ def test_a_description_is_the_same_each_time(name):
     assert group.stamp == build_group(COLOUR[name]).stamp
     assert group.category == COLOUR[name].stage
     assert [item.name for item in group.outputs] == ["Image"]
-    with_larger = {key: 2 * value for key, value in COLOUR[name].capacity.items()}
+    with_larger = {key: 2 * value for key, value in COLOUR[name].nodes.capacity.items()}
     if with_larger:
         larger = build_group(COLOUR[name], with_larger)
         assert larger.stamp != group.stamp
@@ -118,7 +118,7 @@ def test_a_group_that_gives_its_input_has_an_entry():
 def test_a_perturbation_without_nodes_says_who_carries_it_out():
     refused(
         build_group,
-        replace(COLOUR["contrast"], build=None),
+        replace(COLOUR["contrast"], nodes=None),
         names=("contrast: ", "the backend reference"),
         error=NoisyWorldError,
     )

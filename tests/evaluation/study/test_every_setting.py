@@ -54,7 +54,7 @@ def of_each_perturbation():
     found += [[{name: NEEDED.get(name, MODES[0])} for name in of_path]]
     found += [[{kind.name: mode}] for kind in kinds if is_sensor(kind) for mode in MODES[1:]]
     images = [kind for kind in kinds if not isinstance(kind, SEQUENCE_KINDS) and not is_sensor(kind)]
-    once = [kind for kind in images if getattr(kind, "decides", None) is not None]
+    once = [kind for kind in images if getattr(kind, "automatic", None) is not None]
     found += [[{kind.name: mode} for kind in once] for mode in MODES]
     others = [kind for kind in images if kind not in once]
     groups = [others[k : k + TOGETHER] for k in range(0, len(others), TOGETHER)]

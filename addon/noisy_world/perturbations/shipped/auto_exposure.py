@@ -13,7 +13,17 @@ from ...core.node_graph import Socket
 from ...core.schema import Choice, key
 from ...core.srgb import LUMINANCE, decoded, encoded
 from ..groups import Canvas
-from ..kinds import About, ByFrame, ColourPerturbation, EarlierFrame, Example, FrameContext, FrameValue
+from ..kinds import (
+    About,
+    Automatic,
+    ByFrame,
+    ColourPerturbation,
+    EarlierFrame,
+    Example,
+    FrameContext,
+    FrameValue,
+    Nodes,
+)
 from ._arrays import by_bands
 
 # What a camera's automatics make of earlier frames: a first-order lag, sampled at frames that need not be regular.
@@ -191,9 +201,10 @@ PERTURBATION = ColourPerturbation(
     apply=apply,
     contradiction=contradiction,
     on_light=True,
-    looks_back_s=lambda parameters: lag_span_s(parameters.lag_s),
-    decides=decides,
-    build=build,
-    linear=True,
-    by_frame=ByFrame({"exposure": FrameValue("Stops by which the image is brighter", 1.0, -32.0, 32.0)}, stops_of),
+    automatic=Automatic(looks_back_s=lambda parameters: lag_span_s(parameters.lag_s), decides=decides),
+    nodes=Nodes(
+        build,
+        linear=True,
+        by_frame=ByFrame({"exposure": FrameValue("Stops by which the image is brighter", 1.0, -32.0, 32.0)}, stops_of),
+    ),
 )

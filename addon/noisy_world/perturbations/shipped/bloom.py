@@ -12,7 +12,7 @@ from ...core.node_graph import Socket
 from ...core.schema import key
 from ...core.srgb import decoded, encoded
 from ..groups import Canvas
-from ..kinds import About, ColourPerturbation, FrameContext
+from ..kinds import About, ColourPerturbation, FrameContext, Nodes
 from ._arrays import as_blur_node
 from ._glass import reduced, reduced_nodes, sampled
 
@@ -103,6 +103,5 @@ PERTURBATION = ColourPerturbation(
     ),
     apply=apply,
     repeatable=True,
-    build=build,
-    linear=True,
+    nodes=Nodes(build, linear=True),
 )

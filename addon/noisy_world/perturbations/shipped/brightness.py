@@ -13,7 +13,7 @@ from ...core.node_graph import Socket
 from ...core.schema import key
 from ...images.pixels import rgb_bytes
 from ..groups import Canvas
-from ..kinds import About, ColourPerturbation, FrameContext
+from ..kinds import About, ColourPerturbation, FrameContext, Nodes
 from ._arrays import by_bands
 from ._noise import look_up
 
@@ -112,6 +112,6 @@ PERTURBATION = ColourPerturbation(
     apply=apply,
     version=2,  # float colour is rounded before it
     repeatable=True,
-    build=build,
+    nodes=Nodes(build),
     apply_bytes=apply_bytes,
 )

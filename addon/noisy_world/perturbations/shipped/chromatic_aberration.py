@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ...core.node_graph import Socket
 from ...core.schema import key
 from ..groups import Canvas
-from ..kinds import About, ColourPerturbation, FrameContext
+from ..kinds import About, ColourPerturbation, FrameContext, Nodes
 from ._arrays import axis_by_camera, axis_px
 
 
@@ -107,6 +107,5 @@ PERTURBATION = ColourPerturbation(
     apply=apply,
     averages=True,
     repeatable=True,
-    build=build,
-    by_camera=axis_by_camera,
+    nodes=Nodes(build, by_camera=axis_by_camera),
 )

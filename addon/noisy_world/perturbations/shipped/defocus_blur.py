@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ...core.node_graph import Graph, GroupInput, Kind, Socket
 from ...core.schema import key
 from ..groups import Canvas
-from ..kinds import About, ColourPerturbation, FrameContext
+from ..kinds import About, ColourPerturbation, FrameContext, Nodes
 from ._arrays import correlate, disk_kernel, gaussian
 
 # A row of the disk that ends exactly at a pixel's centre includes it; above float32's error of a radius (4e-6 at 50
@@ -124,6 +124,5 @@ PERTURBATION = ColourPerturbation(
     apply=apply,
     averages=True,
     repeatable=True,
-    build=build,
-    capacity={"radius_px": 10},
+    nodes=Nodes(build, capacity={"radius_px": 10}),
 )

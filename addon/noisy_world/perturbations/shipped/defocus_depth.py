@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ...core.node_graph import Socket
 from ...core.schema import key
 from ..groups import Canvas
-from ..kinds import About, ColourPerturbation, FrameContext
+from ..kinds import About, ColourPerturbation, FrameContext, Nodes
 
 NEAREST_M = 1e-3  # least distance of the focus beyond the focal length; chosen: nearer, a lens cannot focus
 ROWS = 16  # of a band; chosen so that a band's arrays stay in the processor's cache
@@ -235,6 +235,6 @@ PERTURBATION = ColourPerturbation(
     apply=apply,
     averages=True,
     repeatable=True,
-    build=build,
+    nodes=Nodes(build),
     needs_depth=True,
 )

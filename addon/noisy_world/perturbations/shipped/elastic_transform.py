@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ...core.node_graph import Socket
 from ...core.schema import key
 from ..groups import Canvas
-from ..kinds import About, ColourPerturbation, FrameContext
+from ..kinds import About, ColourPerturbation, FrameContext, Nodes
 from ._arrays import kept_for_sequence
 from ._noise import CODES, uniform_codes, white_noise
 from ._sizes import FullSize, full_size
@@ -136,6 +136,6 @@ PERTURBATION = ColourPerturbation(
     apply=apply,
     averages=True,
     temporals=("fresh", "fixed"),
-    build=build,
+    nodes=Nodes(build),
     breaks_depth=True,
 )

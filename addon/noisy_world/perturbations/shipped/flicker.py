@@ -14,7 +14,7 @@ from ...core.node_graph import Socket
 from ...core.schema import key
 from ...core.srgb import decoded, encoded
 from ..groups import Canvas
-from ..kinds import About, ByFrame, ColourPerturbation, Example, FrameContext, FrameValue
+from ..kinds import About, Automatic, ByFrame, ColourPerturbation, Example, FrameContext, FrameValue, Nodes
 from ._arrays import by_bands
 
 MS_PER_S = 1000.0
@@ -153,22 +153,27 @@ PERTURBATION = ColourPerturbation(
     apply=apply,
     temporals=("fixed", "fresh"),
     on_light=True,
-    decides=decides,
-    build=build,
-    linear=True,
-    by_frame=ByFrame(
-        {
-            "swing": FrameValue("How much of its mean the light goes up and down", 0.2, -1.0, 1.0),
-            "phase": FrameValue(
-                "Turns of the lamps' light at the image's middle; with keys that rise they go on", 0.0, -1e6, 1e6
-            ),
-            "bands_down": FrameValue(
-                "Turns of the lamps' light while lines are read from top to bottom; below 0 upwards", 2.0, -2e4, 2e4
-            ),
-            "bands_across": FrameValue(
-                "Turns of the lamps' light while lines are read from left to right; below 0 leftwards", 0.0, -2e4, 2e4
-            ),
-        },
-        bands_of,
+    automatic=Automatic(decides=decides),
+    nodes=Nodes(
+        build,
+        linear=True,
+        by_frame=ByFrame(
+            {
+                "swing": FrameValue("How much of its mean the light goes up and down", 0.2, -1.0, 1.0),
+                "phase": FrameValue(
+                    "Turns of the lamps' light at the image's middle; with keys that rise they go on", 0.0, -1e6, 1e6
+                ),
+                "bands_down": FrameValue(
+                    "Turns of the lamps' light while lines are read from top to bottom; below 0 upwards", 2.0, -2e4, 2e4
+                ),
+                "bands_across": FrameValue(
+                    "Turns of the lamps' light while lines are read from left to right; below 0 leftwards",
+                    0.0,
+                    -2e4,
+                    2e4,
+                ),
+            },
+            bands_of,
+        ),
     ),
 )

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ...core.node_graph import Graph, GroupInput, Socket
 from ...core.schema import key
 from ..groups import PURPOSES, Canvas
-from ..kinds import About, ColourPerturbation, FrameContext
+from ..kinds import About, ColourPerturbation, FrameContext, Nodes
 from ._arrays import Level, colour_by_bands, kept_for_sequence, three_channels, torus_window
 
 _LEAST_CELLS = 256  # least number of points along a side, however smooth the haze; chosen
@@ -250,7 +250,6 @@ PERTURBATION = ColourPerturbation(
     apply=apply,
     version=2,  # float colour is rounded before it
     apply_bytes=apply,
-    build=build,
-    lit_by_nodes=True,
+    nodes=Nodes(build, draws_lit=True),
     temporals=("fresh", "fixed", "drift"),
 )

@@ -17,7 +17,7 @@ from ...core.schema import Choice, key
 from ...core.srgb import decoded, encoded
 from ...core.streams import stream
 from ..groups import Canvas, convert, seed_of
-from ..kinds import About, ColourPerturbation, FrameContext
+from ..kinds import About, ColourPerturbation, FrameContext, Nodes
 from ._air import (
     AIR_TOOLTIPS,
     BLOCK_PX,
@@ -635,13 +635,10 @@ PERTURBATION = ColourPerturbation(
         "lamps; needs depth",
     ),
     apply=apply,
-    build=build,
-    lit_by_nodes=True,
-    linear=True,
+    nodes=Nodes(build, linear=True, draws_lit=True, by_camera=by_camera),
     needs_depth=True,
     implied=GIVEN_AIR | {"glow": ("lamps", 0.0)},
     uses_motion=True,
-    by_camera=by_camera,
     repeats=is_even,
     temporals=("fresh", "fixed", "drift"),
 )

@@ -17,7 +17,7 @@ from ...core.node_graph import BroughtImage, Kind, Socket, Value
 from ...core.schema import key
 from ...images.pixels import as_float, rgb_bytes
 from ..groups import Canvas
-from ..kinds import About, ColourPerturbation, FrameContext
+from ..kinds import About, ColourPerturbation, FrameContext, Nodes
 from ._arrays import by_bands
 from ._noise import look_up, white_noise
 
@@ -287,6 +287,6 @@ PERTURBATION = ColourPerturbation(
     apply=apply,
     version=2,  # float colour is rounded before it
     apply_bytes=apply_bytes,
-    build=build,
+    nodes=Nodes(build),
     temporals=("fresh", "fixed", "drift"),
 )

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ...core.node_graph import Socket
 from ...core.schema import key
 from ..groups import Canvas
-from ..kinds import About, ColourPerturbation, FrameContext
+from ..kinds import About, ColourPerturbation, FrameContext, Nodes
 from ._arrays import as_blur_node, gaussian
 
 HALF = math.sqrt(0.5)  # of a standard deviation: what two blurs in a row have each
@@ -76,5 +76,5 @@ PERTURBATION = ColourPerturbation(
     apply=apply,
     averages=True,
     repeatable=True,
-    build=build,
+    nodes=Nodes(build),
 )

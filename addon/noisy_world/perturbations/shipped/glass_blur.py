@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ...core.node_graph import BroughtImage, Socket
 from ...core.schema import key
 from ..groups import Canvas
-from ..kinds import About, ColourPerturbation, FrameContext
+from ..kinds import About, ColourPerturbation, FrameContext, Nodes
 from ._arrays import as_blur_node, gaussian
 from ._noise import WhiteNoise, look_up, uniform_codes, white_noise
 from ._sizes import full_size, with_full_sizes
@@ -241,6 +241,5 @@ PERTURBATION = ColourPerturbation(
     averages=True,
     temporals=("fresh", "fixed"),
     counts=frozenset({"max_delta_px", "iterations"}),
-    build=build,
-    capacity={"iterations": 3},
+    nodes=Nodes(build, capacity={"iterations": 3}),
 )

@@ -12,7 +12,7 @@ from ...core.node_graph import Socket
 from ...core.schema import Choice, key
 from ...core.srgb import LUMINANCE, decoded, encoded
 from ..groups import Canvas, convert
-from ..kinds import About, ColourPerturbation, FrameContext
+from ..kinds import About, ColourPerturbation, FrameContext, Nodes
 from ._air import (
     AIR_TOOLTIPS,
     DROP,
@@ -173,11 +173,8 @@ PERTURBATION = ColourPerturbation(
         caption="what is far fades and turns blue. A room is too small for it; [below](#on-a-lit-street) is a street.",
     ),
     apply=apply,
-    build=build,
-    lit_by_nodes=True,
-    linear=True,
+    nodes=Nodes(build, linear=True, draws_lit=True, by_camera=by_camera),
     needs_depth=True,
     implied=GIVEN_AIR | {"blueness": ("air", "grey")},
     repeatable=True,
-    by_camera=by_camera,
 )

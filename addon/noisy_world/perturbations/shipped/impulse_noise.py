@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ...core.node_graph import Socket
 from ...core.schema import key
 from ..groups import Canvas
-from ..kinds import About, ColourPerturbation, FrameContext
+from ..kinds import About, ColourPerturbation, FrameContext, Nodes
 from ._arrays import by_bands
 from ._noise import CODES, look_up, uniform_codes
 
@@ -91,7 +91,7 @@ PERTURBATION = ColourPerturbation(
         of_paper=True,
     ),
     apply=apply,
-    build=build,
+    nodes=Nodes(build),
     apply_bytes=apply_bytes,
     temporals=("fresh", "fixed"),
     grain=True,

@@ -14,7 +14,7 @@ from ...core.node_graph import Graph, GroupInput, Socket, Value
 from ...core.schema import key
 from ...images.pixels import as_float, rgb_bytes
 from ..groups import Canvas
-from ..kinds import About, ColourPerturbation, FrameContext
+from ..kinds import About, ColourPerturbation, FrameContext, Nodes
 from ._sizes import full_size
 
 # The discrete cosine transform of 8 x 8 blocks as node groups, three channels at once.
@@ -450,7 +450,7 @@ PERTURBATION = ColourPerturbation(
     ),
     apply=apply,
     repeatable=True,
-    build=build,
+    nodes=Nodes(build),
     apply_bytes=apply_bytes,
     counts=frozenset({"quality"}),
 )

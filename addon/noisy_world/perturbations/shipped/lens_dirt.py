@@ -15,7 +15,7 @@ from ...core.schema import key
 from ...core.srgb import decoded, encoded
 from ...core.streams import stream
 from ..groups import Canvas
-from ..kinds import About, ColourPerturbation, Example, FrameContext
+from ..kinds import About, ColourPerturbation, Example, FrameContext, Nodes
 from ._arrays import by_bands, gaussian, kept_for_sequence, three_channels
 from ._glass import reduced, reduced_nodes, sampled, share_of
 from ._noise import white_noise
@@ -413,8 +413,6 @@ PERTURBATION = ColourPerturbation(
         ),
     ),
     apply=apply,
-    build=build,
-    lit_by_nodes=True,
-    linear=True,
+    nodes=Nodes(build, linear=True, draws_lit=True),
     temporals=("fixed", "fresh"),
 )

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ...core.node_graph import Graph, GroupInput, Socket, Value
 from ..groups import PURPOSES, Canvas
-from ..kinds import About, ColourPerturbation, Example, FrameContext
+from ..kinds import About, ColourPerturbation, Example, FrameContext, Nodes
 from ._arrays import by_camera
 from ._drops import (
     ASIDE,
@@ -410,9 +410,6 @@ PERTURBATION = ColourPerturbation(
         ),
     ),
     apply=apply,
-    build=build,
-    lit_by_nodes=True,
-    linear=True,
-    by_camera=by_camera,
+    nodes=Nodes(build, linear=True, draws_lit=True, by_camera=by_camera),
     temporals=("drift", "fixed", "fresh"),
 )

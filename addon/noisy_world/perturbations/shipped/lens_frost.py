@@ -18,7 +18,7 @@ from ...core.schema import key
 from ...core.srgb import LUMINANCE, decoded, encoded
 from ...core.streams import stream
 from ..groups import Canvas
-from ..kinds import About, ColourPerturbation, Example, FrameContext
+from ..kinds import About, ColourPerturbation, Example, FrameContext, Nodes
 from ._arrays import by_bands, three_channels
 from ._noise import white_noise
 from ._sizes import full_size, with_full_sizes
@@ -535,8 +535,6 @@ PERTURBATION = ColourPerturbation(
     ),
     apply=apply,
     version=2,  # ice comes in patches, and takes more of the light behind it
-    build=build,
-    lit_by_nodes=True,
-    linear=True,
+    nodes=Nodes(build, linear=True, draws_lit=True),
     temporals=("fresh", "fixed", "drift"),
 )

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ...core.node_graph import Graph, GroupInput, Socket, Value
 from ...core.schema import key
 from ..groups import Canvas
-from ..kinds import About, ColourPerturbation, FrameContext
+from ..kinds import About, ColourPerturbation, FrameContext, Nodes
 from ._arrays import correlate, line_kernel
 from ._noise import white_noise
 
@@ -158,6 +158,5 @@ PERTURBATION = ColourPerturbation(
     averages=True,
     temporals=("fresh", "fixed"),
     counts=frozenset({"radius_px"}),
-    build=build,
-    capacity={"radius_px": 20},
+    nodes=Nodes(build, capacity={"radius_px": 20}),
 )

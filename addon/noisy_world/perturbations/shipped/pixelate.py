@@ -13,7 +13,7 @@ from ...core.node_graph import Graph, GroupInput, Socket, Value
 from ...core.schema import key
 from ...images.pixels import as_float, rgb_bytes
 from ..groups import Canvas
-from ..kinds import About, ColourPerturbation, FrameContext
+from ..kinds import About, ColourPerturbation, FrameContext, Nodes
 
 T = TypeVar("T", bound=np.integer | np.floating)
 
@@ -249,6 +249,6 @@ PERTURBATION = ColourPerturbation(
     apply=apply,
     version=2,  # float colour is rounded before it
     repeatable=True,
-    build=build,
+    nodes=Nodes(build),
     apply_bytes=apply_bytes,
 )

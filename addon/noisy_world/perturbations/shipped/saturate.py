@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ...core.node_graph import Socket
 from ...core.schema import key
 from ..groups import Canvas
-from ..kinds import About, ColourPerturbation, FrameContext
+from ..kinds import About, ColourPerturbation, FrameContext, Nodes
 from ._arrays import by_bands
 
 GREY = np.float32(1e-4)  # channels that are nearer to one another have no hue; chosen far below a byte's step, 4e-3
@@ -88,5 +88,5 @@ PERTURBATION = ColourPerturbation(
     ),
     apply=apply,
     repeatable=True,
-    build=build,
+    nodes=Nodes(build),
 )

@@ -15,7 +15,7 @@ from ...core.schema import key
 from ...core.srgb import decoded, encoded
 from ...core.streams import stream
 from ..groups import HALF, ROUNDING, SEEDS, Canvas
-from ..kinds import About, ByFrame, ColourPerturbation, Example, FrameContext
+from ..kinds import About, ByFrame, ColourPerturbation, Example, FrameContext, Nodes
 from ._arrays import by_bands
 from ._noise import CODES, look_up, normal_quantile, poisson_quantile, scaled_normal, uniform_codes
 
@@ -437,7 +437,5 @@ PERTURBATION = ColourPerturbation(
     temporals=("fresh", "fixed"),
     grain=True,
     on_light=True,
-    build=build,
-    linear=True,
-    by_frame=ByFrame({}, told),
+    nodes=Nodes(build, linear=True, by_frame=ByFrame({}, told)),
 )

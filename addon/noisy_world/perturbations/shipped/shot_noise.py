@@ -14,7 +14,7 @@ from ...core.node_graph import Socket
 from ...core.schema import key
 from ...images.pixels import rgb_bytes
 from ..groups import Canvas
-from ..kinds import About, ColourPerturbation, FrameContext
+from ..kinds import About, ColourPerturbation, FrameContext, Nodes
 from ._arrays import bands, by_bands
 from ._noise import CODES, look_up, poisson_quantile, uniform_codes, uniform_words
 
@@ -204,7 +204,7 @@ PERTURBATION = ColourPerturbation(
     ),
     apply=apply,
     version=2,  # a number takes 16 random bits, not 24, and float colour is rounded before it
-    build=build,
+    nodes=Nodes(build),
     apply_bytes=apply_bytes,
     temporals=("fresh", "fixed"),
     grain=True,

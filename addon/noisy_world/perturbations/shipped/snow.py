@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ...core.node_graph import Graph, GroupInput, Socket
 from ...core.schema import key
 from ..groups import Canvas
-from ..kinds import About, ColourPerturbation, FrameContext
+from ..kinds import About, ColourPerturbation, FrameContext, Nodes
 from ._arrays import Level, colour_by_bands, correlate, kept_for_sequence, line_kernel, three_channels, torus_window
 from ._sizes import full_size, with_full_sizes
 
@@ -340,9 +340,7 @@ PERTURBATION = ColourPerturbation(
     apply=apply,
     version=2,  # float colour is rounded before it
     apply_bytes=apply,
-    build=build,
-    lit_by_nodes=True,
-    capacity={"blur_radius_px": 12},
+    nodes=Nodes(build, capacity={"blur_radius_px": 12}, draws_lit=True),
     temporals=("fresh", "fixed", "drift"),
     counts=frozenset({"blur_radius_px"}),
 )

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ...core.node_graph import Graph, Socket
 from ...core.schema import key
 from ..groups import Canvas
-from ..kinds import About, ColourPerturbation, FrameContext
+from ..kinds import About, ColourPerturbation, FrameContext, Nodes
 from ._air import FLAKE
 from ._arrays import by_camera
 from ._falling_nodes import Laws, build_falling
@@ -84,14 +84,11 @@ PERTURBATION = ColourPerturbation(
         caption="flakes at their distances. A room holds few of them.",
     ),
     apply=apply,
-    build=build,
-    lit_by_nodes=True,
-    linear=True,
+    nodes=Nodes(build, linear=True, draws_lit=True, by_camera=by_camera),
     needs_depth=True,
     implied=GIVEN_AIR,
     uses_motion=True,
     goes_with_camera=True,
-    by_camera=by_camera,
     temporals=("fresh", "fixed", "drift"),
     limits=partial(limits_of, KIND),
 )

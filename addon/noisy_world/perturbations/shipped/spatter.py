@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ...core.node_graph import INTERFACE, Graph, Kind, Socket, Value
 from ...core.schema import key
 from ..groups import Canvas
-from ..kinds import About, ColourPerturbation, FrameContext
+from ..kinds import About, ColourPerturbation, FrameContext, Nodes
 from ._arrays import Level, colour_by_bands, gaussian, kept_for_sequence, three_channels, torus_window
 from ._noise import look_up, normal_quantiles, uniform_codes
 
@@ -362,8 +362,7 @@ PERTURBATION = ColourPerturbation(
     apply=apply,
     version=2,  # its noise is drawn by tables, and float colour is rounded before it
     apply_bytes=apply,
-    build=build,
-    lit_by_nodes=True,
+    nodes=Nodes(build, draws_lit=True),
     temporals=("fresh", "fixed", "drift"),
     counts=frozenset({"complexity"}),
 )

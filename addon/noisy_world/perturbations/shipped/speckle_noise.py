@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ...core.node_graph import Socket
 from ...core.schema import key
 from ..groups import Canvas
-from ..kinds import About, ColourPerturbation, FrameContext
+from ..kinds import About, ColourPerturbation, FrameContext, Nodes
 from ._arrays import by_bands
 from ._noise import look_up, normal_quantile, normal_quantiles, uniform_codes
 
@@ -85,7 +85,7 @@ PERTURBATION = ColourPerturbation(
     ),
     apply=apply,
     version=2,  # float colour is rounded before it
-    build=build,
+    nodes=Nodes(build),
     apply_bytes=apply_bytes,
     temporals=("fresh", "fixed"),
     grain=True,

@@ -14,7 +14,7 @@ from ...core.node_graph import Socket
 from ...core.schema import key
 from ...core.srgb import decoded, encoded
 from ..groups import Canvas
-from ..kinds import About, ColourPerturbation, FrameContext
+from ..kinds import About, ColourPerturbation, FrameContext, Nodes
 from ._arrays import axis_by_camera, axis_px, camera_of
 from ._arrays import by_camera as view_by_camera
 
@@ -117,7 +117,5 @@ PERTURBATION = ColourPerturbation(
     ),
     apply=apply,
     repeatable=True,
-    build=build,
-    linear=True,
-    by_camera=by_camera,
+    nodes=Nodes(build, linear=True, by_camera=by_camera),
 )

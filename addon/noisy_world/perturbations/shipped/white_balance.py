@@ -13,7 +13,17 @@ from ...core.node_graph import Socket
 from ...core.schema import key
 from ...core.srgb import LUMINANCE, decoded, encoded
 from ..groups import Canvas
-from ..kinds import About, ByFrame, ColourPerturbation, EarlierFrame, Example, FrameContext, FrameValue
+from ..kinds import (
+    About,
+    Automatic,
+    ByFrame,
+    ColourPerturbation,
+    EarlierFrame,
+    Example,
+    FrameContext,
+    FrameValue,
+    Nodes,
+)
 from ._arrays import by_bands
 from .auto_exposure import lag_span_s, lagged
 
@@ -94,16 +104,17 @@ PERTURBATION = ColourPerturbation(
     ),
     apply=apply,
     on_light=True,
-    looks_back_s=lambda parameters: lag_span_s(parameters.lag_s),
-    decides=decides,
-    build=build,
-    linear=True,
-    by_frame=ByFrame(
-        {
-            "red_gain": FrameValue("Stops by which red light is raised", 0.4, -16.0, 16.0),
-            "green_gain": FrameValue("Stops by which green light is raised", 0.0, -16.0, 16.0),
-            "blue_gain": FrameValue("Stops by which blue light is raised", -0.4, -16.0, 16.0),
-        },
-        stops_of,
+    automatic=Automatic(looks_back_s=lambda parameters: lag_span_s(parameters.lag_s), decides=decides),
+    nodes=Nodes(
+        build,
+        linear=True,
+        by_frame=ByFrame(
+            {
+                "red_gain": FrameValue("Stops by which red light is raised", 0.4, -16.0, 16.0),
+                "green_gain": FrameValue("Stops by which green light is raised", 0.0, -16.0, 16.0),
+                "blue_gain": FrameValue("Stops by which blue light is raised", -0.4, -16.0, 16.0),
+            },
+            stops_of,
+        ),
     ),
 )

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ...core.node_graph import Graph, GroupInput, Socket, Value
 from ...core.schema import key
 from ..groups import Canvas
-from ..kinds import About, ColourPerturbation, FrameContext
+from ..kinds import About, ColourPerturbation, FrameContext, Nodes
 
 
 @dataclass(frozen=True)
@@ -103,6 +103,5 @@ PERTURBATION = ColourPerturbation(
     averages=True,
     repeatable=True,
     counts=frozenset({"zooms"}),
-    build=build,
-    capacity={"zooms": 15},
+    nodes=Nodes(build, capacity={"zooms": 15}),
 )
