@@ -175,6 +175,7 @@ def print_plan(plan: "Plan", out: Path | str) -> None:
     from ..core.machine import free_memory_bytes
     from ..dataset.estimate import estimate, memory_bytes, size_text
     from ..dataset.plan import plan_notes
+    from ..measure.looking import remarks_on
 
     guess = estimate(plan)
     print(f"preset     {plan.preset.path} (SHA-256 {plan.preset.sha256[:12]})")
@@ -188,7 +189,7 @@ def print_plan(plan: "Plan", out: Path | str) -> None:
     for text in plan_notes(plan):
         print(f"note       {text}")
     for scene in plan.scenes:
-        for text in scene.source.remarks(plan.cameras[scene.name]):
+        for text in remarks_on(scene.source, plan.cameras[scene.name], 0):
             print(f"note       {scene.name}: {text}")
     print(f"sequences  {len(plan.sequences)} ({counted(plan.scenes, 'scene')}, {counted(plan.settings, 'setting')})")
     for line in render_lines(plan):

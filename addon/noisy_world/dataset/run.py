@@ -21,6 +21,7 @@ from ..core.errors import Action, Message, StorageError, either
 from ..core.file_access import canonical
 from ..core.machine import available_threads, peak_memory_bytes
 from ..core.progress import Progress
+from ..measure.looking import remarks_on
 from .completed_images import CompletedImages, FinishedImages, find_missing, keep_intact
 from .completion import Completion
 from .dataset_folder import Dataset
@@ -512,8 +513,9 @@ class Run:
     def _remark(self, work: Work) -> None:
         """Say what is to be known of the scenes of which frames are missing."""
         for scene in self._plan.scenes:
-            if any(render.scene is scene and work.get(render.name) for render in self._plan.renders):
-                for text in scene.source.remarks(self._plan.cameras[scene.name]):
+            renders = [render for render in self._plan.renders if render.scene is scene]
+            if making := sum(len(work.get(render.name, ())) * len(render.sequences) for render in renders):
+                for text in remarks_on(scene.source, self._plan.cameras[scene.name], making):
                     self._note(Message(f"{scene.name}: ", text))
 
     def _make_here(self, work: Work) -> None:

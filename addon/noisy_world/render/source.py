@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, Protocol, TypeAlias, runtime_checkable
 
 import numpy as np
@@ -190,6 +191,8 @@ class SourceCapabilities:
     depth_cameras: bool = False
     unmeasured_m: Callable[[int], float] | None = None
     imu: RecordedImu | None = None
+    depth_scale_per_m: float | None = None
+    poses_path: Path | None = None
 
 
 @dataclass(frozen=True)

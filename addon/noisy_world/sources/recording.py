@@ -31,7 +31,6 @@ from ..layouts.stored_recording import RATE_HZ, SCALES_PER_M, StoredFrame, Store
 from ..preset.scene_keys import SceneKeys
 from ..preset.sensor_keys import DistortionSpec, check_distortion, sound_lens
 from ..render.source import ColourAndDepth, RenderOptions, SimpleSource, Source, SourceCapabilities
-from .parallax import parallax_remark
 from .renderers import Rectification
 from .scene_kinds import GUESSED, FileSource, Lack, SceneEntry, camera_or_guess, sha256_of_path
 
@@ -182,6 +181,8 @@ class Recording(SimpleSource):
             instants_only=self.between,
             unmeasured_m=unmeasured_m,
             imu=self.stored.imu,
+            depth_scale_per_m=self.stored.depth_scale_per_m if depth else None,
+            poses_path=self.stored.trajectory_path,
         )
 
     @property
@@ -257,15 +258,6 @@ class Recording(SimpleSource):
     def camera_note(self, camera: Intrinsics) -> str:
         """Return a sentence where the camera is the dataset's documented one, "" where a file or the preset says it."""
         return self.stored.assumed if self.stored.known_camera == camera else ""
-
-    def remarks(self, camera: Intrinsics) -> Iterator[str]:
-        """Yield what parallax between some of the frames says against the depth scale and the poses."""
-        if not self.stored.depth_files:
-            return
-        lensless = self.stored.assumed and camera != self.stored.known_camera
-        optics = replace(self.stored.optics, distortion=None) if lensless else self.stored.optics
-        if remark := parallax_remark(replace(self.stored, optics=optics), camera):
-            yield remark
 
     @contextmanager
     def prepare(self, camera: Intrinsics, note: Callable[[str], None]) -> Iterator["OpenRecording"]:

@@ -11,27 +11,22 @@ poses that fit in no way.
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import product
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..core.errors import Message, Part, PresetKey
-from ..core.geometry import Intrinsics, invert_pose
-from ..core.lens import straightened
+from ..core.geometry import invert_pose
 from ..core.trajectory import Axes, Direction, convert_convention
-from ..images.measured_depth import Registration
-from ..images.pixels import as_bytes
-from ..layouts.stored_recording import StoredSequence
-
-Float64: TypeAlias = NDArray[np.float64]
+from .figure import Figure
+from .footage import Float64, Footage, Points
 
 # Chosen, as all below: of 60 real frames and of rooms these find made faults and nothing else.
 PAIRS = 7
 LEAST_PAIRS = 3  # that agree
 MOST_FRAMES = 90  # between two frames of a pair
 TRIES = 3  # of the second frame of a pair
-WIDEST_PX = 800  # of an image in which features are followed
 FEATURES, LEAST_FEATURES = 250, 40
 BACK_PX = 0.5  # how far from where it was a feature may be that is followed there and back
 KEPT = 0.3  # share of the features that have to be found again
@@ -113,29 +108,51 @@ class Fit:
         return self.error < SURE * abs(self.inverse) and self.parallax_px > SEEN_PX
 
 
-def parallax_remark(stored: StoredSequence, camera: Intrinsics) -> str:
-    """Return what parallax says against a recording's depth scale and poses, in a sentence; "" where it says nothing.
+@dataclass(frozen=True)
+class Parallax:
+    """What parallax says. reading: of the poses that fits; None where none does. factor: how much farther all is.
 
-    camera: of its colour. Some pairs of images are read. Raises InputError where one of them is damaged.
+    remark: what that says against depth's scale and the poses, in a sentence; "" where it says nothing.
     """
-    fits = [_fits(pair, stored.trajectory.c2w, camera) for pair in _pairs(stored, camera)]
-    reading = _reading(fits, FITS_PX * max(camera.width_px / 640, 0.25))
+
+    reading: "Reading | None"
+    factor: Figure
+    remark: str = ""
+
+
+FACTOR = "farther_than_depth_says"
+
+
+def parallax(footage: Footage, depth_later: int = 0) -> Parallax:
+    """Return what parallax between some pairs of frames says. depth_later: by how many frames depth is late.
+
+    Raises InputError where an image that is looked at is damaged.
+    """
+    if not footage.has_depth:
+        return Parallax(None, Figure.none(FACTOR, "there is no depth"))
+    if footage.path.known.sum() < 2:
+        return Parallax(None, Figure.none(FACTOR, "no poses are known"))
+    fits = [_fits(pair, footage) for pair in _pairs(footage, depth_later)]
+    reading = _reading(fits, FITS_PX * max(footage.whole_px / 640, 0.25))
     factor = None if reading is None else _factor(fits, reading)
     if reading is None or factor is None:
-        return ""
+        why = "poses fit in no way, or the camera hardly moves" if fits else "features move between no two frames"
+        return Parallax(None, Figure.none(FACTOR, why))
+    figure = Figure(FACTOR, factor.value, *factor.interval, len(fits), "pairs of frames")
     off = abs(np.log(factor.value)) > max(np.log(OFF), ERRORS * factor.error)
-    return _said(stored, reading, factor.value if off else None) if off or reading != AS_READ else ""
+    wrong = off or reading != AS_READ
+    return Parallax(reading, figure, _said(footage, reading, factor.value if off else None) if wrong else "")
 
 
 # --- following features ---
 
 
-def _pairs(stored: StoredSequence, camera: Intrinsics) -> Iterator[Followed]:
+def _pairs(footage: Footage, depth_later: int) -> Iterator[Followed]:
     """Yield pairs of frames with known poses, evenly over the recording, between which features move."""
-    known = np.flatnonzero(stored.trajectory.known)
+    known = np.flatnonzero(footage.path.known)
     if len(known) < 2:
         return
-    follower = _Follower(stored, camera)
+    follower = _Follower(footage, depth_later)
     anchors = np.unique(np.linspace(0, len(known) - 1, PAIRS + 1).round().astype(int))[:-1].tolist()
     apart = max(1, min(4, len(known) // 4))
     for place in anchors:
@@ -161,16 +178,12 @@ def _pairs(stored: StoredSequence, camera: Intrinsics) -> Iterator[Followed]:
 
 
 class _Follower:
-    """Follows features between frames of a recording, in images of a moderate size; each is read once."""
+    """Follows features between frames of a recording; each is read once."""
 
-    def __init__(self, stored: StoredSequence, camera: Intrinsics) -> None:
-        optics = stored.optics
-        self._stored = stored
-        self._whole, self._camera = camera, camera.shrunk(WIDEST_PX)
-        self._lens = optics.distortion
-        self._between = None if optics.depth is None else Registration(self._camera, optics.depth, optics.distortion)
+    def __init__(self, footage: Footage, depth_later: int) -> None:
+        self._footage, self._later = footage, depth_later
         self._images: dict[int, NDArray[np.uint8]] = {}
-        self._starts: dict[int, tuple[NDArray[np.float32], Float64]] = {}
+        self._starts: dict[int, tuple[Points, Float64]] = {}
 
     def follow(self, one: int, other: int) -> Followed | None:
         """Return the features of a frame in another; None where these are few."""
@@ -182,36 +195,28 @@ class _Follower:
         kept = good & again & (np.linalg.norm(back - points, axis=1) < BACK_PX)
         if kept.sum() < max(LEAST_FEATURES, KEPT * len(points)):
             return None
-        moved = float(np.median(np.linalg.norm(there - points, axis=1)[kept])) / self._camera.width_px
-        rays, to = self._plane(points[kept]), self._plane(there[kept])
+        moved = float(np.median(np.linalg.norm(there - points, axis=1)[kept])) / self._footage.camera.width_px
+        rays, to = self._footage.plane(points[kept]), self._footage.plane(there[kept])
         seen = np.isfinite(rays).all(axis=1) & np.isfinite(to).all(axis=1)
         return Followed((one, other), rays[seen], depth_m[kept][seen], to[seen], max(moved, 1e-6))
 
     def _grey(self, frame: int) -> NDArray[np.uint8]:
-        import cv2
-
         if frame not in self._images:
-            image = np.asarray(cv2.cvtColor(as_bytes(self._stored.frame(frame).rgb), cv2.COLOR_RGB2GRAY), np.uint8)
-            self._images[frame] = np.asarray(self._resized(image, cv2.INTER_AREA), np.uint8)
+            self._images[frame] = self._footage.look(frame).grey
         return self._images[frame]
-
-    def _resized(self, image: NDArray[Any], by: int) -> NDArray[Any]:
-        import cv2
-
-        size_px = self._camera.width_px, self._camera.height_px
-        return image if self._camera == self._whole else np.asarray(cv2.resize(image, size_px, interpolation=by))
 
     def _begin(self, frame: int) -> tuple[NDArray[np.float32], Float64]:
         """Return features (N, 2) of a frame and the depth (N,) there; none at edges of depth."""
         import cv2
 
         if frame not in self._starts:
-            depth_m, between = self._stored.frame(frame).depth_m, self._between
-            depth_m = self._resized(depth_m, cv2.INTER_NEAREST) if between is None else between.depth_in_colour(depth_m)
+            shown = min(max(frame + self._later, 0), len(self._footage) - 1)
+            depth_m = self._footage.look(shown).depth_m
+            assert depth_m is not None, "there is depth"
             square = np.ones((5, 5), np.uint8)
             lowest, highest = cv2.erode(depth_m, square), cv2.dilate(depth_m, square)
             mask = ((lowest > 0) & (highest < (1 + FLAT) * lowest)).astype(np.uint8)
-            apart_px = max(self._camera.width_px / 60, 3)
+            apart_px = max(self._footage.camera.width_px / 60, 3)
             found = cv2.goodFeaturesToTrack(self._grey(frame), FEATURES, 0.01, apart_px, mask=mask)
             points = np.zeros((0, 2), np.float32) if found is None else np.asarray(found, np.float32).reshape(-1, 2)
             at = points.round().astype(int)
@@ -228,19 +233,13 @@ class _Follower:
         there, good, _ = cv2.calcOpticalFlowPyrLK(*images, points, points.copy(), winSize=(15, 15), maxLevel=4)
         return np.asarray(there, np.float32), np.asarray(good).ravel() > 0
 
-    def _plane(self, points: NDArray[np.float32]) -> Float64:
-        """Return where features are on the plane at 1, (N, 2); NaN where the lens sees nothing."""
-        at, camera = points.astype(np.float64), self._camera
-        x, y = (at[:, 0] - camera.cx_px) / camera.fx_px, (at[:, 1] - camera.cy_px) / camera.fy_px
-        return np.stack([x, y] if self._lens is None else straightened(self._lens, x, y), axis=-1)
-
 
 # --- fitting ---
 
 
-def _fits(pair: Followed, c2w: Float64, camera: Intrinsics) -> dict[Reading, Fit]:
+def _fits(pair: Followed, footage: Footage) -> dict[Reading, Fit]:
     """Return how a pair fits each reading of the poses."""
-    focal_px = (camera.fx_px + camera.fy_px) / 2
+    c2w, focal_px = footage.path.c2w, footage.focal_px / footage.scale
     found: dict[Reading, Fit] = {}
     for direction, axes in READINGS:
         one, other = convert_convention(c2w[list(pair.frames)], direction=direction, axes=axes)
@@ -303,6 +302,11 @@ class Factor:
     value: float
     error: float
 
+    @property
+    def interval(self) -> tuple[float, float]:
+        """95 % of it."""
+        return self.value * float(np.exp(-2 * self.error)), self.value * float(np.exp(2 * self.error))
+
 
 def _apart(pairs: list[tuple[int, int]]) -> int:
     """Return how many pairs of frames lie beside each other: those that overlap see the same error."""
@@ -331,11 +335,11 @@ def _factor(fits: list[dict[Reading, Fit]], reading: Reading) -> Factor | None:
     return Factor(middle, error) if spread < AGREE else None
 
 
-def _said(stored: StoredSequence, reading: Reading, factor: float | None) -> str:
+def _said(footage: Footage, reading: Reading, factor: float | None) -> str:
     """Return what is wrong, in a sentence. factor: on depth; None where it is right."""
     parts: list[Part] = []
     if reading != AS_READ:
-        path = stored.trajectory_path
+        path = footage.poses_path
         named = "poses" if path is None else f"poses of {path.name}"
         words = " and ".join(_SPOKEN[word] for word in reading if word in _SPOKEN)
         parts.append(
@@ -343,12 +347,17 @@ def _said(stored: StoredSequence, reading: Reading, factor: float | None) -> str
             "camera-to-world in OpenCV's axes (x right, y down, z forward); convert them"
         )
     if factor is not None:
-        scale_per_m = stored.depth_scale_per_m / factor
-        nearest = min(COMMON_PER_M, key=lambda common: abs(np.log(common / scale_per_m)))
-        wanted = nearest if abs(np.log(nearest / scale_per_m)) < CLOSE else float(f"{scale_per_m:.3g}")
+        so = "; it also" if parts else "parallax between frames"
+        scale_per_m = footage.depth_scale_per_m
+        if scale_per_m is None:
+            parts.append(f"{so} says that all is {factor:.3g} times as far as depth has it (within 10 %)")
+            return Message(*parts)
+        right_per_m = scale_per_m / factor
+        nearest = min(COMMON_PER_M, key=lambda common: abs(np.log(common / right_per_m)))
+        wanted = nearest if abs(np.log(nearest / right_per_m)) < CLOSE else float(f"{right_per_m:.3g}")
         parts.append(
-            f"{'; it also' if parts else 'parallax between frames'} says that all is {factor:.3g} times as far as "
-            f"depth of {stored.depth_scale_per_m:g} steps a metre has it (within 10 %): "
+            f"{so} says that all is {factor:.3g} times as far as depth of {scale_per_m:g} steps a metre has it "
+            "(within 10 %): "
         )
         parts += [
             PresetKey("scenes.depth_scale_per_m", f"{wanted:g}"),

@@ -20,7 +20,10 @@ from noisy_world.core.lens import lens_rays
 from noisy_world.core.lens import Distortion, Optics
 from noisy_world.preset.keys import read_preset
 from noisy_world.dataset.plan import make_plan
-from noisy_world.sources.parallax import parallax_remark
+from noisy_world.measure.footage import footage_of
+from noisy_world.measure.parallax import parallax
+from noisy_world.core.schema import ConfigPath
+from noisy_world.sources.recording import Recording
 
 CAMERA = Intrinsics(160, 120, 120.0, 120.0, 79.5, 59.5)
 KEYS = {"width": 160, "height": 120, "fx": 120.0, "fy": 120.0, "cx": 79.5, "cy": 59.5}
@@ -60,7 +63,9 @@ def remark(folder, *, scale=SCALE, lens=None, said=np.asarray):
     """What is said where files say other things. said: the true poses (COUNT, 4, 4) -> those that a file has."""
     stored = replace(find_sequence(folder), depth_scale_per_m=scale, optics=Optics(distortion=lens))
     path = replace(stored.trajectory, c2w=said(stored.trajectory.c2w))
-    return parallax_remark(replace(stored, trajectory=path), CAMERA)
+    recording = Recording(replace(stored, trajectory=path), ConfigPath("test"))
+    with footage_of("seq", recording, CAMERA) as footage:
+        return parallax(footage).remark
 
 
 def scale_in(text):

@@ -1,0 +1,177 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""`check`: looks at recordings before anything is made of them, and says on a page what was found."""
+
+import argparse
+import json
+import shlex
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ..core.errors import InputError, NoisyWorldError
+from .arguments import ENDINGS, Parser, add_part_options, add_set_option, path, planned, settled
+from .command import Command
+from .entry import Entry
+
+if TYPE_CHECKING:
+    from ..core.geometry import Intrinsics
+    from ..measure.looking import Findings
+    from ..render.source import Source
+
+BAGS = (".bag", ".mcap", ".db3")
+VIDEOS = (".mp4", ".mov", ".avi", ".mkv", ".webm", ".m4v")
+
+
+def _check_options(parser: Parser) -> None:
+    named = "a recording's folder, a bag, a video, or a preset, whose recordings are looked at"
+    parser.option("preset FOLDER|BAG|PRESET", named, type=path)
+    camera = "width, height, fx, fy, cx, cy of colour in pixels, where no file says them: 640,480,525,525,319.5,239.5"
+    parser.option("--camera W,H,FX,FY,CX,CY", camera, type=_camera)
+    parser.option("--rate_hz HZ", "frames a second, where no file has time stamps", type=float)
+    parser.flag("--json", "print one JSON object instead of a page")
+    add_set_option(parser)
+    add_part_options(parser, ("scenes",))
+    parser.set_defaults(settings=[], frames=None)
+
+
+def _camera(text: str) -> dict[str, float]:
+    names = ("width", "height", "fx", "fy", "cx", "cy")
+    try:
+        values = [float(word) for word in text.split(",")]
+    except ValueError:
+        values = []
+    if len(values) != len(names) or not all(value > 0 for value in values[:4]):
+        raise argparse.ArgumentTypeError(f"{text!r} has to be six numbers: {', '.join(names)}")
+    return {name: int(value) if name in names[:2] else value for name, value in zip(names, values, strict=True)}
+
+
+def _check(options: argparse.Namespace, _: Entry) -> int:
+    """Look, print the page, and return 0 where nothing is wrong."""
+    from ..measure.looking import is_recorded, look_at
+
+    found: list[Findings] = []
+    rendered: list[str] = []
+    for name, source, camera in _scenes(options):
+        if is_recorded(source):
+            found.append(look_at(name, source, camera))
+        else:
+            rendered.append(name)
+    if options.json:
+        print(json.dumps({"scenes": [_content(findings) for findings in found], "rendered": rendered}, indent=1))
+    else:
+        print("\n\n".join("\n".join(_page(findings)) for findings in found))
+        if rendered:
+            print(f"{'' if not found else chr(10)}rendered   {', '.join(rendered)}: nothing is recorded there")
+        print(f"next       {_next(options, faults=any(findings.faults for findings in found))}")
+    return 1 if any(findings.faults for findings in found) else 0
+
+
+def _scenes(options: argparse.Namespace) -> "Iterator[tuple[str, Source, Intrinsics]]":
+    """Yield name, source and camera of what is to be looked at."""
+    if options.preset.suffix.lower() in ENDINGS and not options.preset.is_dir():
+        for name in ("camera", "rate_hz"):
+            if getattr(options, name) is not None:
+                raise NoisyWorldError(f"--{name} is for a folder", remedy="a preset has a key of this name: use --set")
+        plan = planned(options)
+        for scene in plan.scenes:
+            yield scene.name, scene.source, plan.cameras[scene.name]
+        return
+    if not options.preset.exists():
+        raise InputError(options.preset, "is not there", remedy="name a recording's folder, a bag, a video or a preset")
+    for given in ("overrides", "scenes", "data"):
+        if getattr(options, given):
+            word = {"overrides": "--set"}.get(given, f"--{given}")
+            raise NoisyWorldError(f"{word} is for a preset", remedy="leave it out")
+    from ..preset.keys import check_document
+    from ..sources import find_scenes
+
+    document = {"scenes": [_scene(options)], "settings": [{"name": "clean"}]}
+    if options.camera is not None:
+        document["camera"] = options.camera
+    preset = check_document(document, Path("check.yaml"))
+    asked = None if preset.spec.camera is None else preset.spec.camera.intrinsics
+    for scene in find_scenes(preset):
+        camera = scene.source.camera(asked)
+        assert camera is not None, "a recording has a camera"
+        yield scene.name, scene.source, camera
+
+
+def _scene(options: argparse.Namespace) -> dict[str, Any]:
+    """Return what a preset would say of a folder, a bag or a video."""
+    what, suffix = options.preset.absolute(), options.preset.suffix.lower()
+    rate = {} if options.rate_hz is None else {"rate_hz": options.rate_hz}
+    if suffix in VIDEOS and what.is_file():
+        return {"name": "recording", "video": str(what)}
+    if suffix in BAGS or (what / "metadata.yaml").is_file():
+        return {"name": "recording", "sequence": {"bag": str(what)}}
+    from ..layouts import recognising
+    from ..sources.recording import holds_images
+
+    if holds_images(what) and not recognising(what):
+        return {"name": "recording", "sequence": str(what), "layout": "images", **rate}
+    return {"name": "recording", "sequence": str(what), "poses": "keep", **rate}
+
+
+# --- the page ---
+
+
+def _page(found: "Findings") -> Iterator[str]:
+    wide, high = found.size_px
+    yield f"recording  {found.name}: {found.frames} frames of {wide} x {high}, {found.seconds:.2f} s"
+    yield f"looked at  {found.read} frames"
+    for name, figure in found.figures.items():
+        yield f"  {name:<27}{_shown(figure)}"
+    yield from (f"fault      {text}" for text in found.faults)
+    if not found.faults:
+        yield "found      nothing wrong"
+
+
+def _shown(figure: Any) -> str:
+    if figure.value is None:
+        return f"cannot be told here, because {figure.untold}"
+    number = f"{figure.value:.4g}"
+    within = f" (95 %: {figure.low:.4g} to {figure.high:.4g})" if figure.low != figure.high else ""
+    return f"{number}{within} of {figure.samples} {figure.of}"
+
+
+def _content(found: "Findings") -> dict[str, Any]:
+    return {
+        "name": found.name,
+        "frames": found.frames,
+        "size_px": list(found.size_px),
+        "seconds": found.seconds,
+        "looked_at": found.read,
+        "figures": [figure.content() for figure in found.figures.values()],
+        "faults": [{"about": told, "text": str(text)} for told, text in zip(found.told, found.faults, strict=True)],
+    }
+
+
+def _next(options: argparse.Namespace, *, faults: bool) -> str:
+    """Return what to type next."""
+    what = shlex.quote(str(options.preset))
+    if faults:
+        return f"mend that, and look again: noisy-world check {what}"
+    if options.preset.suffix.lower() in ENDINGS and not options.preset.is_dir():
+        return f"noisy-world generate {what}"
+    (key, value), *_ = [item for item in _scene(options).items() if item[0] in ("sequence", "video")]
+    shown = f"{{{', '.join(f'{k}: {v}' for k, v in value.items())}}}" if isinstance(value, dict) else value
+    return (
+        f"put '- {{{key}: {shown}}}' under scenes of a preset, such as presets/real_camera.yaml, "
+        "and type noisy-world generate PRESET"
+    )
+
+
+COMMAND = Command(
+    name="check",
+    order=195,
+    group="prepare and convert",
+    help="look at a recording, and say what is wrong with it: scale, axes, clocks, doubles",
+    description="Look at a recording before anything is made of it: rates, gaps and doubled frames, scale and axes of "
+    "poses by parallax, how depth lies on colour, how late depth and an IMU are. What is wrong is named with its "
+    "figure, and the exit status is 1 where something is.",
+    options=_check_options,
+    settle=settled,
+    run=_check,
+    needs=("numpy", "cv2"),
+    stopped="nothing was written",
+)

@@ -1,0 +1,208 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Faults that are made in a sound recording are named with their figure, and nothing is said of the sound one."""
+
+import json
+import shutil
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from types import SimpleNamespace
+
+import cv2
+import numpy as np
+import pytest
+from refusals import refused
+from runs import run
+from scipy.spatial.transform import Rotation
+
+from noisy_world.cli import command
+from noisy_world.core.schema import ConfigPath
+from noisy_world.core.trajectory import FrameStamps
+from noisy_world.measure.looking import look_at
+from noisy_world.sources.recording import Recording, read_recording
+
+GL = np.diag([1.0, -1.0, -1.0, 1.0])
+
+
+@dataclass(frozen=True)
+class Turned(Recording):
+    """A recording whose depth is seen by a camera that is turned by a rotation vector in degrees."""
+
+    by_deg: tuple[float, ...] = ()
+
+    @contextmanager
+    def prepare(self, camera, note):
+        turn = (
+            camera.matrix @ Rotation.from_rotvec(self.by_deg, degrees=True).as_matrix() @ np.linalg.inv(camera.matrix)
+        )
+        with super().prepare(camera, note) as opened:
+
+            def frame(request):
+                seen = opened.frame(request)
+                size_px = seen.depth_m.shape[::-1]
+                depth_m = cv2.warpPerspective(seen.depth_m, turn, size_px, flags=cv2.INTER_NEAREST)
+                return SimpleNamespace(rgb=seen.rgb, depth_m=depth_m)
+
+            made = SimpleNamespace(frame=frame)
+            made.open = lambda *_: made
+            yield made
+
+
+def recording(folder):
+    return read_recording(folder, ConfigPath("test"))
+
+
+def told(source, **how):
+    return look_at("walk", source, source.camera(None), **how)
+
+
+def with_poses(source, change):
+    path = source.stored.trajectory
+    changed = replace(path, c2w=change(path.c2w), curve=None)
+    return replace(source, stored=replace(source.stored, trajectory=changed))
+
+
+def with_frames(source, colour, depth):
+    """The recording with these frames of colour and of depth, under the stamps and poses of its own."""
+    stored = source.stored
+    count = len(colour)
+    stamps_s = stored.stamps.rgb.seconds[:count]
+    shown = replace(
+        stored,
+        rgb_files=tuple(stored.rgb_files[frame] for frame in colour),
+        depth_files=tuple(stored.depth_files[frame] for frame in depth),
+        trajectory=stored.trajectory.at(list(colour), stamps_s),
+        stamps=FrameStamps.of(stamps_s),
+        imu=None,
+    )
+    return replace(source, stored=shown)
+
+
+def with_imu_later(source, seconds):
+    imu = source.stored.imu
+    samples = replace(imu.samples, stamps_ns=imu.samples.stamps_ns + round(seconds * 1e9))
+    return replace(source, stored=replace(source.stored, imu=replace(imu, samples=samples)))
+
+
+def scaled(source, times):
+    return replace(source, stored=replace(source.stored, depth_scale_per_m=source.stored.depth_scale_per_m / times))
+
+
+def doubled(source):
+    count = len(source.stored.rgb_files)
+    shown = [frame - 1 if frame % 7 == 6 else frame for frame in range(count)]
+    path = source.stored.trajectory
+    made = with_frames(source, shown, shown)
+    return replace(made, stored=replace(made.stored, trajectory=path))
+
+
+@pytest.mark.parametrize("setting", ["clean", "noisy"])
+def test_nothing_is_said_of_a_sound_recording(walk, setting):
+    found = told(recording(walk / setting / "room"))
+    assert found.faults == ()
+    assert found.figures["rate_hz"].value == pytest.approx(20, rel=1e-6)
+    late = found.figures["depth_late_frames"]
+    assert late.low - 0.15 < 0 < late.high + 0.15
+
+
+FAULTS = {
+    "scale": (lambda source: scaled(source, 5), "farther_than_depth_says", 0.2),
+    "late": (lambda source: with_frames(source, range(3, 100), range(97)), "depth_late_frames", 3.0),
+    "early": (lambda source: with_frames(source, range(97), range(3, 100)), "depth_late_frames", -3.0),
+    "imu": (lambda source: with_imu_later(source, 0.02), "imu_clock_by_poses_s", 0.02),
+    "doubled": (doubled, "doubled_share", 1 / 7),
+    "calibration": (
+        lambda source: Turned(source.stored, source.place, by_deg=(1.2, -1.2, 1.0)),
+        "depth_beside_colour_deg",
+        np.linalg.norm((1.2, 1.2, 1.0)),
+    ),
+}
+
+
+@pytest.mark.parametrize("setting", ["clean", "noisy"])
+@pytest.mark.parametrize("fault", FAULTS)
+def test_a_fault_is_named_within_ten_percent(walk, setting, fault):
+    make, about, true = FAULTS[fault]
+    found = told(make(recording(walk / setting / "room")))
+    assert about in found.told
+    assert found.figures[about].value == pytest.approx(true, rel=0.1)
+
+
+@pytest.mark.parametrize(
+    ("change", "word"), [(np.linalg.inv, "world-to-camera"), (lambda c2w: c2w @ GL, "OpenGL")], ids=["w2c", "opengl"]
+)
+def test_poses_that_are_read_otherwise_are_named(walk, change, word):
+    found = told(with_poses(recording(walk / "noisy/room"), change))
+    assert found.told == ("poses",)
+    assert word in found.faults[0]
+
+
+def test_stamps_that_are_missing_are_counted(walk):
+    source = recording(walk / "clean/room")
+    kept = [frame for frame in range(100) if frame % 10 not in (3, 4)]
+    shown = with_frames(source, kept, kept)
+    stamps = FrameStamps.of(source.stored.stamps.rgb.seconds[kept])
+    shown = replace(shown, stored=replace(shown.stored, stamps=stamps))
+    found = told(shown, looked_at=0)
+    assert found.figures["missing_frames"].value == 20
+    assert found.figures["longest_gap_s"].value == pytest.approx(0.15)
+    assert found.told == ("missing_frames",)
+
+
+def checked(capsys, *words):
+    status = command.main(["check", *map(str, words)])
+    return status, capsys.readouterr().out
+
+
+def test_the_command_says_it_on_a_page_and_as_json(walk, capsys):
+    folder = walk / "clean/room"
+    status, page = checked(capsys, folder)
+    assert status == 0
+    assert "nothing wrong" in page
+    assert str(folder) in page.splitlines()[-1]
+    status, text = checked(capsys, folder, "--json")
+    (scene,) = json.loads(text)["scenes"]
+    assert scene["faults"] == []
+    assert scene["frames"] == 100
+    assert {figure["name"] for figure in scene["figures"]} > {"rate_hz", "void_share", "imu_clock_s"}
+
+
+def test_a_preset_is_looked_at_with_its_keys(walk, tmp_path, capsys):
+    preset = tmp_path / "p.yaml"
+    scene = f"{{name: seen, sequence: {walk / 'clean/room'}, depth_scale_per_m: 1000}}"
+    room = "{name: made, mesh: 'embedded:room', trajectory: {handheld: {frames: 5}}}"
+    preset.write_text(f"scenes: [{scene}, {room}]\nsettings: [{{name: clean}}]\n")
+    status, text = checked(capsys, preset, "--json", "--scenes", "seen")
+    assert status == 1
+    (found,) = json.loads(text)["scenes"]
+    assert [fault["about"] for fault in found["faults"]] == ["farther_than_depth_says"]
+    assert "depth_scale_per_m" in found["faults"][0]["text"]
+
+
+def test_what_is_no_recording_is_refused(tmp_path, capsys):
+    assert command.main(["check", str(tmp_path / "none")]) == 1
+    assert "is not there" in capsys.readouterr().err
+    assert command.main(["check", str(tmp_path), "--set", "seed=3"]) == 1
+    assert "--set is for a preset" in capsys.readouterr().err
+
+
+def test_a_run_says_faults_that_cost_little(walk, tmp_path):
+    # Images of a recording are looked at where many are made of it; here stamps, poses and the IMU's clock are.
+    folder = shutil.copytree(walk / "clean/room", tmp_path / "late")
+    rows = (folder / "mav0/imu0/data.csv").read_text().splitlines()
+    later = [f"{int(row.split(',')[0]) + 20_000_000},{row.split(',', 1)[1]}" for row in rows[1:]]
+    (folder / "mav0/imu0/data.csv").write_text("\n".join([rows[0], *later]) + "\n")
+    preset = tmp_path / "p.yaml"
+    preset.write_text(
+        f"scenes: [{{name: s, sequence: {folder}}}]\nsettings: [{{name: clean}}]\noutput: {{layout: euroc}}\n"
+    )
+    notes = [note for note in run(preset, tmp_path / "out", frames=slice(0, 2)).notes if "IMU" in note]
+    assert len(notes) == 1
+    assert notes[0].startswith("s: ")
+    assert "20.0 ms" in notes[0]
+
+
+def test_a_damaged_image_is_named(walk, tmp_path):
+    folder = shutil.copytree(walk / "clean/room", tmp_path / "damaged")
+    image = sorted((folder / "mav0/cam0/data").iterdir())[7]
+    image.write_bytes(image.read_bytes()[:400])
+    refused(told, recording(folder), names=image.name)
