@@ -12,7 +12,7 @@ from refusals import refused
 from panel_tools import Drawn, settings
 from recorded_layouts import WRITERS
 
-from noisy_world.layouts import LAYOUTS, RECORDED
+from noisy_world.layouts import EVERY
 from noisy_world.panel import source_views
 from noisy_world.panel import document, frame_preview, exclusions, loading
 from noisy_world.panel.generate import run_of
@@ -148,9 +148,7 @@ def test_what_is_wrong_with_a_recording_is_said(recording, tmp_path):
     assert source_views.layout_names(recording.of_sequence.sequence.folder) == "ScanNet"
     assert source_views.layout_names(str(tmp_path)) == ""
     assert source_views.layout_names(str(tmp_path / "none")) == ""
-    assert [label for label, _ in source_views.known_layouts()] == [
-        layout.label for layout in (*LAYOUTS.values(), *RECORDED.values())
-    ]
+    assert [label for label, _ in source_views.known_layouts()] == [layout.label for layout in EVERY.values()]
     recording.of_sequence.undistort = True
     refused(document.save_preset, recording, tmp_path / "a.yaml", names="lens")
     recording.of_sequence.undistort, recording.of_sequence.sequence.folder = False, str(tmp_path / "none")

