@@ -344,7 +344,7 @@ def loaded_entries(group: str) -> Iterator[Loaded]:
 
     Raises NoisyWorldError naming the package whose entry point cannot be loaded.
     """
-    root = __name__.removesuffix(".core.entry_points")
+    root = __name__.removesuffix(".core.packages")
     if root != OWN_PACKAGE:
         give_other_name(OWN_PACKAGE, root)
     found = [(_distribution(entry), entry) for entry in _entry_points(tuple(sys.path)).select(group=group)]
