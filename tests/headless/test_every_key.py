@@ -28,13 +28,54 @@ LONG = {"frames": 2000, "speed_m_s": 1.0}
 SWEPT = {"perturb": ["faster_motion"], "parameters": {"factor": [2, 3]}, "name": "x{factor}"}
 NOISES = {"perturb": ["gaussian_noise"], "severities": [1], "modes": ["static"], "stream": "a"}
 
+SEEN_SO = {"fx": 58.0, "fy": 57.0, "cx": 31.25, "cy": 23.75}
+TOLD = {
+    "folder": "tum",
+    "rgb": {"list": "rgb.txt"},
+    "depth": {"list": "depth.txt", "scale_per_m": 5000},
+    "poses": "groundtruth.txt",
+    "intrinsics": SEEN_SO,
+}
+COUNTED = {
+    "folder": "unstamped",
+    "rgb": "results/frame*.jpg",
+    "depth": "results/depth*.png",
+    "poses": "traj.txt",
+    "intrinsics": SEEN_SO,
+}
+
 # For each key a preset, and a value that means something else there.
 CHANGES = {
     "scenes[].mesh": ("mesh", "scenes.0.mesh=other.ply"),
     "scenes[].up": ("textured", "scenes.0.up=z"),
     "scenes[].light": ("textured", "scenes.0.light=scene"),
     "scenes[].replica": ("replica", "scenes.0.replica=room1"),
-    "scenes[].sequence": ("recording", "scenes.0.sequence=other"),
+    "scenes[].sequence.folder": ("recording", "scenes.0.sequence=other"),
+    "scenes[].sequence.rgb.files": ("counted", "scenes.0.sequence.rgb='results/frame00000[0-2].jpg'"),
+    "scenes[].sequence.rgb.list": ("told", "scenes.0.sequence.rgb.list=fewer.txt"),
+    "scenes[].sequence.depth.files": ("counted", "scenes.0.sequence.depth='results/depth00000[0-2].png'"),
+    "scenes[].sequence.depth.list": ("told", "scenes.0.sequence.depth.list=fewer_depth.txt"),
+    "scenes[].sequence.depth.scale_per_m": ("told", "scenes.0.sequence.depth.scale_per_m=1000"),
+    "scenes[].sequence.depth.void[]": ("told", "scenes.0.sequence.depth.void=[1000]"),
+    "scenes[].sequence.poses.file": ("counted", "scenes.0.sequence.poses=other.txt"),
+    "scenes[].sequence.poses.format": ("counted", "scenes.0.sequence.poses.format=kitti"),
+    "scenes[].sequence.poses.pose": ("counted", "scenes.0.sequence.poses.pose=w2c"),
+    "scenes[].sequence.poses.axes": ("counted", "scenes.0.sequence.poses.axes=ned"),
+    "scenes[].sequence.poses.rate_hz": ("counted", "scenes.0.sequence.poses.rate_hz=10"),
+    "scenes[].sequence.poses.stamp_unit": ("timed", "scenes.0.sequence.poses.stamp_unit=ms"),
+    "scenes[].sequence.imu": ("told", "scenes.0.sequence.imu=imu.csv"),
+    "scenes[].sequence.intrinsics.file": ("told", "scenes.0.sequence.intrinsics=k.txt"),
+    **{
+        f"scenes[].sequence.intrinsics.{name}": ("told", f"scenes.0.sequence.intrinsics.{name}=40")
+        for name in ("fx", "fy", "cx", "cy")
+    },
+    "scenes[].sequence.stamps.file": ("timed", "scenes.0.sequence.stamps=later.txt"),
+    "scenes[].sequence.stamps.names": ("timed", "scenes.0.sequence.stamps.names=true"),
+    "scenes[].sequence.stamps.stamp_unit": ("timed", "scenes.0.sequence.stamps.stamp_unit=ms"),
+    "scenes[].imu.time_offset_s": ("inertial", "scenes.0.imu.time_offset_s=0.01"),
+    "scenes[].imu.clock_drift_ppm": ("inertial", "scenes.0.imu.clock_drift_ppm=50"),
+    "scenes[].imu.stamp_jitter_s": ("inertial", "scenes.0.imu.stamp_jitter_s=0.001"),
+    "scenes[].imu.dropped_share": ("inertial", "scenes.0.imu.dropped_share=0.5"),
     "scenes[].video": ("video", "scenes.0.video=other.avi"),
     "scenes[].depth": ("video", "scenes.0.depth=depth2"),
     "scenes[].depth_scale_per_m": ("video", "scenes.0.depth_scale_per_m=5000"),
@@ -218,11 +259,24 @@ def presets(tmp_path_factory):
         ("lens", "nerfstudio"),
         ("lost", "scannet"),
         ("unstamped", "replica"),
+        ("inertial", "euroc"),
     ):
         (folder / name).mkdir()
         getattr(recorded_layouts, layout)(folder / name)
     picture = sorted((folder / "other/rgb").iterdir())[0]
     cv2.imwrite(str(picture), 255 - cv2.imread(str(picture)))
+    for name, listed in (("fewer", "rgb"), ("fewer_depth", "depth")):
+        rows = (folder / f"tum/{listed}.txt").read_text().splitlines()
+        (folder / f"tum/{name}.txt").write_text("\n".join(rows[:-1]) + "\n")
+    (folder / "tum/k.txt").write_text("50 50 31 23\n")
+    poses = (folder / "unstamped/traj.txt").read_text().splitlines()
+    (folder / "unstamped/other.txt").write_text("\n".join(poses[::-1]) + "\n")
+    (folder / "unstamped/stamped.txt").write_text("".join(f"{k} {k / 10} 0 1 0 0 0 1\n" for k in range(4)))
+    (folder / "unstamped/times.txt").write_text("0\n1\n2\n3\n")
+    (folder / "unstamped/later.txt").write_text("1\n2\n3\n4\n")
+    (folder / "inertial/mav0/imu0").mkdir()
+    samples = "".join(f"{recorded_layouts.START_NS + 5_000_000 * k},0,0,0,0,0,9.8\n" for k in range(20))
+    (folder / "inertial/mav0/imu0/data.csv").write_text(samples)
     film(folder / "walk.avi", 40)
     film(folder / "other.avi", 60)
     depth_folder(folder / "depth", 1000)
@@ -265,6 +319,13 @@ def presets(tmp_path_factory):
             "output": {"modalities": ["rgb", "normal", "instance", "semantic", "flow"]},
         },
         "grey": {**document, "output": {"layout": "euroc"}},
+        "told": {**bare, "scenes": [{"name": "box", "sequence": TOLD}]},
+        "counted": {**bare, "scenes": [{"name": "box", "sequence": COUNTED}]},
+        "timed": {
+            **bare,
+            "scenes": [{"name": "box", "sequence": {**COUNTED, "poses": "stamped.txt", "stamps": "times.txt"}}],
+        },
+        "inertial": {**bare, "scenes": [{"name": "box", "sequence": "inertial"}]},
         "recording": {**bare, "scenes": [{"name": "box", "sequence": "tum"}]},
         "lens": {**bare, "scenes": [{"name": "box", "sequence": "lens"}]},
         "rebent": {**bare, "scenes": [{"name": "box", "sequence": "tum", "distortion": {"k1": 0.01}}]},

@@ -28,8 +28,8 @@ def with_imu(folder, layout="euroc"):
     return folder
 
 
-def made(folder, layout, **setting):
-    scene = {"name": "box", "sequence": str(with_imu(folder / "recording"))}
+def made(folder, layout, imu=None, **setting):
+    scene = {"name": "box", "sequence": str(with_imu(folder / "recording")), **({"imu": imu} if imu else {})}
     settings = [{"name": "noise", "perturb": [{"gaussian_noise": {"severity": 1}}, *setting.values()]}]
     run(preset_of(folder / "p", scene, settings=settings, output={"layout": layout}), folder / "out")
     return folder / "out/noise/box"
@@ -86,3 +86,55 @@ def test_frames_that_are_skipped_have_another_path_and_no_imu(tmp_path):
 def test_a_damaged_imu_is_one_line(tmp_path, name, text, said):
     (with_imu(tmp_path) / "mav0/imu0" / name).write_text(text)
     refused(find_sequence, tmp_path, names=(name, said))
+
+
+def test_what_lies_beside_the_images_is_read_again(tmp_path):
+    made(tmp_path, "tum")
+    before, after = find_sequence(tmp_path / "recording").imu, find_sequence(tmp_path / "out/noise/box").imu
+    for name in ("stamps_ns", "rate_rad_s", "force_m_s2"):
+        np.testing.assert_array_equal(getattr(after.samples, name), getattr(before.samples, name))
+
+    def rgb_from_imu(imu):
+        return np.linalg.inv(imu.rig.rgb.robot_from_sensor) @ imu.samples.imu.robot_from_sensor
+
+    np.testing.assert_allclose(rgb_from_imu(after), rgb_from_imu(before), rtol=0, atol=1e-8)
+    (tmp_path / "out/noise/box/imu.csv").write_text("time,gx\n1,2\n")  # somebody else's
+    assert find_sequence(tmp_path / "out/noise/box").imu is None
+
+
+def test_its_clock_may_be_late_fast_and_lossy(tmp_path):
+    clock = {"time_offset_s": 0.02, "clock_drift_ppm": 1000}
+    sequence = made(tmp_path / "a", "tum", clock)
+    found = numbers(sequence / "imu.csv")
+    first_ns = find_sequence(tmp_path / "a/recording").stamps.rgb.ns[0]
+    expected_ns = [row[0] + 20_000_000 + round((row[0] - first_ns) / 1000) for row in MEASURED]
+    assert np.abs(np.array([row[0] for row in found]) - expected_ns).max() <= 1
+    assert [row[1:] for row in found] == [row[1:] for row in MEASURED]
+    said = yaml.safe_load((sequence / "imu.yaml").read_text())
+    assert (said["time_offset"], said["clock_drift"]) == (0.02, 1000)
+    lossy = numbers(made(tmp_path / "b", "tum", {"stamp_jitter_s": 0.001, "dropped_share": 0.25}) / "imu.csv")
+    stamps = np.array([row[0] for row in lossy])
+    assert (np.diff(stamps) > 0).all()
+    by_values = {tuple(row[1:]): row[0] for row in MEASURED}
+    off_s = np.array([row[0] - by_values[tuple(row[1:])] for row in lossy]) / 1e9
+    assert 20 <= len(lossy) <= 38  # of 40: 30 +- 3 standard deviations
+    assert 5e-4 < off_s.std() < 1.6e-3
+    again = made(tmp_path / "c", "tum", {"stamp_jitter_s": 0.001, "dropped_share": 0.25}) / "imu.csv"
+    assert numbers(again) == lossy
+
+
+def test_deviations_of_no_imu_are_refused(tmp_path):
+    WRITTEN["tum"](tmp_path)
+    for imu, said in (({"time_offset_s": 1}, ("scenes.0.imu", "has no IMU")), ({"offset": 1}, "unknown key")):
+        path = preset_of(tmp_path / "p", {"name": "box", "sequence": str(tmp_path), "imu": imu})
+        refused(run, path, tmp_path / "out", names=said)
+
+
+def test_a_described_recording_has_one(tmp_path):
+    made(tmp_path, "tum")
+    folder = tmp_path / "out/noise/box"
+    told = {"rgb": {"list": "rgb.txt"}, "depth": {"list": "depth.txt", "scale_per_m": 5000}, "imu": "imu.csv"}
+    camera = {"width": 64, "height": 48, "fx": 58.0, "fy": 57.0, "cx": 31.25, "cy": 23.75}
+    scene = {"name": "box", "sequence": {"folder": str(folder), **told, "poses": "groundtruth.txt"}}
+    run(preset_of(tmp_path / "q", scene, camera=camera, output={"layout": "euroc"}), tmp_path / "again")
+    assert numbers(tmp_path / "again/clean/box/mav0/imu0/data.csv") == MEASURED

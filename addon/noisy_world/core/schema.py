@@ -11,7 +11,7 @@ import math
 import re
 import types
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from dataclasses import MISSING, Field, dataclass, field, fields, is_dataclass
+from dataclasses import MISSING, Field, dataclass, field, fields, is_dataclass, replace
 from decimal import Decimal
 from functools import cache
 from pathlib import Path
@@ -142,10 +142,11 @@ def key(
     return field(default=default, default_factory=default_factory, metadata={"key": info})
 
 
-def key_of(cls: Any, name: str) -> Any:
-    """Return a field that means what that of another dataclass does, with its default."""
+def key_of(cls: Any, name: str, **other: Any) -> Any:
+    """Return a field that means what that of another dataclass does, with its default. other: of its KeyInfo."""
     item = cls.__dataclass_fields__[name]
-    return field(default=item.default, default_factory=item.default_factory, metadata=item.metadata)
+    info = replace(item.metadata["key"], **other)
+    return field(default=item.default, default_factory=item.default_factory, metadata={"key": info})
 
 
 def held_by(cls: Any, name: str) -> Any:

@@ -83,7 +83,9 @@ def find_sequence(folder: Path, rate_hz: float | None = None, poses: PosePolicy 
     """
     found = recognising(folder)
     if len(found) == 1:
-        return found[0].read(folder, rate_hz, poses)
+        from .asl import with_imu
+
+        return with_imu(found[0].read(folder, rate_hz, poses))
     if not found:
         raise InputError(folder, "is no sequence", remedy=f"it has to have the files of a layout: {known_recordings()}")
     several = " and of ".join(layout.label for layout in found)

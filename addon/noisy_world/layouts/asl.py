@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..core.errors import InputError
-from ..core.file_access import finite_number
+from ..core.file_access import finite_number, open_regular
 from ..core.geometry import (
     Intrinsics,
     continuous_quats,
@@ -30,7 +30,7 @@ from ..trajectories.formats import read_trajectory
 from ..trajectories.rig import Imu, ImuModel, ImuSamples, ImuStates, RecordedImu, Rig, Sensor
 from .cam_params import checked_distortion
 from .layout import IMU_FILES, SequenceFacts, lines
-from .stored_recording import StampedFiles, checked_depth_scale, checked_intrinsics, recorded_text
+from .stored_recording import StampedFiles, StoredSequence, checked_depth_scale, checked_intrinsics, recorded_text
 
 STAMP_DIGITS = 19  # as many as the largest 64-bit integer has: equally long names sort by time
 LARGEST_NS = 2**63 - 1  # readers hold stamps in signed 64-bit integers; 292 years
@@ -223,17 +223,17 @@ def _load_yaml(path: Path) -> dict[str, Any]:
     return document
 
 
-def _body_from_sensor(path: Path, document: dict[str, Any]) -> NDArray[np.float64]:
+def _body_from_sensor(path: Path, document: dict[str, Any], where: str = "T_BS") -> NDArray[np.float64]:
     given = document.get("T_BS")
-    values = _numbers(path, "T_BS", given.get("data") if isinstance(given, dict) else given, 16)
+    values = _numbers(path, where, given.get("data") if isinstance(given, dict) else given, 16)
     matrix = values.reshape(4, 4)
     problem = "is no rigid pose"
     with np.errstate(over="ignore", invalid="ignore"):  # numbers as large as that are refused as well
         turned, error = np.linalg.det(matrix[:3, :3]) > 0, float(rotation_error(matrix[:3, :3]))
     if np.abs(matrix[3] - [0.0, 0.0, 0.0, 1.0]).max() > 1e-6 or not turned:
-        raise InputError(path, problem, where="T_BS", remedy="write it row by row")
+        raise InputError(path, problem, where=where, remedy="write it row by row")
     if not error <= _ROTATION_TOLERANCE:
-        raise InputError(path, f"{problem}: R^T R is off by {error:.3g}", where="T_BS")
+        raise InputError(path, f"{problem}: R^T R is off by {error:.3g}", where=where)
     return matrix if error < 1e-12 else pose(nearest_rotation(matrix[:3, :3]), matrix[:3, 3])
 
 
@@ -327,8 +327,44 @@ def read_imu(folder: Path, body_from_rgb: NDArray[np.float64]) -> RecordedImu | 
     body_from_rgb: (4, 4), the pose of the colour camera on the body. Raises InputError where the files are wrong.
     """
     path, description = folder / "data.csv", folder / "sensor.yaml"
-    if not path.is_file():
-        return None
+    return _imu_of(path, description, body_from_rgb) if path.is_file() else None
+
+
+def imu_beside(path: Path) -> tuple[RecordedImu, str]:
+    """Return the IMU of a file of samples, with what a file beside it says: imu.yaml of imu.csv, else sensor.yaml.
+
+    Returns also a note where nothing says where it sits beside the colour camera. Raises InputError.
+    """
+    own, sensor = path.with_suffix(".yaml"), path.parent / "sensor.yaml"
+    description = own if own.is_file() or not sensor.is_file() else sensor
+    rgb_from_imu = None
+    if description.is_file() and "T_cam_imu" in (document := _load_yaml(description)):
+        rows = document["T_cam_imu"] if isinstance(document["T_cam_imu"], list) else []
+        flat = [each for row in rows for each in (row if isinstance(row, list) else [row])]
+        rgb_from_imu = _body_from_sensor(description, {"T_BS": flat}, "T_cam_imu")
+    found = _imu_of(path, description, np.eye(4))
+    if rgb_from_imu is None:
+        return found, f"nothing says where the IMU of {path.name} sits: it is taken to be where the colour camera is"
+    body_from_rgb = found.samples.imu.robot_from_sensor @ invert_pose(rgb_from_imu)
+    return replace(found, rig=replace(found.rig, rgb=Sensor(body_from_rgb))), ""
+
+
+def with_imu(found: StoredSequence) -> StoredSequence:
+    """Return a recording with the IMU that this program wrote beside its images, where its layout has no place for it.
+
+    Files of others that are called so are left alone.
+    """
+    path = found.folder / IMU_FILES[0]
+    if found.imu is not None or not (path.is_file() and (found.folder / IMU_FILES[1]).is_file()):
+        return found
+    with open_regular(path) as file:
+        if not file.read(len(SAMPLES_HEADER) + 3).decode("utf-8-sig", "replace").startswith(SAMPLES_HEADER):
+            return found
+    return replace(found, imu=imu_beside(path)[0])
+
+
+def _imu_of(path: Path, description: Path, body_from_rgb: NDArray[np.float64]) -> RecordedImu:
+    """Return the IMU of a file of samples and of one that describes it, where that is there. Raises InputError."""
     stamps_ns, values = read_samples(recorded_text(path), path)
     if stamps_ns.min() < 0 or not np.isfinite(values).all():
         raise InputError(path, "holds a negative time stamp, or what is no finite number")

@@ -35,6 +35,7 @@ from ..trajectories.formats import (
 )
 from ..trajectories.pose_files import PER_SECOND, text_rows
 from ..trajectories.pose_files import read_text as read_numbers
+from .asl import imu_beside
 from .layout import MILLIMETRES, RECORDED_HZ, RecordedLayout, counted_note, intrinsics_of_matrix
 from .numbered import LARGEST_NUMBER, Cameras, CountedPoses, poses_of_images
 from .stored_recording import (
@@ -618,6 +619,9 @@ def read_described(
         optics = replace(optics, depth=seen_by_depth(cameras.camera, size_px))
         if optics.depth is not None:
             size_note = f"depth is {size_px[0]} x {size_px[1]}: it is taken to show colour's view in other pixels"
+    imu, imu_note = None, ""
+    if spec.imu is not None:
+        imu, imu_note = imu_beside(folder / spec.imu.replace("\\", "/"))
     trajectory = frames.trajectory
     if cameras.posed_from_camera is not None:
         trajectory = replace(trajectory, c2w=trajectory.c2w @ cameras.posed_from_camera, curve=None)
@@ -634,7 +638,7 @@ def read_described(
         cameras.path,
         tuple(
             note
-            for note in (*notes, *frames.notes, *given.notes, *told.notes, size_note)
+            for note in (*notes, *frames.notes, *given.notes, *told.notes, size_note, imu_note)
             + (counted_note(rate_hz or told.rate_hz, used_hz) if times_path is None else ())
             if note
         ),
@@ -642,6 +646,7 @@ def read_described(
         void,
         optics,
         cameras.assumed,
+        imu=imu,
     )
 
 

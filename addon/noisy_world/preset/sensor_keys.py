@@ -2,13 +2,17 @@
 """The keys of a rig's sensors: a lens that distorts, a depth camera of its own, an IMU."""
 
 import math
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
 
 from ..core.errors import Message, PresetKey
 from ..core.geometry import Intrinsics
 from ..core.lens import Distortion, DistortionModel, Optics, lens_problem
-from ..core.schema import Choice, ConfigPath, key
-from ..trajectories.rig import DeviceName, ImuModel, Triple, device_model
+from ..core.schema import Choice, ConfigPath, key, key_of
+from ..core.streams import Identifiers, stream
+from ..core.trajectory import NS_PER_S
+from ..trajectories.rig import DeviceName, ImuModel, ImuSamples, RecordedImu, Triple, device_model
 
 _OF_PLANE = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")  # in OpenCV's order
 EMBREE = PresetKey("render.engine", "embree")
@@ -328,3 +332,47 @@ class ImuKeys:
     def model(self) -> ImuModel:
         """Its errors: the device's, with what is given in place of them."""
         return device_model(self.device, {item.name: getattr(self, item.name) for item in fields(ImuKeys)})
+
+
+# The keys of the clock of an IMU that was recorded.
+
+
+@dataclass(frozen=True)
+class ImuClockSpec:
+    """What is done to the stamps of an IMU that was recorded; its samples stay as they are."""
+
+    time_offset_s: float = key_of(ImuKeys, "time_offset_s", identity="value")
+    clock_drift_ppm: float = key_of(ImuKeys, "clock_drift_ppm", identity="value")
+    stamp_jitter_s: float = key(
+        "standard deviation of the noise of its stamps, which stay in order",
+        unit="s",
+        default=0.0,
+        minimum=0,
+        maximum=1,
+    )
+    dropped_share: float = key("share of its samples that are lost", default=0.0, minimum=0, maximum=0.99)
+
+    def on(self, imu: RecordedImu, first_ns: int, identifiers: Identifiers) -> RecordedImu:
+        """Return an IMU with these deviations. first_ns: when the path begins. identifiers: of seed and scene."""
+        if self == ImuClockSpec():
+            return imu
+        samples, generator = imu.samples, stream(*identifiers, IMU_CLOCK_STREAM)
+        noise = generator.standard_normal(len(samples.stamps_ns))  # both are drawn, so that neither moves the other
+        kept = generator.random(len(samples.stamps_ns)) >= self.dropped_share
+        passed_s = (samples.stamps_ns - first_ns) / NS_PER_S
+        moved_s = passed_s * (1e-6 * self.clock_drift_ppm) + self.time_offset_s + noise * self.stamp_jitter_s
+        stamps_ns = samples.stamps_ns + np.rint(moved_s * NS_PER_S).astype(np.int64)
+        if self.stamp_jitter_s:
+            rows = np.arange(len(stamps_ns))
+            stamps_ns = np.maximum.accumulate(np.sort(stamps_ns) - rows) + rows  # in order, and none twice
+        clocked = replace(
+            samples.imu,
+            time_offset_s=samples.imu.time_offset_s + self.time_offset_s,
+            clock_drift_ppm=samples.imu.clock_drift_ppm + self.clock_drift_ppm,
+        )
+        rate_rad_s, force_m_s2 = samples.rate_rad_s[kept], samples.force_m_s2[kept]
+        found = ImuSamples(clocked, stamps_ns[kept], rate_rad_s, force_m_s2)
+        return replace(imu, rig=replace(imu.rig, imu=clocked), samples=found)
+
+
+IMU_CLOCK_STREAM = "imu.clock"  # what the deviations of a recorded IMU's clock draw by

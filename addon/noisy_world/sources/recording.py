@@ -21,6 +21,7 @@ from ..core.geometry import Intrinsics
 from ..core.lens import Optics
 from ..core.machine import keep_freed_memory
 from ..core.schema import Choice, ConfigPath, key
+from ..core.streams import Identifiers
 from ..core.trajectory import FrameStamps, Trajectory
 from ..images.image_files import WholeFile
 from ..images.measured_depth import VOID_CHOICES, VOID_MEANING, MeasuredDepth, Void
@@ -29,7 +30,7 @@ from ..layouts.described import Key, SequenceSpec, check_sequence, name_key, rea
 from ..layouts.layout import counted_note
 from ..layouts.stored_recording import RATE_HZ, SCALES_PER_M, StoredFrame, StoredSequence, same_camera, unposed
 from ..preset.scene_keys import SceneKeys
-from ..preset.sensor_keys import DistortionSpec, check_distortion, sound_lens
+from ..preset.sensor_keys import DistortionSpec, ImuClockSpec, check_distortion, sound_lens
 from ..render.source import ColourAndDepth, RenderOptions, SimpleSource, Source, SourceCapabilities
 from .renderers import Rectification
 from .scene_kinds import GUESSED, FileSource, Lack, SceneEntry, camera_or_guess, sha256_of_path
@@ -113,6 +114,7 @@ class RecordingKeys(SceneKeys):
         label="Depth Scale",
     )
     void: Void = key(VOID_MEANING, default="unmeasured", choices=VOID_CHOICES, label="Void")
+    imu: ImuClockSpec | None = key("what is done to the clock of an IMU that was recorded", default=None)
     distortion: DistortionSpec | None = key(
         "a lens that a pinhole's frames are bent as by: interpolated, what it would see beside them void", default=None
     )
@@ -120,7 +122,10 @@ class RecordingKeys(SceneKeys):
 
 @dataclass(frozen=True)
 class Recording(SimpleSource):
-    """A sequence on disk in one of the layouts. between: why nothing is between its frames."""
+    """A sequence on disk. between: why nothing is between its frames.
+
+    void_values: what depth holds where nothing was measured, as the preset says it.
+    """
 
     between: ClassVar[str] = "a recording has nothing between its frames"
 
@@ -130,6 +135,7 @@ class Recording(SimpleSource):
     register: bool = False
     distortion: DistortionSpec | None = None
     void: Void = "unmeasured"
+    void_values: tuple[float, ...] = ()
 
     @cached_property
     def _measured(self) -> MeasuredDepth:
@@ -244,6 +250,7 @@ class Recording(SimpleSource):
             "trajectory": None if path is None else path.name,
             "trajectory_sha256": None if path is None else sha256_of_path(path),
             **({"depth_scale_per_m": stored.depth_scale_per_m} if stored.depth_files else {}),
+            **({"void_values": list(self.void_values)} if self.void_values else {}),
             **stored.optics.content(),
             **{key: True for key in ("undistort", "register") if getattr(self, key)},
             **({} if stored.imu is None else {"imu_sha256": sha256_of_file(stored.imu.path)}),
@@ -313,7 +320,8 @@ def read_recording(
         before, said = stored.depth_scale_per_m, PresetKey("scenes.depth_scale_per_m")
         note = Message(f"depth has {depth_scale_per_m:g} steps a metre by ", said, f", in place of {before:g}")
         stored = replace(stored, depth_scale_per_m=depth_scale_per_m, notes=(*stored.notes, note))
-    return Recording(stored, place, undistort, register, distortion, void)
+    told = () if described is None or described.depth is None else described.depth.void
+    return Recording(stored, place, undistort, register, distortion, void, told)
 
 
 # --- plain images, in the order of their names ---
@@ -504,6 +512,7 @@ class RecordingKind(FileSource[RecordingKeys]):
             "distortion": "no known camera",
             "depth_scale_per_m": "no depth",
             "void": "no depth",
+            "imu": "no IMU",
         }
         for name, what in lacking.items():
             if getattr(keys, name) not in (None, False, "unmeasured"):
@@ -513,14 +522,14 @@ class RecordingKind(FileSource[RecordingKeys]):
 
     def open_file(self, entry: SceneEntry[RecordingKeys], name: str, path: Path, parts: tuple[str, ...]) -> Source:
         """Return the source of a folder."""
-        del name, parts
+        del parts
         keys = entry.keys
         if keys.layout == "images":
             return read_images(path, entry.place, keys.rate_hz)
         if not keys.sequence.described and holds_images(path) and not recognising(path):
             remedy = Message(PresetKey("layout", "images"), " reads it, without depth and poses")
             raise entry.place.at("sequence").error(f"{path} has the files of no layout, but plain images", remedy)
-        return read_recording(
+        recording = read_recording(
             *(path, entry.place, keys.rate_hz, keys.poses),
             described=keys.sequence if keys.sequence.described else None,
             undistort=keys.undistort,
@@ -529,6 +538,20 @@ class RecordingKind(FileSource[RecordingKeys]):
             depth_scale_per_m=keys.depth_scale_per_m,
             void=keys.void,
         )
+        return recording if keys.imu is None else _clocked(recording, keys.imu, (entry.preset.spec.seed, name))
+
+
+def _clocked(recording: Recording, clock: ImuClockSpec, identifiers: Identifiers) -> Recording:
+    """Return a recording with deviations of its IMU's clock. Raises InputError where it has none."""
+    stored, place = recording.stored, recording.place.at("imu")
+    if stored.imu is None:
+        raise place.error(f"{stored.folder} has no IMU", "leave it out")
+    imu = clock.on(stored.imu, stored.stamps.rgb.ns[0], identifiers)
+    if imu.samples.stamps_ns.size and imu.samples.stamps_ns.min() < 0:
+        raise place.at("time_offset_s").error("puts the IMU's first stamp before 0", "use 0 or more")
+    if not imu.samples.stamps_ns.size:
+        raise place.at("dropped_share").error("leaves no sample of the IMU", "use a lower one")
+    return replace(recording, stored=replace(stored, imu=imu))
 
 
 SOURCE = RecordingKind()
