@@ -56,7 +56,7 @@ def test_a_display_reader_refuses_light_and_others_read_it(light, tmp_path):
 def test_an_exr_that_is_none_of_light(light, tmp_path):
     path = tmp_path / "frame000000.exr"
     for data, named in (
-        (encode_exr(light, "XYZ"), "an EXR of other channels"),
+        (encode_exr(light, "XYZ"), "the channels X, Y, Z"),
         (encode_light(light)[:60], "no whole EXR"),
         (b"\x76\x2f\x31\x01" + bytes(40), "no whole EXR"),
     ):
