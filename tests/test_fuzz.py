@@ -6,7 +6,7 @@ from fuzz.cases import AREAS, run_case
 
 CASES = {"presets": 60, "trajectories": 120, "recordings": 60, "videos": 20, "meshes": 150, "datasets": 30}
 CASES |= {"shaped_presets": 30, "mesh_headers": 60, "recording_files": 50, "estimates": 80, "definitions": 40}
-CASES |= {"dataset_records": 25, "recipes": 25, "results": 12, "jpegs": 120}
+CASES |= {"dataset_records": 25, "recipes": 25, "results": 12, "jpegs": 120, "bags": 120}
 
 
 @pytest.mark.parametrize("area", AREAS)

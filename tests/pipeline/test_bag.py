@@ -1,17 +1,23 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""`noisy-world bag`: a bag of ROS 2 that rosbags reads back, with what the sequence holds."""
+"""`noisy-world bag`: bags that rosbags reads back, with what the sequence holds, or over the images of another."""
+
+import json
 
 import numpy as np
 import pytest
 import yaml
 from cases import cases
 from inertial_paths import GRAVITY_M_S2
+from made_bags import walk
 from runs import run
 from written import RIG, rows_of, world
 
 from noisy_world.cli import command
 from noisy_world.cli.entry import Entry
-from noisy_world.layouts import find_sequence
+from noisy_world.images.pixels import as_bytes
+from noisy_world.layouts import LAYOUTS, find_sequence
+from noisy_world.layouts.described import BagTopics
+from noisy_world.layouts.bag_recording import read_bag_sequence
 
 pytestmark = pytest.mark.usefixtures("no_blender")
 
@@ -102,11 +108,127 @@ def test_without_an_imu_and_in_colour(tmp_path):
     assert found["/cam0/image_raw"][0][1].encoding == "rgb8"
 
 
+def made(folder, layout, **keys):
+    """Make a dataset of a box in a layout; return its sequence's folder."""
+    scenes = [{"name": "box", "mesh": "mesh.ply", "trajectory": {"file": "traj.txt", "axes": "robot"}}]
+    run(world(folder / "w", layout, frames=4, scenes=scenes, **keys), folder / "out")
+    return folder / "out/clean/box"
+
+
+FORMS = (("b.bag", None), ("b.mcap", None), ("b.db3", None), ("b", "mcap"), ("b", "sqlite3"))
+
+
+@cases("name, storage", FORMS)
+def test_what_is_written_is_read_back(tmp_path, name, storage):
+    pytest.importorskip("rosbags", reason="rosbags is not installed")
+    for layout in ("euroc", "replica") if name != "b.bag" else LAYOUTS:
+        place = tmp_path / f"{name}-{storage}-{layout}"
+        rig = {**RIG, "imu": IMU} if layout in ("euroc", "tum", "tum_vi", "vslamlab") else None
+        folder = made(place, layout, **({"rig": rig} if rig else {}))
+        out = place / name
+        words = [str(folder), "--out", str(out), *(["--storage", storage] if storage else [])]
+        assert command.run("bag", words, ENTRY) == 0
+        was, found = find_sequence(folder), read_bag_sequence(out, BagTopics())
+        assert found.stamps.rgb.ns == was.stamps.rgb.ns, layout
+        assert found.stamps.depth.ns == was.stamps.depth.ns
+        np.testing.assert_allclose(found.trajectory.c2w, was.trajectory.c2w, rtol=0, atol=1e-9)
+        for number in range(len(was.stamps)):
+            one, other = was.frame(number), found.frame(number)
+            np.testing.assert_array_equal(other.rgb, as_bytes(one.rgb))
+            steps = [np.rint(frame.depth_m.astype(np.float64) * was.depth_scale_per_m) for frame in (one, other)]
+            np.testing.assert_array_equal(*steps)
+        assert (found.imu is None) == (rig is None), layout
+        if rig is not None:
+            assert samples_of(found) == samples_of_files(folder), layout
+
+
+def samples_of(stored):
+    """Return the stamps and the numbers of an IMU's samples."""
+    samples = stored.imu.samples
+    values = np.concatenate([samples.rate_rad_s, samples.force_m_s2], axis=1).tolist()
+    return [(stamp_ns, *row) for stamp_ns, row in zip(samples.stamps_ns.tolist(), values, strict=True)]
+
+
+def samples_of_files(folder):
+    """Return the same of a sequence's text, whichever it is."""
+    names = ("mav0/imu0/data.csv", "imu.csv", "imu_0.csv")
+    found = [folder / name for name in names if (folder / name).is_file()]
+    assert found, list(folder.rglob("*"))
+    file = found[0]
+    rows = [line.split(",") for line in file.read_text().splitlines() if line[0].isdigit()]
+    return [(int(row[0]), *map(float, row[1:])) for row in rows]
+
+
+# --- over a bag ---
+
+
+def texts(path):
+    """Return every message of a bag as it is stored, but for images: topic, type, time and bytes."""
+    with reader_of(path) as reader:
+        found = [(item.topic, item.msgtype, stamp_ns, bytes(raw)) for item, stamp_ns, raw in reader.messages()]
+    return sorted(item for item in found if "image_raw" not in item[0])
+
+
+def reader_of(path):
+    if path.suffix == ".bag":
+        return pytest.importorskip("rosbags.rosbag1").Reader(path)
+    return pytest.importorskip("rosbags.rosbag2").Reader(path)
+
+
+def perturbed(folder, source, layout="tum"):
+    """Make a dataset of a bag, brighter; return its sequence's folder."""
+    preset = {
+        "seed": 3,
+        "scenes": [{"name": "walk", "sequence": str(source)}],
+        "settings": [{"name": "bright", "perturb": [{"brightness": {"offset": 0.25}}]}],
+        "render": {"backend": "reference"},
+        "output": {"layout": layout, "image": "png"},
+    }
+    folder.mkdir()
+    (folder / "p.json").write_text(json.dumps(preset))
+    run(folder / "p.json", folder / "out")
+    return folder / "out/bright/walk"
+
+
+@cases(
+    "form, compression",
+    [("ros1", None), ("ros1", "lz4"), ("mcap", None), ("mcap", "storage"), ("db3", None), ("db3", "message")],
+)
+def test_a_bag_is_perturbed_and_keeps_its_other_topics(tmp_path, form, compression):
+    place = tmp_path / f"{form}-{compression}"
+    place.mkdir()
+    source = walk(place, form, compression=compression)
+    folder = perturbed(place / "made", source)
+    out = place / ("bright.bag" if form == "ros1" else "bright")
+    assert command.run("bag", [str(folder), "--out", str(out), "--over", str(source)], ENTRY) == 0
+    assert texts(out) == texts(source)
+    found, was = messages(out), messages(source)
+    assert found.keys() == was.keys()
+    dataset = find_sequence(folder)
+    for topic in ("/camera/color/image_raw", "/camera/depth/image_raw"):
+        for number, ((log_ns, image), (log_was_ns, image_was)) in enumerate(zip(found[topic], was[topic], strict=True)):
+            assert (log_ns, image.encoding) == (log_was_ns, image_was.encoding)
+            assert repr(image.header) == repr(image_was.header)  # their classes are made for each bag
+            data = image.data.tobytes()
+            if "color" in topic:
+                np.testing.assert_array_equal(np.frombuffer(data, np.uint8).reshape(6, 8, 3), dataset.frame(number).rgb)
+                assert np.mean(image.data) > np.mean(image_was.data) + 20
+            else:
+                assert data == image_was.data.tobytes()
+
+
 def test_what_cannot_be_is_refused_in_a_line(tmp_path, capsys):
     pytest.importorskip("rosbags", reason="rosbags is not installed")
     (tmp_path / "there").mkdir()
-    assert command.run("bag", [str(tmp_path), str(tmp_path / "there")], ENTRY) != 0
-    assert "there: is there already" in capsys.readouterr().err
-    assert command.run("bag", [str(tmp_path / "there"), str(tmp_path / "bag")], ENTRY) != 0
-    assert "holds no mav0; name a sequence of the layout euroc" in capsys.readouterr().err
-    assert [item.name for item in tmp_path.iterdir()] == ["there"]
+    (tmp_path / "in").mkdir()
+    source = walk(tmp_path / "in", "ros1")
+    cases = {
+        (str(tmp_path), str(tmp_path / "there")): "there: is there already",
+        (str(tmp_path / "there"), str(tmp_path / "bag")): "is no sequence",
+        (str(tmp_path), "--out", str(tmp_path / "b"), "--over", str(source)): "name b.bag",
+        (str(tmp_path), "--out", str(tmp_path / "b.bag"), "--storage", "mcap"): "is for a folder",
+    }
+    for words, told in cases.items():
+        assert command.run("bag", list(words), ENTRY) != 0
+        assert told in capsys.readouterr().err
+    assert sorted(item.name for item in tmp_path.iterdir()) == ["in", "there"]

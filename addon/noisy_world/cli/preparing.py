@@ -2,6 +2,7 @@
 """`simulate`, `scan`, `bag`, `export`: paths by physics, lidar scans, bags of ROS, meshes as PLY."""
 
 import argparse
+import os
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -246,9 +247,36 @@ STORAGES = ("mcap", "sqlite3")
 
 
 def _bag_options(parser: Parser) -> None:
-    parser.option("sequence SEQUENCE", "the sequence's folder, which holds mav0", type=path)
-    parser.option("out OUT", "the bag, a folder that is not there yet", type=out_path)
-    parser.option("--storage", "what the bag is (default: mcap)", choices=STORAGES, default=STORAGES[0])
+    parser.option("sequence SEQUENCE", "the sequence's folder, of any layout", type=path)
+    out = "the bag, not there yet: a file ending .bag is one of ROS 1, one ending .mcap or a folder one of ROS 2"
+    parser.option("place OUT", out, type=out_path, nargs="?")
+    parser.option("--out OUT", "the same", type=out_path)
+    parser.option("--storage", "what is in a folder (default: mcap)", choices=STORAGES)
+    parser.option(
+        "--over BAG",
+        "a bag, all of whose other messages are kept as they are: images of the sequence take the place of its own",
+        type=path,
+    )
+    parser.option("--rgb TOPIC", "with --over: the topic of colour, where several fit")
+    parser.option("--depth TOPIC", "with --over: the topic of depth, where several fit; none keeps what is there")
+    parser.option(
+        "--depth_scale_per_m STEPS",
+        "with --over: steps a metre of its depth in whole numbers (default: 1000)",
+        type=lambda text: number(text, "steps a metre above 0", lambda value: value > 0),
+    )
+
+
+def _settled_bag(parser: Parser, options: argparse.Namespace) -> argparse.Namespace:
+    if (options.place is None) == (options.out is None):
+        parser.error("name the bag to write, by --out")
+    options.out = options.out or options.place
+    if options.over is None:
+        for name in ("rgb", "depth", "depth_scale_per_m"):
+            if getattr(options, name) is not None:
+                parser.error(f"--{name} goes with --over")
+    elif options.storage is not None:
+        parser.error("--storage goes without --over: a copy is what the bag is")
+    return options
 
 
 def _write_bag(options: argparse.Namespace, _: Entry) -> int:
@@ -256,42 +284,40 @@ def _write_bag(options: argparse.Namespace, _: Entry) -> int:
     from ..core.atomic_files import made_beside
 
     need(("rosbags",), "ros")
-    if options.out.exists():
-        raise StorageError("is there already", file=options.out, remedy="choose another folder, or remove it")
+    if os.path.lexists(options.out):
+        raise StorageError("is there already", file=options.out, remedy="choose another, or remove it")
     with made_beside(options.out) as made:
-        counts = _fill_bag(options.sequence, made, options.storage)
-    said = ", ".join(f"{count} {topic}" for topic, count in counts.items())
+        counts = _fill_bag(options, made)
+    said = ", ".join(f"{count} {topic}" for topic, count in counts.items() if count)
     print(f"wrote {options.out}: {said}")
     return 0
 
 
-def _fill_bag(sequence: Path, out: Path, storage: str) -> Counter[str]:
-    from rosbags.rosbag2 import StoragePlugin, Writer
-    from rosbags.typesys import Stores, get_typestore
+def _fill_bag(options: argparse.Namespace, made: Path) -> Counter[str]:
+    from ..layouts.bag_writing import Form, check_copy, write_over, write_sequence
+    from ..layouts.described import BagTopics
 
-    from ..layouts.robot_files import TOPICS, BagMessages
-
-    typestore = get_typestore(Stores.ROS2_HUMBLE)
-    messages = BagMessages(sequence, typestore.types)
-    plugin = StoragePlugin.MCAP if storage == "mcap" else StoragePlugin.SQLITE3
-    counts: Counter[str] = Counter()
-    # Version 8 is read by Humble and later.
-    with Writer(out, version=8, storage_plugin=plugin) as writer:
-        connections = {name: writer.add_connection(name, kind, typestore=typestore) for name, kind in TOPICS.items()}
-        for stamp_ns, topic, message in messages.in_order():
-            writer.write(connections[topic], stamp_ns, typestore.serialize_cdr(message, TOPICS[topic]))
-            counts[topic] += 1
-    return counts
+    if options.over is not None:
+        check_copy(options.over, options.out)
+        topics = BagTopics(rgb=options.rgb, depth=options.depth)
+        return write_over(options.sequence, options.over, made, topics, options.depth_scale_per_m)
+    forms: dict[str, Form] = {".bag": "ros1", ".mcap": "mcap", ".db3": "sqlite3"}
+    form, storage = forms.get(options.out.suffix), options.storage or STORAGES[0]
+    if form is not None and options.storage is not None:
+        raise InputError("--storage", f"is for a folder, and {options.out.name} is a file", remedy="leave it out")
+    return write_sequence(options.sequence, made, form or storage)
 
 
 BAG = Command(
     name="bag",
     order=230,
     group="prepare and convert",
-    help="write a sequence of the layout euroc as a bag of ROS 2",
-    description="Write a sequence of the layout euroc as a bag of ROS 2: images, depth in metres, cameras, the "
-    "IMU if there is one, and the true poses as transforms.",
+    help="write a sequence as a bag of ROS, or over the images of one",
+    description="Write a sequence as a bag of ROS 1 or ROS 2, without ROS: images, depth in metres, cameras, the IMU "
+    "if there is one, and the true poses as transforms. With --over, write a copy of a bag with the sequence's images "
+    "in place of its own.",
     options=_bag_options,
+    settle=_settled_bag,
     run=_write_bag,
     needs=("numpy", "cv2"),
     stopped="nothing was written",

@@ -69,6 +69,22 @@ PosesByNumber: TypeAlias = Mapping[int, NDArray[np.float64]]
 # --- what is said of a recording ---
 
 
+BAG_SUFFIXES = (".bag", ".mcap", ".db3")
+"""Of bags of ROS 1, in MCAP and in SQLite."""
+
+
+@dataclass(frozen=True)
+class BagTopics:
+    """The topics that are asked for, "none" for no such thing, None to find one. body: the frame of poses."""
+
+    rgb: str | None = None
+    depth: str | None = None
+    imu: str | None = None
+    poses: str | None = None
+    intrinsics: str | None = None
+    body: str | None = None
+
+
 @dataclass(frozen=True)
 class ImageFilesSpec:
     """Where the images of one kind are; a bare text is their files."""
@@ -110,7 +126,7 @@ class DepthFilesSpec(ImageFilesSpec):
 
 @dataclass(frozen=True)
 class PoseFilesSpec:
-    """The colour camera's poses; a bare text is their file."""
+    """The colour camera's poses; a bare text is their file, or a bag's topic."""
 
     SHORTHAND: ClassVar[str] = "file"
 
@@ -134,6 +150,11 @@ class PoseFilesSpec:
         label="Pose Rate",
     )
     stamp_unit: StampUnits = key_of(PoseKeys, "stamp_unit")
+    body: str | None = key(
+        "of a bag: the frame that the poses of a topic are of, where its messages do not say; else the camera's",
+        default=None,
+        identity="meaning",
+    )
 
 
 @dataclass(frozen=True)
@@ -192,6 +213,13 @@ class SequenceSpec:
         identity="meaning",
         label="Folder",
     )
+    bag: str | None = key(
+        "instead of folder: a bag of ROS, .bag, .mcap, .db3 or the folder of one; rgb, depth, poses, imu and "
+        "intrinsics are then topics, none for no such thing, and are found where exactly one fits",
+        default=None,
+        identity="meaning",
+        label="Bag",
+    )
     rgb: ImageFilesSpec | None = key("the colour images", default=None, label="Colour")
     depth: DepthFilesSpec | None = key("the depth images: PNG, TIFF, EXR, NPY or NPZ", default=None)
     poses: PoseFilesSpec | None = key("the colour camera's poses", default=None)
@@ -209,9 +237,29 @@ class SequenceSpec:
         """Whether its files are described here, rather than found by a layout."""
         return any(getattr(self, item.name) is not None for item in fields(self) if item.name != "folder")
 
+    @property
+    def topics(self) -> BagTopics:
+        """The topics of a bag that are named."""
+        poses = self.poses
+        return BagTopics(
+            rgb=None if self.rgb is None else self.rgb.files,
+            depth=None if self.depth is None else self.depth.files,
+            imu=self.imu,
+            poses=None if poses is None else poses.file,
+            intrinsics=None if self.intrinsics is None else self.intrinsics.file,
+            body=None if poses is None else poses.body,
+        )
+
 
 def check_sequence(spec: SequenceSpec, place: ConfigPath) -> None:
     """Refuse a recording of which something is missing or said twice. Raises InputError."""
+    if spec.bag is not None:
+        _check_bag(spec, place)
+    else:
+        _check_folder(spec, place)
+
+
+def _check_folder(spec: SequenceSpec, place: ConfigPath) -> None:
     if spec.folder is None:
         raise place.at("folder").error("is missing", "name the recording's folder")
     if not spec.described:
@@ -221,17 +269,41 @@ def check_sequence(spec: SequenceSpec, place: ConfigPath) -> None:
     for name, images in (("rgb", spec.rgb), ("depth", spec.depth)):
         if images is not None and (images.files is None) == (images.list is None):
             raise place.at(name).error("needs either files or list", "name one of them")
-    if spec.poses is not None and spec.poses.file is None:
-        raise place.at("poses").at("file").error("is missing", "name the file of poses")
+    if (poses := spec.poses) is not None and (poses.file is None or poses.body is not None):
+        name, said, remedy = ("file", "is missing", "name the file of poses")
+        if poses.file is not None:
+            name, said, remedy = ("body", "is for a bag", "leave it out")
+        raise place.at("poses").at(name).error(said, remedy)
     if spec.stamps is not None:
         if (spec.stamps.file is not None) == spec.stamps.names:
             raise place.at("stamps").error("needs either file or names: true", "name one of them")
         if spec.rgb.list is not None:
             raise place.at("stamps").error("the list of rgb says the times already", "leave one of them out")
+    _check_intrinsics(spec, place)
+
+
+def _check_intrinsics(spec: SequenceSpec, place: ConfigPath) -> None:
     if spec.intrinsics is not None:
         given = [name for name in ("fx", "fy", "cx", "cy") if getattr(spec.intrinsics, name) is not None]
         if (spec.intrinsics.file is None) == (not given) or len(given) not in (0, 4):
             raise place.at("intrinsics").error("needs either file, or fx, fy, cx and cy", "name one of them")
+
+
+def _check_bag(spec: SequenceSpec, place: ConfigPath) -> None:
+    """Refuse what a bag says itself, or has not. Raises InputError."""
+    if spec.folder is not None:
+        raise place.at("bag").error("stands beside folder", "leave one of them out")
+    topic = "name a topic alone, or leave it out"
+    if spec.rgb is not None and spec.rgb != ImageFilesSpec(spec.rgb.files):
+        raise place.at("rgb").error("is a topic of the bag", topic)
+    if (depth := spec.depth) is not None and depth != DepthFilesSpec(depth.files, scale_per_m=depth.scale_per_m):
+        raise place.at("depth").error("is a topic of the bag, with a scale", topic)
+    if (poses := spec.poses) is not None and poses != PoseFilesSpec(poses.file, body=poses.body):
+        raise place.at("poses").error("is a topic of the bag, whose poses are ROS's", topic)
+    if spec.intrinsics is not None and spec.intrinsics != IntrinsicsSpec(spec.intrinsics.file):
+        raise place.at("intrinsics").error("is a topic of the bag", "name one, or give the preset's camera")
+    if spec.stamps is not None:
+        raise place.at("stamps").error("are those of the bag's messages", "leave it out")
 
 
 # --- images ---

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, ClassVar, Literal, TypeAlias
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, TypeAlias, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,7 +26,7 @@ from ..core.trajectory import FrameStamps, Trajectory
 from ..images.image_files import WholeFile
 from ..images.measured_depth import VOID_CHOICES, VOID_MEANING, MeasuredDepth, Void
 from ..layouts import Modality, OutputFormat, PosePolicy, find_sequence, recognising
-from ..layouts.described import Key, SequenceSpec, check_sequence, name_key, read_described
+from ..layouts.described import BAG_SUFFIXES, BagTopics, Key, SequenceSpec, check_sequence, name_key, read_described
 from ..layouts.layout import counted_note
 from ..layouts.stored_recording import RATE_HZ, SCALES_PER_M, StoredFrame, StoredSequence, same_camera, unposed
 from ..preset.scene_keys import SceneKeys
@@ -34,6 +34,9 @@ from ..preset.sensor_keys import DistortionSpec, ImuClockSpec, check_distortion,
 from ..render.source import ColourAndDepth, RenderOptions, SimpleSource, Source, SourceCapabilities
 from .renderers import Rectification
 from .scene_kinds import GUESSED, FileSource, Lack, SceneEntry, camera_or_guess, sha256_of_path
+
+if TYPE_CHECKING:
+    from ..layouts.bag_recording import BagSequence
 
 ReadAs: TypeAlias = Literal["auto", "images"]
 # Plain ones, as they are read.
@@ -470,6 +473,121 @@ class RecordedFrame(ColourAndDepth):
         return stored.whole_file(modality) if same else None
 
 
+# --- bags of ROS, whose images are read out of them when they are asked for ---
+
+
+@dataclass(frozen=True)
+class BagRecording(Recording):
+    """A recording in a bag."""
+
+    between: ClassVar[str] = "a bag has nothing between its frames"
+
+    @property
+    def _bag(self) -> "BagSequence":
+        return cast("BagSequence", self.stored)
+
+    def hashes(self) -> dict[str, Any]:
+        """Return the bag's name, the hash of each of its files, the topics, and what is done to the frames."""
+        stored = self._bag
+        topics = {"rgb": stored.rgb, "depth": stored.depth}
+        return {
+            "bag": stored.folder.name,
+            "bag_sha256": [sha256_of_file(part.path) for part in stored.bag.parts],
+            "topics": {role: topic.name for role, topic in topics.items() if topic is not None},
+            "poses": stored.truth,
+            "frames": len(stored.of_rgb),
+            "imu": stored.imu is not None,
+            **({"depth_scale_per_m": stored.depth_scale_per_m} if stored.depth_files else {}),
+            **stored.optics.content(),
+            **{key: True for key in ("undistort", "register") if getattr(self, key)},
+        }
+
+    @contextmanager
+    def prepare(self, camera: Intrinsics, note: Callable[[str], None]) -> Iterator["OpenBag"]:
+        """Prepare to read frames; the bag is closed at the end."""
+        with super().prepare(camera, note) as opened:
+            try:
+                yield OpenBag(opened.stored, opened.rectification)
+            finally:
+                self._bag.bag.close()
+
+
+@dataclass(frozen=True)
+class OpenBag(OpenRecording):
+    """A bag that is ready to give frames."""
+
+    def frame(self, request: FrameRequest) -> "FrameInBag":
+        """Return the frame of a request; its images are read on request."""
+        return FrameInBag(self.stored.frame(request.frame), self.rectification)
+
+
+@dataclass(frozen=True)
+class FrameInBag(RecordedFrame):
+    """A frame of a bag."""
+
+    def file_as(self, modality: Modality, written: OutputFormat) -> None:
+        """Return None: its images are in no files of their own."""
+        del modality, written
+
+
+def read_bag(
+    path: Path,
+    place: ConfigPath,
+    topics: BagTopics,
+    poses: PosePolicy = "drop",
+    *,
+    undistort: bool = False,
+    register: bool = False,
+    distortion: DistortionSpec | None = None,
+    depth_scale_per_m: float | None = None,
+    void: Void = "unmeasured",
+) -> BagRecording:
+    """Find what a bag records, as `read_recording` does of a folder. topics: that are asked for.
+
+    Raises InputError where it is no bag, no topic or several fit, a message is not what it should be, and where there
+    is nothing to undistort or register.
+    """
+    from ..layouts.bag_recording import read_bag_sequence
+
+    stored = read_bag_sequence(path, topics, poses, depth_scale_per_m)
+    if not stored.depth_files:
+        asked = {"register": register, "depth_scale_per_m": depth_scale_per_m is not None, "void": void == "sky"}
+        for name in (name for name, given in asked.items() if given):
+            raise place.at(name).error(f"{path} has no depth", "leave it out")
+    if undistort and stored.optics.distortion is None:
+        raise place.at("undistort").error(f"no camera_info of {path} says that the lens distorts", "leave it out")
+    if register and stored.optics.depth is None:
+        raise place.at("register").error(f"depth and colour of {path} have one camera", "leave it out")
+    if depth_scale_per_m is not None:
+        note = Message(f"depth has {depth_scale_per_m:g} steps a metre by ", PresetKey("scenes.depth_scale_per_m"))
+        stored = replace(stored, notes=(*stored.notes, note))
+    return BagRecording(stored, place, undistort, register, distortion, void)
+
+
+def _is_bag(path: Path) -> bool:
+    """Tell whether a path that no layout recognises is a bag."""
+    if path.is_dir() and recognising(path):
+        return False
+    from ..layouts.bag_files import is_bag
+
+    return is_bag(path)
+
+
+def _read_bag(entry: SceneEntry[RecordingKeys], path: Path) -> Source:
+    keys, sequence = entry.keys, entry.keys.sequence
+    if keys.rate_hz is not None:
+        raise entry.place.at("rate_hz").error("is not for a bag, whose messages have stamps", "leave it out")
+    scale_per_m = keys.depth_scale_per_m or (None if sequence.depth is None else sequence.depth.scale_per_m)
+    return read_bag(
+        *(path, entry.place, sequence.topics, keys.poses),
+        undistort=keys.undistort,
+        register=keys.register,
+        distortion=keys.distortion,
+        depth_scale_per_m=scale_per_m,
+        void=keys.void,
+    )
+
+
 class RecordingKind(FileSource[RecordingKeys]):
     """A folder is read by the layout that recognises it."""
 
@@ -488,8 +606,12 @@ class RecordingKind(FileSource[RecordingKeys]):
     instead: ClassVar[Mapping[str, Part]] = {"trajectory": "leave it out: a sequence has its own"}
 
     def named_file(self, keys: RecordingKeys) -> str:
-        """Return the folder, or a pattern of several."""
-        return keys.sequence.folder or ""
+        """Return the folder or the bag, or a pattern of several."""
+        return keys.sequence.bag or keys.sequence.folder or ""
+
+    def takes_file(self, keys: RecordingKeys, name: str) -> bool:
+        """Tell whether a name is a bag's, which may be a file."""
+        return keys.sequence.bag is not None or name.lower().endswith(BAG_SUFFIXES)
 
     def recorded(self, keys: RecordingKeys) -> dict[str, Any]:
         """Return the keys as a dataset tells them; a recording whose layout its files tell is its folder."""
@@ -506,6 +628,8 @@ class RecordingKind(FileSource[RecordingKeys]):
                 raise place.at("distortion").at("undistort").error("is for what is rendered", "leave it out")
         if keys.layout != "images":
             return
+        if keys.sequence.bag is not None:
+            raise place.at("layout").error("is for a folder, and this is a bag", "leave it out")
         lacking = {
             "undistort": "no file that says their lens",
             "register": "no depth",
@@ -526,6 +650,8 @@ class RecordingKind(FileSource[RecordingKeys]):
         keys = entry.keys
         if keys.layout == "images":
             return read_images(path, entry.place, keys.rate_hz)
+        if keys.sequence.bag is not None or (not keys.sequence.described and _is_bag(path)):
+            return _read_bag(entry, path)
         if not keys.sequence.described and holds_images(path) and not recognising(path):
             remedy = Message(PresetKey("layout", "images"), " reads it, without depth and poses")
             raise entry.place.at("sequence").error(f"{path} has the files of no layout, but plain images", remedy)

@@ -250,6 +250,11 @@ class FileSource(SourceKind[K]):
         """Return the file or folder that a scene names, or a pattern of several."""
         return getattr(keys, self.name)
 
+    def takes_file(self, keys: K, name: str) -> bool:
+        """Tell whether a name may be that of a file, where the key names folders."""
+        del keys, name
+        return False
+
     def scenes(self, entry: SceneEntry[K]) -> Iterable[FoundScene]:
         """Return a scene for each file that there is."""
         preset, place, own_name = entry.preset, entry.source_place, entry.keys.name
@@ -260,7 +265,7 @@ class FileSource(SourceKind[K]):
         folder, pattern = located(preset.folder, pattern, place)
         found = sorted(glob.glob(pattern, root_dir=folder))  # noqa: PTH207 - takes absolute patterns too
         if self.folder:  # files lie beside sequences: cam_params.json, manifest.json, overview.png
-            found = [text for text in found if not (folder / text).is_file()]
+            found = [text for text in found if not (folder / text).is_file() or self.takes_file(entry.keys, text)]
         if not found:
             beside = "beside the preset" if preset.spec.data is None else f"in {preset.folder}"
             raise place.error(f"no {'folder' if self.folder else 'file'} matches {pattern!r} {beside}")
@@ -274,7 +279,8 @@ class FileSource(SourceKind[K]):
         return scenes
 
     def _open_named(self, entry: SceneEntry[K], name: str, text: str) -> Source:
-        path = located_path(entry.preset, entry.source_place, text, folder=self.folder)
+        folder = None if self.folder and self.takes_file(entry.keys, text) else self.folder
+        path = located_path(entry.preset, entry.source_place, text, folder=folder)
         return self.open_file(entry, name, path, ())
 
 

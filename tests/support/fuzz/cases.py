@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-from fuzz import datasets, definitions, jpegs, meshes, poses, presets, recordings, results, videos
+from fuzz import bags, datasets, definitions, jpegs, meshes, poses, presets, recordings, results, videos
 from fuzz.limits import Meter, watched
 from fuzz.structure import is_sound
 
@@ -56,6 +56,7 @@ AREAS = {
     "definitions": Area(definitions.write, definitions.read, definitions.differs),
     "results": Area(results.write, results.read),
     "jpegs": Area(jpegs.write, jpegs.read, jpegs.differs),
+    "bags": Area(bags.write, bags.read, bags.differs),
 }
 OF_BLENDER = {"imported_meshes": Area(meshes.write_imported, meshes.read_imported)}
 """Areas that take Blender."""
