@@ -138,3 +138,27 @@ def test_a_described_recording_has_one(tmp_path):
     scene = {"name": "box", "sequence": {"folder": str(folder), **told, "poses": "groundtruth.txt"}}
     run(preset_of(tmp_path / "q", scene, camera=camera, output={"layout": "euroc"}), tmp_path / "again")
     assert numbers(tmp_path / "again/clean/box/mav0/imu0/data.csv") == MEASURED
+
+
+def test_recorded_exposures_are_written_again(tmp_path):
+    WRITTEN["tum_vi"](tmp_path / "r")
+    names = [path.stem for path in find_sequence(tmp_path / "r").rgb_files]
+    exposed_ms = dict(zip(names, ("1.5002", "0.0512345", "0", "33.3"), strict=True))
+    (tmp_path / "r/dso/cam0").mkdir(parents=True)
+    text = "".join(f"{name} {int(name) / 1e9:.9f} {exposed_ms[name]}\n" for name in names)
+    (tmp_path / "r/dso/cam0/times.txt").write_text("# id stamp exposure\n" + text)
+    scene = {"name": "box", "sequence": str(tmp_path / "r")}
+    fast = {"name": "fast", "perturb": [{"faster_motion": {"factor": 2}}]}
+    run(
+        preset_of(tmp_path / "p", scene, settings=[{"name": "clean"}, fast], output={"layout": "tum_vi"}),
+        tmp_path / "o",
+    )
+
+    def again(setting):
+        lines = (tmp_path / f"o/{setting}/box/dso/cam0/times.txt").read_text().splitlines()[1:]
+        return [line.split()[2] for line in lines]
+
+    assert again("clean") == list(exposed_ms.values())
+    assert again("fast") == [exposed_ms[name] for name in names[::2]]
+    (tmp_path / "r/dso/cam0/times.txt").write_text(f"{names[0]} 1 long\n")
+    refused(find_sequence, tmp_path / "r", names=("times.txt", "line 1", "no exposure"))

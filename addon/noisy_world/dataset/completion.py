@@ -101,7 +101,12 @@ class Completion:
                 rig, imu = self._written_rig(render), _imu_samples(self._plan, sequence, paths, stamps)
                 if (recorded := _recorded_imu(self._plan, render, sequence)) is not None:
                     rig, imu = recorded.rig, recorded.samples
-                facts = SequenceFacts(format_, render.camera, rig, frames, paths, stamps, render.optics, imu)
+                exposed_s = render.scene.source.capabilities.exposures_s
+                if exposed_s is not None:
+                    exposed_s = exposed_s[[sequence.source_of("rgb", frame) for frame in frames]]
+                facts = SequenceFacts(
+                    *(format_, render.camera, rig, frames, paths, stamps, render.optics, imu), exposures_s=exposed_s
+                )
                 texts = format_.layout.sequence_texts(facts) | imu_texts(facts)
                 texts |= channel_texts(format_, render.scene)
                 if not one_camera:

@@ -266,7 +266,8 @@ class SequenceFacts:
     frames: the numbers of the frames that exist. paths: of the whole sequence; frame i has the i-th pose.
     rig: the sensors' poses on the robot; None where there is no rig. stamps: frame i has the i-th; None where colour,
     depth and poses have those of the paths. optics: what the cameras have beyond one pinhole. imu: what the rig's IMU
-    measured along the whole path, whichever frames exist.
+    measured along the whole path, whichever frames exist. exposures_s: how long the colour of the frames that exist was
+    exposed, NaN where nobody knows; None where that holds for all.
     """
 
     format: OutputFormat
@@ -277,6 +278,7 @@ class SequenceFacts:
     stamps: FrameStamps | None = None
     optics: Optics = PINHOLE
     imu: ImuSamples | None = None
+    exposures_s: NDArray[np.float64] | None = None
 
     @cached_property
     def chosen(self) -> SensorPaths:

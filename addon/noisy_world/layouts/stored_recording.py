@@ -150,6 +150,7 @@ class StoredSequence:
     what depth images hold where there is no depth, besides 0. optics: what its cameras have beyond one pinhole.
     assumed: says that the camera is the dataset's documented one, which another may replace; "" where a file says it.
     likely: a camera that its folder's name hints at, where none is known. imu: what its IMU measured; None without one.
+    exposures_s: (N,) how long colour of each frame was exposed, NaN where no file says it; None without any.
     """
 
     folder: Path
@@ -169,6 +170,7 @@ class StoredSequence:
     assumed: str = ""
     likely: Intrinsics | None = None
     imu: RecordedImu | None = None
+    exposures_s: NDArray[np.float64] | None = None
 
     @cached_property
     def size_px(self) -> SizePx:

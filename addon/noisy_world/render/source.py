@@ -173,6 +173,7 @@ class SourceCapabilities:
     may have another camera than colour. unmeasured_m: of a source whose depth was measured, so that void is what was
     not: how far a frame counts that measured nothing at all, by its number, metres. None where void is the sky, as
     that of a renderer: infinitely far. imu: what an IMU measured beside the frames; None without one.
+    exposures_s: (N,) how long colour of each frame was exposed, NaN where that is not known; None without any.
     """
 
     rendered: bool
@@ -191,6 +192,7 @@ class SourceCapabilities:
     depth_cameras: bool = False
     unmeasured_m: Callable[[int], float] | None = None
     imu: RecordedImu | None = None
+    exposures_s: NDArray[np.float64] | None = None
     depth_scale_per_m: float | None = None
     poses_path: Path | None = None
 

@@ -190,6 +190,7 @@ class Recording(SimpleSource):
             instants_only=self.between,
             unmeasured_m=unmeasured_m,
             imu=self.stored.imu,
+            exposures_s=self.stored.exposures_s,
             depth_scale_per_m=self.stored.depth_scale_per_m if depth else None,
             poses_path=self.stored.trajectory_path,
         )
@@ -257,6 +258,7 @@ class Recording(SimpleSource):
             **stored.optics.content(),
             **{key: True for key in ("undistort", "register") if getattr(self, key)},
             **({} if stored.imu is None else {"imu_sha256": sha256_of_file(stored.imu.path)}),
+            **({} if stored.exposures_s is None else {"exposures_sha256": _sha256_of(stored.exposures_s)}),
             **_timing(stored),
         }
 
@@ -404,6 +406,10 @@ def _values(camera: Intrinsics) -> str:
 
 def _spoken(size_px: tuple[int, int]) -> str:
     return f"{size_px[0]} x {size_px[1]}"
+
+
+def _sha256_of(values: NDArray[np.float64]) -> str:
+    return hashlib.sha256(np.ascontiguousarray(values, dtype="<f8").tobytes()).hexdigest()
 
 
 def _timing(stored: StoredSequence) -> dict[str, Any]:
