@@ -232,3 +232,18 @@ def test_a_described_recording_may_be_many(tmp_path):
     )
     (scene,) = make_plan(changed).scenes
     assert scene.source.stored.depth_scale_per_m == 500
+
+
+def test_folders_of_colour_and_depth_are_found(tmp_path):
+    written(tmp_path / "r", depth="depth/{n}.npy", make=lambda n: DEPTH_M[n].astype(np.float32))
+    (tmp_path / "r/shots").rename(tmp_path / "r/color")
+    (tmp_path / "r/color/notes.txt").write_text("a walk")
+    found = find_sequence(tmp_path / "r")
+    assert (len(found.rgb_files), found.trajectory.known.any(), found.depth_scale_per_m) == (FRAMES, False, 1.0)
+    np.testing.assert_allclose(found.frame(2).depth_m, DEPTH_M[2], rtol=1e-6)
+    path = preset_of(tmp_path / "p", {"name": "box", "sequence": str(tmp_path / "r")})
+    refused(lambda: make_plan(read_preset(path)), names=("no file of", "intrinsics", "camera: {width: 33, height: 25"))
+    (tmp_path / "r/intrinsic.txt").write_text("30 0 15.5\n0 29 12.25\n0 0 1\n")
+    assert find_sequence(tmp_path / "r").known_camera.fy_px == 29
+    matrices(tmp_path / "r", name="scan-traj.txt")  # now it is Redwood's
+    refused(find_sequence, tmp_path / "r", names="0 depth images")
