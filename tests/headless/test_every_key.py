@@ -150,6 +150,7 @@ CHANGES = {
             "quat_wxyz": "[0.5, 0.5, 0.5, 0.5]",
             "rotation_euler_deg": "[-90, 0, 0]",
             "device": "adis16448",
+            "bandwidth_hz": 50,
             "rate_hz": 100,
             "gravity_m_s2": 1.62,
             "time_offset_s": 0.01,

@@ -88,7 +88,7 @@ class KeyInfo:
     says: the meaning, or what works it out when it is read, where that takes a registry. choices: the words of each
     text that it may be; the texts too, where the field's type does not give them. identity: how it stands in the
     identity of a dataset, which says what decided its bytes. file: of a text that names a file: reads it, to check it.
-    label, slider: for people, as `key` has them.
+    label, slider, later: as `key` has them.
     """
 
     says: str | Callable[[], str]
@@ -102,6 +102,7 @@ class KeyInfo:
     file: Callable[[Path], Any] | None = None
     label: str = ""
     slider: tuple[float, float] | None = None
+    later: bool = False
 
     @property
     def meaning(self) -> str:
@@ -124,6 +125,7 @@ def key(
     file: Callable[[Path], Any] | None = None,
     label: str = "",
     slider: tuple[float, float] | None = None,
+    later: bool = False,
 ) -> Any:
     """Declare a dataclass field that a preset may set.
 
@@ -134,11 +136,12 @@ def key(
     where what it means stands there in another form, as poses or hashes; "nothing" where it decides no byte. file: of
     a perturbation's parameter that names a file, "" for none: a function that reads it, and raises OSError, or
     ValueError with what is wrong. label: its name for people, where that is not the key's own in words. slider: where a
-    slider ends, as that is of use; the keyboard reaches the whole range.
+    slider ends, as that is of use; the keyboard reaches the whole range. later: of a perturbation's parameter that
+    datasets were made without: its default changes nothing, and is not told.
 
     A dataclass may say in a class attribute TOOLTIPS, by the names of fields, what one sees when a value grows.
     """
-    info = KeyInfo(meaning, unit, minimum, maximum, above, pattern, choices, identity, file, label, slider)
+    info = KeyInfo(meaning, unit, minimum, maximum, above, pattern, choices, identity, file, label, slider, later)
     return field(default=default, default_factory=default_factory, metadata={"key": info})
 
 

@@ -289,7 +289,10 @@ def _rig(rig: Rig) -> dict[str, Any]:
     if rig.imu is not None:
         content = {item.name: getattr(rig.imu, item.name) for item in fields(rig.imu)}
         content["robot_from_sensor"] = (rig.imu.robot_from_sensor + 0.0).tolist()
-        found["imu"] = content | {"model": asdict(rig.imu.model)}
+        model = asdict(rig.imu.model)
+        if not rig.imu.model.bandwidth_hz:  # datasets of before have none
+            del model["bandwidth_hz"]
+        found["imu"] = content | {"model": model}
     return found
 
 

@@ -8,7 +8,7 @@ post-processing) and depth, then pairing. Within a stage, each perturbation's `o
 """
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import asdict, dataclass, field, fields, replace
+from dataclasses import Field, asdict, dataclass, field, fields, replace
 from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any, Generic, Literal, TypeAlias, TypeVar
@@ -68,9 +68,12 @@ def files_of(parameters: Any) -> dict[str, Path]:
 def deciding(parameters: Any) -> dict[str, Any]:
     """Return the parameters of a step as an identity has them: of a file its SHA-256, and none that is not given.
 
+    One that came later than datasets were made is left out at its default, so these stay as they are.
+
     Raises OSError where a file is gone.
     """
-    plain = {name: value for name, value in asdict(parameters).items() if name not in _names(parameters)}
+    later = {each.name for each in fields(parameters) if each.metadata["key"].later and _is_default(parameters, each)}
+    plain = {name: value for name, value in asdict(parameters).items() if name not in _names(parameters) | later}
     return plain | {name: {"sha256": sha256_of(path)} for name, path in files_of(parameters).items()}
 
 
@@ -78,6 +81,10 @@ def recorded(parameters: Any) -> dict[str, Any]:
     """Return them as a frame's record has them: as `deciding` does, with the names of files too."""
     named = {name: {"name": path.name, "sha256": sha256_of(path)} for name, path in files_of(parameters).items()}
     return deciding(parameters) | named
+
+
+def _is_default(parameters: Any, item: Field[Any]) -> bool:
+    return getattr(parameters, item.name) == item.default
 
 
 def _names(parameters: Any) -> set[str]:

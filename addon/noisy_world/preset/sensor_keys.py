@@ -194,6 +194,7 @@ class ImuKeys:
             "ideal": Choice("Ideal", "Without any error"),
             "adis16448": Choice("ADIS16448", "Of the EuRoC datasets"),
             "bmi055": Choice("BMI055", "Of RealSense's D435i"),
+            "bmi055_filtered": Choice("BMI055, Filtered", "Of RealSense's D435i, with its low-pass"),
         },
         identity="meaning",
     )
@@ -325,6 +326,15 @@ class ImuKeys:
         default=None,
         minimum=0,
         maximum=1000,
+        identity="meaning",
+    )
+
+    bandwidth_hz: float | None = key(
+        "of the low-pass before samples are taken, where half of the power is left; 0: none; default the device's",
+        unit="Hz",
+        default=None,
+        minimum=0,
+        maximum=100_000,
         identity="meaning",
     )
 

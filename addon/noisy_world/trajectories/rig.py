@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from pathlib import Path
+from statistics import NormalDist
 from typing import Any, Literal, TypeAlias
 
 import numpy as np
@@ -134,7 +135,7 @@ def _rigid(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
 # The errors of an inertial measurement unit, and those of real devices.
 
 
-DeviceName: TypeAlias = Literal["ideal", "adis16448", "bmi055"]
+DeviceName: TypeAlias = Literal["ideal", "adis16448", "bmi055", "bmi055_filtered"]
 Triple: TypeAlias = tuple[float, float, float]
 
 G_M_S2 = 9.80665  # standard gravity, by which data sheets count
@@ -150,6 +151,7 @@ class ImuModel:
     accel_bias_m_s2. gyro_scale_error, accel_scale_error: relative, each axis. gyro_misalignment_deg,
     accel_misalignment_deg: by how much of x the y axis, of x the z axis and of y the z axis measures.
     gyro_range_deg_s, accel_range_m_s2: the largest values; gyro_step_deg_s, accel_step_m_s2: of the digits; 0: none.
+    bandwidth_hz: of the low-pass before samples are taken; 0: there is none.
     """
 
     gyro_noise_density: float = 0.0
@@ -166,6 +168,7 @@ class ImuModel:
     accel_range_m_s2: float = 0.0
     gyro_step_deg_s: float = 0.0
     accel_step_m_s2: float = 0.0
+    bandwidth_hz: float = 0.0
 
     @property
     def gyro_matrix(self) -> NDArray[np.float64]:
@@ -178,6 +181,18 @@ class ImuModel:
         return _mixing(self.accel_scale_error, self.accel_misalignment_deg)
 
 
+# Of RealSense's D435i. Noise: VINS-Mono's thread 472, whose reporter sees drift. Digits: the data sheet, 12 bits at
+# 4 g and 16 at 1000 deg/s; ranges: librealsense's pull request 2777.
+_BMI055 = ImuModel(
+    gyro_noise_density=1.28e-4,
+    gyro_random_walk=2.4e-6,
+    accel_noise_density=8.4e-4,
+    accel_random_walk=6.3e-5,
+    gyro_range_deg_s=1000.0,
+    accel_range_m_s2=4 * G_M_S2,
+    gyro_step_deg_s=2000 / 2**16,
+    accel_step_m_s2=G_M_S2 / 512,
+)
 DEVICES: Mapping[DeviceName, ImuModel] = {
     "ideal": ImuModel(),
     # Noise: the sensor.yaml of EuRoC's imu0. Ranges and digits: the data sheet, from memory, not checked.
@@ -191,18 +206,10 @@ DEVICES: Mapping[DeviceName, ImuModel] = {
         gyro_step_deg_s=0.04,
         accel_step_m_s2=0.833e-3 * G_M_S2,
     ),
-    # Of RealSense's D435i. Noise: VINS-Mono's thread 472, whose reporter sees drift. Digits: the data sheet, 12 bits at
-    # 4 g and 16 at 1000 deg/s; that these are the D435i's ranges is from memory, not checked.
-    "bmi055": ImuModel(
-        gyro_noise_density=1.28e-4,
-        gyro_random_walk=2.4e-6,
-        accel_noise_density=8.4e-4,
-        accel_random_walk=6.3e-5,
-        gyro_range_deg_s=1000.0,
-        accel_range_m_s2=4 * G_M_S2,
-        gyro_step_deg_s=2000 / 2**16,
-        accel_step_m_s2=G_M_S2 / 512,
-    ),
+    "bmi055": _BMI055,
+    # 64 Hz is one of the gyroscope's bandwidths (Bosch's driver), the wider one at 200 samples a second (from memory).
+    # That the D435i has it, and the accelerometer the same, is a guess.
+    "bmi055_filtered": replace(_BMI055, bandwidth_hz=64.0),
 }
 
 
@@ -357,11 +364,66 @@ def measure(path: Trajectory, imu: Imu, first_ns: int, identifiers: Identifiers)
     on_clock_s = np.arange(numbers.start, numbers.stop) / imu.rate_hz
     passed_s = (on_clock_s - imu.time_offset_s) / imu.clock_rate
     stamps_ns = first_ns + np.rint(on_clock_s * NS_PER_S).astype(np.int64)
-    rate_rad_s, force_m_s2 = imu_motion(path, imu, passed_s).felt(imu.gravity_m_s2)
+    rate_rad_s, force_m_s2 = _felt(path, imu, numbers)
     errors = ImuErrors(imu.model, imu.rate_hz, stream(*identifiers, IMU_STREAM, "sequence"))
     measured = errors.added(rounded_numbers(rate_rad_s), rounded_numbers(force_m_s2))
     rate_rad_s, force_m_s2, *biases = map(rounded_numbers, measured)
     return SimulatedImuSamples(imu, stamps_ns, rate_rad_s, force_m_s2, path, first_ns, passed_s, *biases)
+
+
+def _felt(path: Trajectory, imu: Imu, numbers: range) -> tuple[Float64, Float64]:
+    """Return true angular velocity and specific force (N, 3) as they pass the low-pass, at samples by their numbers."""
+    bandwidth_hz = imu.model.bandwidth_hz
+    steps = math.ceil(max(_LEAST_HZ, 8 * bandwidth_hz) / imu.rate_hz) if bandwidth_hz else 1
+    weights = low_pass(bandwidth_hz, imu.rate_hz * steps)
+    reach = len(weights) // 2
+    parts: list[Float64] = []
+    for first in range(numbers.start, numbers.stop, _SAMPLES_AT_ONCE):
+        last = min(first + _SAMPLES_AT_ONCE, numbers.stop) - 1
+        on_clock_s = np.arange(first * steps - reach, last * steps + reach + 1) / (imu.rate_hz * steps)
+        motion = imu_motion(path, imu, (on_clock_s - imu.time_offset_s) / imu.clock_rate)
+        parts.append(_smoothed(np.concatenate(motion.felt(imu.gravity_m_s2), axis=1), weights, steps))
+    felt = np.concatenate(parts)
+    return felt[:, :3], felt[:, 3:]
+
+
+# An IMU's low-pass: a filter that is flat in its band, as those that sum many samples of a converter are. Makers give
+# the bandwidth alone; that it falls like this, and that the driver takes its delay off, is a choice.
+
+
+_FALL = 0.15  # standard deviation of the fall, times the bandwidth: a tenth of it is left at 1.27 times the bandwidth
+_HALF_POWER = NormalDist().inv_cdf(math.sqrt(0.5))
+_LEAST_HZ = 2000.0  # at which motion is taken for it: what is faster, by the bandwidth, would alias; chosen
+_REACH = 5.5  # deviations of the weights in time: less than 1e-6 is left out
+_SAMPLES_AT_ONCE = 20_000  # so that memory does not grow with the path; chosen
+
+
+def low_pass(bandwidth_hz: float, rate_hz: float) -> Float64:
+    """Return the weights (odd,) of an IMU's low-pass on values at a rate, without delay; of none, one weight.
+
+    A share normal((edge - f) / fall) - normal((-edge - f) / fall) of a sine of f passes, with fall = 0.15 bandwidth and
+    the edge such that half of the power passes at the bandwidth, as data sheets count.
+    """
+    if bandwidth_hz <= 0:
+        return np.ones(1)
+    fall_hz = _FALL * bandwidth_hz
+    edge_hz = bandwidth_hz + _HALF_POWER * fall_hz
+    deviation_s = 1 / (2 * math.pi * fall_hz)
+    reach = math.ceil(_REACH * deviation_s * rate_hz)
+    times_s = np.arange(-reach, reach + 1) / rate_hz
+    weights = np.sinc(2 * edge_hz * times_s) * np.exp(-0.5 * (times_s / deviation_s) ** 2)
+    return weights / weights.sum()
+
+
+def _smoothed(values: Float64, weights: Float64, steps: int = 1) -> Float64:
+    """Return the weighted sums of values (N, ...) around every one of `steps`, as far as the weights reach."""
+    if len(weights) == 1:
+        return values
+    count = (len(values) - len(weights)) // steps + 1
+    total = np.zeros((count, *values.shape[1:]))
+    for place, weight in enumerate(weights.tolist()):
+        total += weight * values[place : place + (count - 1) * steps + 1 : steps]
+    return total
 
 
 @dataclass(frozen=True, eq=False)
@@ -376,10 +438,13 @@ class ImuErrors:
         """True angular velocity and specific force (N, 3) -> as measured, and both biases (N, 3).
 
         A sample of white noise has the deviation density * sqrt(rate), as an ideal filter to half the rate leaves it;
-        a bias goes on by walk / sqrt(rate) a sample (Kalibr's model). Then digits are rounded and the range clips.
+        then it passes the low-pass, which leaves its density in the band. A bias goes on by walk / sqrt(rate) a sample
+        (Kalibr's model). Then digits are rounded and the range clips.
         """
-        model, root = self.model, np.sqrt(self.rate_hz)
-        normals = self.generator.standard_normal((len(rate_rad_s), 4, 3))
+        model, root, count = self.model, np.sqrt(self.rate_hz), len(rate_rad_s)
+        weights = low_pass(model.bandwidth_hz if 2 * model.bandwidth_hz < self.rate_hz else 0.0, self.rate_hz)
+        drawn = self.generator.standard_normal((count + len(weights) - 1, 4, 3))
+        white, normals = _smoothed(drawn[:, :2], weights), drawn[:count]
         biases = [
             first + _walked(normals[:, place] * (walk / root))
             for place, walk, first in (
@@ -387,8 +452,8 @@ class ImuErrors:
                 (3, model.accel_random_walk, model.accel_bias_m_s2),
             )
         ]
-        rate = rate_rad_s @ model.gyro_matrix.T + biases[0] + normals[:, 0] * (model.gyro_noise_density * root)
-        force = force_m_s2 @ model.accel_matrix.T + biases[1] + normals[:, 1] * (model.accel_noise_density * root)
+        rate = rate_rad_s @ model.gyro_matrix.T + biases[0] + white[:, 0] * (model.gyro_noise_density * root)
+        force = force_m_s2 @ model.accel_matrix.T + biases[1] + white[:, 1] * (model.accel_noise_density * root)
         rate = digital(rate, math.radians(model.gyro_step_deg_s), math.radians(model.gyro_range_deg_s))
         return rate, digital(force, model.accel_step_m_s2, model.accel_range_m_s2), biases[0], biases[1]
 

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What an IMU measures: closed forms, integration back to the path, and its errors by independent estimates."""
 
-from dataclasses import replace
+import math
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -13,14 +14,16 @@ from noisy_world.core.geometry import pose, rotation_from_euler_deg, rotation_fr
 from noisy_world.trajectories.rig import DEVICES, ImuModel
 from noisy_world.trajectories.rig import Imu, ImuErrors, digital, imu_motion, measure
 from noisy_world.core.streams import stream
-from noisy_world.core.curve import MountedCurve, motion_of
+from noisy_world.core.curve import BodyMotion, MountedCurve, motion_of
+from noisy_world.perturbations.kinds import SequenceContext
+from noisy_world.perturbations.shipped import vibration
 from noisy_world.core.trajectory import Trajectory, evenly_stamped
 
 ARM = pose(rotation_from_euler_deg(20, -30, 40), [0.3, -0.2, 0.1])
 
 
-def ideal(**changes):
-    return Imu(np.eye(4), ImuModel(), **changes)
+def ideal(*, bandwidth_hz=0.0, **changes):
+    return Imu(np.eye(4), ImuModel(bandwidth_hz=bandwidth_hz), **changes)
 
 
 def still(turn=((1, 0, 0), (0, 1, 0), (0, 0, 1)), count=5):
@@ -134,15 +137,79 @@ def test_independent_poses_and_curves_without_derivatives_are_refused():
         measure(replace(lively_path(), curve=Plain()), ideal(), 0, (3, "box"))
 
 
+# --- the low-pass ---
+
+
+def passed(share_hz, bandwidth_hz):
+    """Which share of a sine passes: half of its power at the bandwidth, and a normal fall of .15 times that."""
+    fall = 0.15 * bandwidth_hz
+    edge = bandwidth_hz + 0.544952 * fall  # the normal quantile of the root of a half
+    return 0.5 * (
+        math.erf((edge - share_hz) / fall / math.sqrt(2)) - math.erf((-edge - share_hz) / fall / math.sqrt(2))
+    )
+
+
+@dataclass(frozen=True)
+class Shaken:
+    """A curve of continuous time: 1 m/s^2 across at a frequency, without a turn."""
+
+    frequency_hz: float
+
+    def pose_at(self, times_s):
+        return np.broadcast_to(np.eye(4), (len(times_s), 4, 4))
+
+    def motion_at(self, times_s):
+        still = np.zeros((len(times_s), 3))
+        pull = still.copy()
+        pull[:, 0] = np.cos(2 * np.pi * self.frequency_hz * times_s)
+        return BodyMotion(np.broadcast_to(np.eye(3), (len(times_s), 3, 3)), still, still, pull, still, still)
+
+
+@cases("frequency_hz", [5.0, 50.0, 64.0, 80.0, 130.0, 390.0])
+def test_a_sine_passes_by_the_response_that_is_told_and_is_not_delayed(frequency_hz):
+    path = replace(still(count=21), curve=Shaken(frequency_hz))
+    found = measure(path, ideal(bandwidth_hz=64.0), 0, (3, "box"))
+    wanted = passed(frequency_hz, 64.0) * np.cos(2 * np.pi * frequency_hz * found.passed_s)
+    np.testing.assert_allclose(found.force_m_s2[:, 0], wanted, atol=1e-5)
+    np.testing.assert_allclose(found.force_m_s2[:, 2], 9.81, atol=1e-9)
+
+
+@cases(("bandwidth_hz", "top_hz"), [(64.0, 45.0), (20.0, 14.0), (0.0, 100.0), (330.0, 100.0)])
+def test_white_noise_keeps_its_density_in_the_band_and_loses_it_above(bandwidth_hz, top_hz):
+    model = ImuModel(gyro_noise_density=1e-3, bandwidth_hz=bandwidth_hz)
+    gyro, *_ = ImuErrors(model, 200.0, stream(2, "x")).added(*np.zeros((2, 2**17, 3)))
+    power = np.square(np.abs(np.fft.rfft(gyro, axis=0))).mean(axis=1) / (200.0 * 2**17)  # of both sides
+    hz = np.fft.rfftfreq(2**17, 1 / 200.0)
+    assert np.sqrt(power[(hz > 0.1) & (hz < top_hz)].mean()) == pytest.approx(1e-3, rel=0.01)
+    if top_hz < 100:
+        assert power[hz > 2 * top_hz].max() < 1e-3 * power[1:1000].mean()
+
+
+@cases("seed", [1, 2])
+def test_rotors_do_not_alias_through_a_low_pass(seed):
+    path = lively_path(seed=seed, strength=0.15)
+    shaken = vibration.apply(path, vibration.Vibration(source="rotors"), SequenceContext(("flown", seed)))
+    samples_of = [measure(shaken, ideal(bandwidth_hz=each), 0, (3, "box")) for each in (0.0, 30.0)]
+    off_m = []
+    for found in samples_of:
+        true = imu_motion(path, found.imu, found.passed_s[200:1201])
+        first = true.rotation[0], true.position_m[0], true.velocity_m_s[0]
+        _, places = integrated(found.rate_rad_s[200:1201], found.force_m_s2[200:1201], 1 / 200, first)
+        off_m.append(float(np.linalg.norm(places[-1] - true.position_m[-1])))
+    assert off_m[1] < 2e-3  # what it integrates starts without the shaking, which 30 Hz leaves nothing of
+    assert off_m[0] > 1
+
+
 # --- errors ---
 
 
-TAUS_S = np.array([0.05, 0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100, 200])
+RATE_HZ = 50.0
+TAUS_S = np.array([0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100, 200])
 
 
 def fitted(values, *, white=True):
     """Noise density and random walk by a weighted fit of N^2 / tau + K^2 tau / 3 to the Allan variance of 3 axes."""
-    variance = overlapping_allan_variance(values, 200.0, TAUS_S).mean(axis=1)
+    variance = overlapping_allan_variance(values, RATE_HZ, TAUS_S).mean(axis=1)
     weight = (np.sqrt(7200 / TAUS_S) / variance)[:, None]
     terms = np.stack([1 / TAUS_S, TAUS_S / 3], axis=1)[:, slice(0 if white else 1, 2)]
     found, *_ = np.linalg.lstsq(terms * weight, variance * weight[:, 0], rcond=None)
@@ -153,8 +220,11 @@ def fitted(values, *, white=True):
 @cases("device", ["adis16448", "bmi055"])
 def test_densities_and_walks_come_back_from_two_hours(device):
     # Without digits: those of the BMI055's accelerometer, of 12 bits, add a tenth to its noise.
-    model, zeros = replace(DEVICES[device], gyro_step_deg_s=0, accel_step_m_s2=0), np.zeros((2 * 3600 * 200, 3))
-    gyro, accel, *biases = ImuErrors(model, 200.0, stream(5, "hall")).added(zeros, zeros)
+    model, zeros = (
+        replace(DEVICES[device], gyro_step_deg_s=0, accel_step_m_s2=0),
+        np.zeros((round(2 * 3600 * RATE_HZ), 3)),
+    )
+    gyro, accel, *biases = ImuErrors(model, RATE_HZ, stream(5, "hall")).added(zeros, zeros)
     for values, bias, density, walk in (
         (gyro, biases[0], model.gyro_noise_density, model.gyro_random_walk),
         (accel, biases[1], model.accel_noise_density, model.accel_random_walk),
@@ -243,8 +313,9 @@ def test_true_states_are_those_of_the_frames_and_the_samples():
     np.testing.assert_allclose(states.gyro_bias_rad_s[at_samples], bias, atol=1e-12)
 
 
-def test_more_of_a_path_begins_with_the_same_draws_and_seeds_differ():
-    noisy = Imu(np.eye(4), DEVICES["bmi055"])
+@cases("device", ["bmi055", "bmi055_filtered"])
+def test_more_of_a_path_begins_with_the_same_draws_and_seeds_differ(device):
+    noisy = Imu(np.eye(4), DEVICES[device])
     short, long = (measure(still(count=count), noisy, 0, (3, "box")) for count in (10, 30))
     count = len(short.stamps_ns)
     np.testing.assert_array_equal(short.force_m_s2, long.force_m_s2[:count])

@@ -28,7 +28,12 @@ DEVICE_TOOLTIPS = {
     "shift_px": "Higher: edges get more ragged",
     "min_m": "Higher: more of what is near has no depth",
     "max_m": "Lower: more of what is far has no depth",
+    "correlation_px": "Higher: errors come in larger patches, so that averaging neighbours helps less",
+    "correlation_frames": "Higher: errors stay for more frames, so that averaging frames helps less",
+    "clump_px": "Higher: holes are fewer and larger",
+    "clump_frames": "Higher: holes stay for more frames",
 }
+MOST_FRAMES = 32  # whose random numbers are drawn for one; chosen
 NOISE_SEVERITIES = (0.25, 0.5, 1.0, 2.0, 4.0)  # times the device's: halved and doubled around it
 
 
@@ -40,6 +45,33 @@ def of_device(meaning: str, maximum: float, unit: str = "", **words: Any) -> Any
 def noise_of_device() -> Any:
     """Return the field of the number that all noise of a device is multiplied by, which severity sets."""
     return key("random errors, times the device's", default=NOISE_SEVERITIES[2], minimum=0, maximum=100)
+
+
+def correlation_px() -> Any:
+    """Return the field of how far errors are shared in the image, as `Shared.px`."""
+    meaning = "distance at which errors have a correlation of 1 / e; 0: pixels have their own"
+    return of_device(meaning, 200, "px", slider=(0, 10), later=True)
+
+
+def correlation_frames() -> Any:
+    """Return the field of how far errors are shared in time, as `Shared.frames`."""
+    return _frames_of_device("frames whose errors go with one another, less with each frame between; 1: none")
+
+
+def clump_px() -> Any:
+    """Return the field of how far what makes holes is shared in the image, as `Shared.px`."""
+    return of_device(
+        "how large holes are, as correlation_px; 0: of single pixels", 200, "px", slider=(0, 80), later=True
+    )
+
+
+def clump_frames() -> Any:
+    """Return the field of how far what makes holes is shared in time, as `Shared.frames`."""
+    return _frames_of_device("frames that holes stay for, as correlation_frames")
+
+
+def _frames_of_device(meaning: str) -> Any:
+    return key(f"{meaning}; below 0: the device's", default=-1, minimum=-1, maximum=MOST_FRAMES, later=True)
 
 
 def filled(parameters: P, devices: Devices) -> P:

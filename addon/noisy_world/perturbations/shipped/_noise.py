@@ -9,7 +9,7 @@ off, which a Kolmogorov-Smirnov test detects from some 1e10 samples on. The oute
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, lru_cache, reduce
 from statistics import NormalDist
 from typing import TypeAlias, TypeVar
@@ -65,6 +65,135 @@ def normal_quantiles() -> NDArray[np.float64]:
 def scaled_normal(sigma: float) -> NDArray[np.float32]:
     """Return (CODES,): the quantiles of a normal number with this standard deviation."""
     return (normal_quantiles() * sigma).astype(np.float32)
+
+
+# Random numbers that neighbours and frames share.
+#
+# A field is white numbers under a Gaussian of the image, whose weights have squares that sum to 1, so each number stays
+# standard normal; those that the weights reach beyond the image are drawn too, so its edges are like its middle. In
+# time it is the sum of several frames' numbers, each from its own stream, so any frame is made alone. White numbers
+# have 256 values: their distribution function is at most 1 / 512 off, and sums of them far less.
+
+
+Draws: TypeAlias = NDArray[np.uint16] | NDArray[np.float32]
+"""Random numbers (H, W): uniform codes where each pixel has its own, or standard normal ones that neighbours share."""
+
+_REACH = 2.5  # deviations of the Gaussian: what is left out holds 1 % of its weights; chosen
+_COARSE_PX = 2  # of correlation that a grid resolves: farther correlation is drawn on a coarser grid; chosen
+
+
+@dataclass(frozen=True)
+class Shared:
+    """How far random numbers are shared.
+
+    px: at this distance their correlation is 1 / e, as exp(-(distance / px)^2); 0: pixels have their own. frames: of so
+    many, at a lag of k frames their correlation is 1 - k / frames; below 2: frames have their own.
+    """
+
+    px: float = 0.0
+    frames: int = 1
+
+
+def drawn(
+    context: FrameContext, purpose: str, shape: tuple[int, int], shared: Shared, count: int = 1
+) -> tuple[Draws, ...]:
+    """Draw fields (H, W) of random numbers, independent of one another, for `scaled` and `shifted_places`."""
+    frames = max(shared.frames, 1) if context.temporal == "fresh" else 1
+    if shared.px <= 0 and frames == 1:
+        generator = context.pattern_stream(purpose)
+        return tuple(uniform_codes(generator, shape) for _ in range(count))
+    grid = max(int(shared.px / _COARSE_PX), 1)
+    weights = _gaussian_weights(shared.px / grid, interpolated=grid > 1)
+    rim = len(weights) // 2
+    coarse = shape if grid == 1 else (-(-shape[0] // grid) + 2, -(-shape[1] // grid) + 2)
+    white = _white(context, purpose, (coarse[0] + 2 * rim, coarse[1] + 2 * rim), frames, count)
+    return tuple(_finer(_filtered(each, weights), weights, grid, shape) for each in white)
+
+
+def scaled(draws: Draws, sigma: float) -> NDArray[np.float32]:
+    """Return normal numbers (H, W) with this standard deviation."""
+    if draws.dtype == np.uint16:
+        return look_up(draws.view(np.uint16), scaled_normal(sigma))
+    return np.multiply(draws, np.float32(sigma), dtype=np.float32)
+
+
+def _white(
+    context: FrameContext, purpose: str, shape: tuple[int, int], frames: int, count: int
+) -> list[NDArray[np.float32]]:
+    """Return fields (H, W) of standard normal numbers: sums of this frame's and the frames' before it."""
+    import cv2
+
+    table = _byte_quantiles() / np.float32(math.sqrt(frames))
+    sums: list[NDArray[np.float32]] = []
+    for back in range(frames):
+        generator = _stream_before(context, purpose, back)
+        for place in range(count):
+            white = np.asarray(cv2.LUT(_uniform_bytes(generator, shape), table), np.float32)
+            if back:
+                sums[place] += white
+            else:
+                sums.append(white)
+    return sums
+
+
+def _uniform_bytes(generator: np.random.Generator, shape: tuple[int, int]) -> NDArray[np.uint8]:
+    count = math.prod(shape)
+    words = generator.bit_generator.random_raw((count + 7) // 8)
+    return words.astype("<u8", copy=False).view(np.uint8)[:count].reshape(shape)
+
+
+@cache
+def _byte_quantiles() -> NDArray[np.float32]:
+    """Return (256,) ascending: the standard normal's mean within intervals of equal probability, of variance 1."""
+    means = normal_quantiles().reshape(256, -1).mean(axis=1)
+    return (means / np.sqrt(np.mean(means**2))).astype(np.float32)
+
+
+def _stream_before(context: FrameContext, purpose: str, back: int) -> np.random.Generator:
+    """Return the stream of a pattern so many frames earlier; those before the first frame have streams too."""
+    if back <= context.index:
+        return replace(context, index=context.index - back).pattern_stream(purpose)
+    return replace(context, index=back - context.index).pattern_stream(purpose, "before")
+
+
+@lru_cache(maxsize=16)
+def _gaussian_weights(px: float, *, interpolated: bool = False) -> NDArray[np.float32]:
+    """Return the weights (odd,) of a Gaussian, whose squares sum to 1 and whose own correlation is 1 / e at px.
+
+    interpolated: linearly afterwards, which widens it by a variance of 1 / 6.
+    """
+    sigma = math.sqrt(px**2 / 4 - 1 / 6) if interpolated else px / 2
+    places = np.arange(-math.ceil(_REACH * sigma), math.ceil(_REACH * sigma) + 1)
+    weights = np.exp(-(places**2) / (2 * sigma**2)) if sigma > 0 else np.ones(1)
+    return (weights / np.sqrt(np.sum(weights**2))).astype(np.float32)
+
+
+def _filtered(white: NDArray[np.float32], weights: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return what the weights, across and down, make of white numbers, as far as these reach."""
+    import cv2
+
+    rim = len(weights) // 2
+    if not rim:
+        return white
+    return np.asarray(cv2.sepFilter2D(white, -1, weights, weights), np.float32)[rim:-rim, rim:-rim]
+
+
+def _finer(
+    field: NDArray[np.float32], weights: NDArray[np.float32], grid: int, shape: tuple[int, int]
+) -> NDArray[np.float32]:
+    """Return a field of a coarse grid at each pixel: interpolated, and scaled to what it had on the grid."""
+    import cv2
+
+    if grid == 1:
+        return field
+    size = field.shape[1] * grid, field.shape[0] * grid
+    fine = cv2.resize(np.ascontiguousarray(field), size, interpolation=cv2.INTER_LINEAR)
+    inner = np.asarray(fine, np.float32)[grid : grid + shape[0], grid : grid + shape[1]]
+    near = float(np.sum(weights[1:].astype(np.float64) * weights[:-1]))  # correlation of neighbours on the grid
+    down, right = (((np.arange(count) + 0.5) / grid - 0.5) % 1 for count in shape)
+    gains = (1 / np.sqrt((1 - part) ** 2 + part**2 + 2 * part * (1 - part) * near) for part in (down, right))
+    of_row, of_column = (gain.astype(np.float32) for gain in gains)
+    return np.multiply(inner, of_row[:, None] * of_column, out=inner)
 
 
 # Node groups that turn uniform random numbers into normal or Poisson ones; the groups of noise use them.
@@ -211,19 +340,19 @@ LARGEST = 32767  # of 16 bits with a sign
 
 
 def shifted_places(
-    generator: np.random.Generator, shape: tuple[int, int], sigma_px: float
+    down: Draws, right: Draws, sigma_px: float
 ) -> tuple[NDArray[np.signedinteger], NDArray[np.signedinteger]]:
     """Return rows and columns (H, W): each pixel's own, moved by rounded normal numbers, inside the image.
 
-    They have 16 bits where these suffice, else 32.
+    down, right: (H, W) of random numbers. The places have 16 bits where these suffice, else 32.
     """
-    steps = _steps(sigma_px)
-    short = max(shape) + int(steps[-1]) <= LARGEST
-    rows = _moved(look_up(uniform_codes(generator, shape), steps), short=short)
-    rows += np.arange(shape[0], dtype=rows.dtype)[:, None]
-    columns = _moved(look_up(uniform_codes(generator, shape), steps), short=short)
-    columns += np.arange(shape[1], dtype=columns.dtype)
-    return _kept(rows, shape[0]), _kept(columns, shape[1])
+    height, width = down.shape
+    short = max(height, width) + math.ceil(9 * sigma_px) <= LARGEST  # no sum of normal numbers goes as far as 9 sigma
+    rows = _moved(down, sigma_px, short=short)
+    rows += np.arange(height, dtype=rows.dtype)[:, None]
+    columns = _moved(right, sigma_px, short=short)
+    columns += np.arange(width, dtype=columns.dtype)
+    return _kept(rows, height), _kept(columns, width)
 
 
 def taken(
@@ -240,8 +369,12 @@ def taken(
     return image.reshape(-1).take(flat)
 
 
-def _moved(steps: NDArray[np.int16], *, short: bool) -> NDArray[np.signedinteger]:
-    return steps if short else steps.astype(np.int32)
+def _moved(draws: Draws, sigma_px: float, *, short: bool) -> NDArray[np.signedinteger]:
+    if draws.dtype == np.uint16:
+        steps = look_up(draws.view(np.uint16), _steps(sigma_px))
+        return steps if short else steps.astype(np.int32)
+    steps = scaled(draws, sigma_px)
+    return np.rint(steps, out=steps).astype(np.int16 if short else np.int32)
 
 
 @lru_cache(maxsize=8)

@@ -18,12 +18,14 @@ from ._depth_devices import (
     NOISE_SEVERITIES,
     Devices,
     camera_of,
+    correlation_frames,
+    correlation_px,
     cosine_of_incidence,
     filled,
     noise_of_device,
     of_device,
 )
-from ._noise import CODES, look_up, scaled_normal, uniform_codes
+from ._noise import CODES, Shared, drawn, look_up, scaled
 
 STEEP_RAD = np.pi / 3  # from which on the law has a term of incidence
 STEEPEST_RAD = np.radians(80.0)  # from which on it stays: it was measured so far (from memory)
@@ -56,6 +58,8 @@ class AxialNoise:
     steep: float = of_device("factor of the term beyond 60 degrees of incidence, in m^1.5", 10)
     lateral_px: float = of_device("deviation of the place that a pixel shows, on a surface seen head on", 8, "px")
     lateral_steep_px: float = of_device("what incidence adds to it", 8, "px")
+    correlation_px: float = correlation_px()
+    correlation_frames: int = correlation_frames()
     TOOLTIPS: ClassVar[Mapping[str, str]] = DEVICE_TOOLTIPS | {
         "from_m": "Higher: noise begins to grow further away",
         "offset_m": "Higher: everything gets rougher by the same",
@@ -96,7 +100,8 @@ def apply(depth_m: NDArray[np.float32], parameters: AxialNoise, context: FrameCo
         depth = _moved(depth, own, angles, context)
         valid &= depth > 0
     sigma = _sigma_m(depth, own, angles)
-    sigma *= look_up(uniform_codes(context.pattern_stream("axial"), depth.shape), scaled_normal(own.noise))
+    (draws,) = drawn(context, "axial", depth_m.shape, Shared(own.correlation_px, own.correlation_frames))
+    sigma *= scaled(draws, own.noise)
     depth += sigma
     valid &= depth > 0
     return np.where(valid, depth, np.float32(0))
@@ -125,10 +130,9 @@ def _moved(
     reach = None
     if own.lateral_steep_px > 0 and angles is not None:
         reach = look_up(angles, _lateral(own.lateral_px * own.noise, own.lateral_steep_px * own.noise))
-    generator = context.pattern_stream("lateral")
+    draws = drawn(context, "lateral", depth_m.shape, Shared(own.correlation_px), count=2)
     for axis, side in enumerate(depth_m.shape):
-        codes = uniform_codes(generator, depth_m.shape)
-        off = look_up(codes, scaled_normal(own.lateral_px * own.noise if reach is None else 1.0))
+        off = scaled(draws[axis], own.lateral_px * own.noise if reach is None else 1.0)
         if reach is not None:
             off *= reach
         np.rint(off, out=off)

@@ -14,8 +14,17 @@ from ...core.file_access import read_text
 from ...core.schema import Choice, key
 from ..kinds import About, DepthPerturbation, FrameContext
 from ._arrays import quotient, without_void
-from ._depth_devices import DEVICE_TOOLTIPS, NOISE_SEVERITIES, Devices, filled, noise_of_device, of_device
-from ._noise import look_up, scaled_normal, shifted_places, taken, uniform_codes
+from ._depth_devices import (
+    DEVICE_TOOLTIPS,
+    NOISE_SEVERITIES,
+    Devices,
+    correlation_frames,
+    correlation_px,
+    filled,
+    noise_of_device,
+    of_device,
+)
+from ._noise import Shared, drawn, scaled, shifted_places, taken
 
 # The table by which Redwood's simulator warps depth: over the image and at five distances, in a text file.
 #
@@ -104,6 +113,8 @@ class Redwood:
     sigma_px: float = of_device("standard deviation of disparity before that", 8, "px")
     shift_px: float = of_device("standard deviation of the place, across and down, that a pixel shows", 8, "px")
     max_m: float = of_device("depth from which on nothing is given", 1000, "m", slider=(0.5, 20))
+    correlation_px: float = correlation_px()
+    correlation_frames: int = correlation_frames()
     warp: str = key("a file with a table of distortion, such as Redwood's dist-model.txt", default="", file=warp_table)
     TOOLTIPS: ClassVar[Mapping[str, str]] = DEVICE_TOOLTIPS | {
         "product_px_m": "Higher: depth gets better",
@@ -128,9 +139,11 @@ def apply(depth_m: NDArray[np.float32], parameters: Redwood, context: FrameConte
     """Measure (H, W) metres."""
     own = filled(parameters, DEVICES)
     depth, valid = without_void(depth_m)
+    shared = Shared(own.correlation_px, own.correlation_frames)
     shift_px = own.shift_px * own.noise
     if shift_px > 0:
-        rows, columns = shifted_places(context.pattern_stream("place"), depth.shape, shift_px)
+        down, right = drawn(context, "place", depth_m.shape, Shared(shared.px), count=2)
+        rows, columns = shifted_places(down, right, shift_px)
     else:
         rows, columns = (np.arange(side, dtype=np.int32) for side in depth.shape)
         rows = np.broadcast_to(rows[:, None], depth.shape)
@@ -142,8 +155,8 @@ def apply(depth_m: NDArray[np.float32], parameters: Redwood, context: FrameConte
         valid &= depth > 0
     steps = quotient(own.product_px_m / own.step_px, depth, valid)
     if own.sigma_px * own.noise > 0:
-        codes = uniform_codes(context.pattern_stream("disparity"), depth.shape)
-        steps += look_up(codes, scaled_normal(own.sigma_px * own.noise / own.step_px))
+        (draws,) = drawn(context, "disparity", depth_m.shape, shared)
+        steps += scaled(draws, own.sigma_px * own.noise / own.step_px)
     np.rint(steps, out=steps)
     valid &= steps > 0
     return quotient(own.product_px_m / own.step_px, steps, valid)

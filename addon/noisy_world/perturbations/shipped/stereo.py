@@ -17,12 +17,16 @@ from ._depth_devices import (
     NOISE_SEVERITIES,
     Devices,
     camera_of,
+    clump_frames,
+    clump_px,
+    correlation_frames,
+    correlation_px,
     filled,
     noise_of_device,
     of_device,
     shadowed,
 )
-from ._noise import look_up, normal_quantiles, scaled_normal, uniform_codes
+from ._noise import Draws, Shared, drawn, look_up, normal_quantiles, scaled
 
 WINDOW_PX = 7  # of the device's image: the census window of simsense, which is what texture is asked for
 
@@ -37,13 +41,16 @@ class Stereo:
     Not modelled: wrong matches, depth of an edge that spreads, repetitive texture, sunlight.
     """
 
-    device: Literal["realsense_d435", "realsense_d455", "realsense_d415"] = key(
+    device: Literal["realsense_d435", "realsense_d455", "realsense_d415", "realsense_d435_correlated"] = key(
         "the camera whose values are taken",
         default="realsense_d435",
         choices={
             "realsense_d435": Choice("RealSense D435", "Intel's stereo camera with a wide view"),
             "realsense_d455": Choice("RealSense D455", "Intel's stereo camera with a longer baseline"),
             "realsense_d415": Choice("RealSense D415", "Intel's stereo camera with a narrow view"),
+            "realsense_d435_correlated": Choice(
+                "RealSense D435, Correlated", "Intel's stereo camera with a wide view: noise and holes in patches"
+            ),
         },
     )
     noise: float = noise_of_device()
@@ -56,6 +63,10 @@ class Stereo:
     least_contrast: float = of_device("least standard deviation of brightness (0 to 1) that is matched", 1)
     pattern: float = of_device("contrast that the projector adds to white at 1 m", 100)
     speckle: float = of_device("standard deviation of the speckle that contrast is multiplied by", 1)
+    correlation_px: float = correlation_px()
+    correlation_frames: int = correlation_frames()
+    clump_px: float = clump_px()
+    clump_frames: int = clump_frames()
     TOOLTIPS: ClassVar[Mapping[str, str]] = DEVICE_TOOLTIPS | {
         "sigma_px": "Higher: far surfaces get rougher",
         "search_px": "Lower: more of what is near has no depth",
@@ -70,8 +81,12 @@ class Stereo:
 # The baselines, the D455's 87 degrees, search_px, least_contrast, pattern and max_m were not looked up: guesses.
 _D4XX = {"sigma_px": 0.08, "step_px": 1 / 32, "search_px": 126.0, "max_m": 10.0}
 _D4XX |= {"least_contrast": 0.01, "pattern": 0.16, "speckle": 0.25}
+# Errors of windows of 7 px that share all but l columns have the correlation 1 - l / 7, which is 1 / e at 4.4 px.
+# clump_px and the frames are guesses.
+_PATCHES = {"correlation_px": 4.4, "correlation_frames": 1, "clump_px": 12.0, "clump_frames": 1}
 DEVICES: Devices = {
     "realsense_d435": _D4XX | {"focal_px": 424.0, "baseline_m": 0.050},
+    "realsense_d435_correlated": _D4XX | _PATCHES | {"focal_px": 424.0, "baseline_m": 0.050},
     "realsense_d455": _D4XX | {"focal_px": 446.8, "baseline_m": 0.095},
     "realsense_d415": _D4XX | {"focal_px": 1004.6, "baseline_m": 0.055},
 }
@@ -87,14 +102,15 @@ def apply(depth_m: NDArray[np.float32], parameters: Stereo, context: FrameContex
     lost = shadowed(disparity, scale)
     if own.least_contrast > 0:
         lost |= _untextured(depth_m, own, context, camera.fx_px)
-    codes = None
+    draws: tuple[Draws, ...] = ()
     if own.sigma_px * own.noise > 0:
-        codes = uniform_codes(context.pattern_stream("disparity"), disparity.shape)
+        shared = Shared(own.correlation_px * scale, own.correlation_frames)
+        draws = drawn(context, "disparity", depth_m.shape, shared)
     return by_bands(
         disparity,
         disparity.dtype,
-        lambda seen, without, *drawn: _triangulated(seen, without, own, scale, *drawn),
-        *((lost,) if codes is None else (lost, codes)),
+        lambda seen, without, *of_band: _triangulated(seen, without, own, scale, *of_band),
+        *(lost, *draws),
     )
 
 
@@ -103,7 +119,7 @@ def _triangulated(
     lost: NDArray[np.bool_],
     own: Stereo,
     scale: float,
-    codes: NDArray[np.uint16] | None = None,
+    draws: Draws | None = None,
 ) -> NDArray[np.float32]:
     """Return the depth of rows (H, W) by disparity, which is changed in place; 0 where it was 0 or is lost."""
     product = own.focal_px * own.baseline_m
@@ -111,8 +127,8 @@ def _triangulated(
     valid = disparity_px * np.float32(scale) <= np.arange(0.5, disparity_px.shape[1], dtype=np.float32)
     valid &= disparity_px > 0
     valid &= ~lost
-    if codes is not None:
-        disparity_px += look_up(codes, scaled_normal(own.sigma_px * own.noise))
+    if draws is not None:
+        disparity_px += scaled(draws, own.sigma_px * own.noise)
     if own.step_px > 0:
         disparity_px *= np.float32(1 / own.step_px)
         np.rint(disparity_px, out=disparity_px)
@@ -131,15 +147,16 @@ def _untextured(depth_m: NDArray[np.float32], own: Stereo, context: FrameContext
     window = (2 * half + 1, 2 * half + 1)
     mean = np.asarray(cv2.blur(grey, window), np.float32).reshape(grey.shape)
     squares = np.asarray(cv2.sqrBoxFilter(grey, cv2.CV_32F, window), np.float32).reshape(grey.shape)
-    codes = None
+    draws: tuple[Draws, ...] = ()
     if own.speckle * own.noise > 0:
-        codes = uniform_codes(context.pattern_stream("speckle"), depth_m.shape)
+        shared = Shared(own.clump_px * focal_px / own.focal_px, own.clump_frames)
+        draws = drawn(context, "speckle", depth_m.shape, shared)
 
     def untextured(
         depth_m: NDArray[np.float32],
         mean: NDArray[np.float32],
         variance: NDArray[np.float32],
-        codes: NDArray[np.uint16] | None = None,
+        draws: Draws | None = None,
     ) -> NDArray[np.bool_]:
         variance -= mean * mean
         np.maximum(variance, 0, out=variance)
@@ -147,16 +164,27 @@ def _untextured(depth_m: NDArray[np.float32], own: Stereo, context: FrameContext
             depth, known = without_void(depth_m)
             lit = quotient(mean * np.float32(own.pattern), depth * depth, known)
             variance += np.square(lit, out=lit)
-        if codes is not None:
-            variance *= look_up(codes, _speckle_squared(own.speckle * own.noise))
+        if draws is not None:
+            variance *= _speckle_squared(draws, own.speckle * own.noise)
         return variance < np.float32(own.least_contrast**2)
 
-    return by_bands(depth_m, np.dtype(np.bool_), untextured, mean, squares, *(() if codes is None else (codes,)))
+    return by_bands(depth_m, np.dtype(np.bool_), untextured, mean, squares, *draws)
+
+
+def _speckle_squared(draws: Draws, sigma: float) -> NDArray[np.float32]:
+    """Return squares (H, W) of gamma variables of mean 1 (Wilson and Hilferty, 1931)."""
+    if draws.dtype == np.uint16:
+        return look_up(draws.view(np.uint16), _quantiles_of_speckle(sigma))
+    third = sigma / 3
+    root = scaled(draws, third)
+    root += np.float32(1 - third**2)
+    np.maximum(root, 0, out=root)
+    root *= root * root
+    return np.square(root, out=root)
 
 
 @lru_cache(maxsize=8)
-def _speckle_squared(sigma: float) -> NDArray[np.float32]:
-    """Return quantiles of the square of a gamma variable of mean 1 (Wilson and Hilferty, 1931)."""
+def _quantiles_of_speckle(sigma: float) -> NDArray[np.float32]:
     third = sigma / 3
     return (np.maximum(1 - third**2 + third * normal_quantiles(), 0) ** 6).astype(np.float32)
 

@@ -21,13 +21,15 @@ from ._depth_devices import (
     TINY,
     Devices,
     camera_of,
+    correlation_frames,
+    correlation_px,
     cosine_of_incidence,
     filled,
     noise_of_device,
     of_device,
     range_contradiction,
 )
-from ._noise import look_up, scaled_normal, uniform_codes
+from ._noise import Shared, drawn, scaled
 
 # Light that reaches a surface by one bounce off others: what makes a time of flight camera's corners too deep.
 #
@@ -181,6 +183,8 @@ class TimeOfFlight:
     )
     min_m: float = of_device("nearest depth that is given", 1000, "m", slider=(0, 2))
     max_m: float = of_device("farthest depth that is given", 1000, "m", slider=(0.5, 20))
+    correlation_px: float = correlation_px()
+    correlation_frames: int = correlation_frames()
     TOOLTIPS: ClassVar[Mapping[str, str]] = DEVICE_TOOLTIPS | {
         "frequency_mhz": "Higher: depth gets better, and begins again at 0 sooner",
         "unambiguous_m": "Lower: what is far comes back as near",
@@ -229,10 +233,10 @@ def apply(depth_m: NDArray[np.float32], parameters: TimeOfFlight, context: Frame
     deviation = mixed + np.float32(own.ambient_electrons + own.read_electrons**2)
     deviation *= np.float32(own.noise**2 / 2)
     np.sqrt(deviation, out=deviation)
-    generator = context.pattern_stream("samples")
-    for part in (real, imaginary):
+    shared = Shared(own.correlation_px, own.correlation_frames)
+    for part, draws in zip((real, imaginary), drawn(context, "samples", depth_m.shape, shared, count=2), strict=True):
         np.multiply(part, np.float32(own.contrast), out=part)
-        noise = look_up(uniform_codes(generator, depth.shape), scaled_normal(1.0))
+        noise = scaled(draws, 1.0)
         noise *= deviation
         np.add(part, noise, out=part)
     found_m = _turned(real, imaginary, fine_m)
