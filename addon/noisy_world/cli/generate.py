@@ -121,6 +121,8 @@ def generate(plan: "Plan", options: argparse.Namespace, entry: Entry) -> int:
     report = make_dataset(plan, options, entry, progress, stop, partial(need_blender, plan, entry))
     for written in [address] if address else _written(plan, out_folder(options)):
         print(f"wrote {written}")
+    for item in plan.refused:
+        print(f"left out {item.folder}: {item.setting} {item.why}")
     tell_outcome(report, options)
     return 0
 

@@ -109,8 +109,29 @@ class Render:
 
 
 @dataclass(frozen=True)
+class Refused:
+    """A sequence of a preset that cannot be made of what its scene has.
+
+    why: a sentence's end, after the setting's name. error: what ends a run where nothing is left out.
+    """
+
+    setting: str
+    scene: str
+    why: str
+    error: InputError
+
+    @property
+    def folder(self) -> str:
+        """The folder that it would have in the dataset."""
+        return f"{self.setting}/{self.scene}"
+
+
+@dataclass(frozen=True)
 class Plan:
-    """All renders and sequences of a preset. chosen: the frames of each sequence to make, if not all."""
+    """All renders and sequences of a preset. chosen: the frames of each sequence to make, if not all.
+
+    refused: sequences that are left out, as their scenes lack what their settings need.
+    """
 
     preset: Preset
     format: OutputFormat
@@ -118,6 +139,7 @@ class Plan:
     settings: tuple[Setting, ...]
     renders: tuple[Render, ...]
     chosen: slice | None = None
+    refused: tuple[Refused, ...] = ()
 
     @cached_property
     def sequences(self) -> tuple[PlannedSequence, ...]:
@@ -212,12 +234,18 @@ def read_settings(preset: Preset, registry: Registry) -> tuple[Setting, ...]:
 
 
 def lay_out_plan(
-    preset: Preset, settings: tuple[Setting, ...], scenes: Sequence[Scene], chosen: slice | None = None
+    preset: Preset,
+    settings: tuple[Setting, ...],
+    scenes: Sequence[Scene],
+    chosen: slice | None = None,
+    *,
+    leave_out: bool = False,
 ) -> Plan:
     """Lay out the work of a preset with its settings and scenes.
 
-    chosen: the frames of each sequence to make, start and stop only; they keep their numbers. Raises InputError where
-    the preset asks for what cannot be made.
+    chosen: the frames of each sequence to make, start and stop only; they keep their numbers. leave_out: whether a
+    setting that needs what a scene has not is left out there, and the rest planned. Raises InputError where the preset
+    asks for what cannot be made, and where nothing is left.
     """
     spec = preset.spec
     _check_scenes(scenes, preset)
@@ -232,29 +260,67 @@ def lay_out_plan(
     if plan.rig is not None:
         check_imu(plan.rig, settings, scenes, preset)
         scenes = [mounted(scene, plan.rig, preset) for scene in scenes]
-    return replace(plan, renders=tuple(render for scene in scenes for render in _renders(plan, scene)))
+    refused = tuple(found for scene in scenes for setting in settings if (found := _refused(setting, scene)))
+    if refused and (not leave_out or len(refused) == len(scenes) * len(settings)):
+        raise _none_left(refused, preset) if leave_out else refused[0].error
+    without = {item.folder for item in refused}
+    renders = tuple(render for scene in scenes for render in _renders(plan, scene, without))
+    planned = {sequence.setting.name for render in renders for sequence in render.sequences}
+    settings = tuple(setting for setting in settings if setting.name in planned)
+    return replace(plan, settings=settings, renders=renders, refused=refused)
 
 
-def _renders(plan: Plan, scene: Scene) -> list[Render]:
+def _refused(setting: Setting, scene: Scene) -> Refused | None:
+    """Return why a setting cannot be carried out on what a scene has; None where it can."""
+    capabilities, remedies = scene.source.capabilities, ["take that setting out"]
+    moves = any(step.perturbation.apply is not None for step in setting.motion if step.severity != 0)
+    lacks = None
+    if setting.exposure and (between := capabilities.instants_only):
+        why = f"looks between the frames with {setting.exposure[0].perturbation.name}, but {between}"
+        remedies.append("render a mesh")
+    elif not capabilities.depth and (
+        setting.needs_depth or setting.measures_travel or setting.depth or setting.pairing
+    ):
+        why, lacks = f"needs depth, and {scene.name} has none", "depth"
+    elif moves and not capabilities.any_pose:
+        why = "deviates from the path, but an existing sequence cannot be seen from elsewhere"
+        remedies.append("render the scene's mesh")
+    else:
+        return None
+    return Refused(setting.name, scene.name, why, scene.error(f"{setting.name} {why}", *remedies, lacks=lacks))
+
+
+def _none_left(refused: Sequence[Refused], preset: Preset) -> InputError:
+    """Return the error that says that nothing of a preset can be made."""
+    if len(refused) == 1:
+        return refused[0].error
+    reasons = list(dict.fromkeys(item.why for item in refused))
+    others = f", and {len(reasons) - 1} reasons more" if len(reasons) > 1 else ""
+    first = f"{refused[0].setting} {reasons[0]}"
+    problem = f"none of {len(refused)} sequences can be made: {first}{others}"
+    return preset.place("settings").error(problem, "add a setting that its scenes can show, such as {name: clean}")
+
+
+def _renders(plan: Plan, scene: Scene, without: Collection[str]) -> list[Render]:
     """Group the settings of a scene by what has to be rendered: one render serves all that leave the path alone.
 
-    Those that expose its frames alike, along equal poses, share one too.
+    Those that expose its frames alike, along equal poses, share one too. without: folders of sequences to leave out.
     """
+    settings = [setting for setting in plan.settings if f"{setting.name}/{scene.name}" not in without]
+    if not settings:
+        return []
     _check_chosen(scene, plan)
     preset, modalities = plan.preset, plan.format.modalities
     camera = scene.camera(preset)
     optics, unit = _optics(scene, plan, camera), unit_of(scene)
     check_pairs(scene, optics, preset, unit)
     clocked = unit is not None and unit.clock is not None
-    check_light(scene, plan.settings, preset)
+    check_light(scene, settings, preset)
     shared: list[PlannedSequence] = []
     moved: dict[Hashable, Render] = {}
-    for setting in plan.settings:
+    for setting in settings:
         moving, _ = split_motion(setting.motion, exposed=clocked or bool(setting.exposure))
         _check_exposure(setting, moving, scene, preset)
-        if (setting.needs_depth or setting.measures_travel) and not scene.source.capabilities.depth:
-            problem = f"{setting.name} needs depth, and {scene.name} has none"
-            raise scene.error(problem, "take that setting out", lacks="depth")
         identifiers = (preset.spec.seed, scene.name, setting.name)
         pairing = {"clocked": clocked, "repeats": repeats_of(scene)}
         sequence = lay_out(setting, scene.name, scene.frame_count, identifiers, plan.chosen, **pairing)
@@ -269,11 +335,6 @@ def _renders(plan: Plan, scene: Scene) -> list[Render]:
         if not moving and not setting.exposure:
             shared.append(sequence)
             continue
-        if any(step.perturbation.apply is not None for step in moving) and not scene.source.capabilities.any_pose:
-            problem = (
-                f"deviates from its path in {setting.name}, but an existing sequence cannot be seen from elsewhere"
-            )
-            raise scene.error(problem, "take that setting out", "render the scene's mesh")
         key = _shown_key(setting, moving, scene.frame_count, identifiers)
         empty = Render(f"{scene.name}@{setting.name}", scene, range(0), (), camera, moving, identifiers)
         first = moved.get(key, replace(empty, optics=optics, unit=unit))
@@ -308,9 +369,6 @@ def _check_exposure(
         return
     exposing = setting.exposure[0].perturbation.name
     check_exposed(f"{setting.name}: {exposing}", preset)
-    if why := scene.source.capabilities.instants_only:
-        problem = f"{setting.name}: {exposing} looks between the frames, but {why}"
-        raise scene.error(problem, "take that setting out", "render a mesh")
     bent = [step.perturbation.name for step in setting.exposure if step.perturbation.rays]
     if bent and not scene.source.capabilities.casts_rays:
         why = scene.source.capabilities.at_once
@@ -400,8 +458,9 @@ MS_PER_S = 1000.0
 
 
 def plan_notes(plan: Plan) -> list[str]:
-    """Return what is to be said of a plan beside its format: of exposures, and of what a camera sees too much of."""
-    return [*_long_exposures(plan), *_limits(plan), *_broken_depth(plan)]
+    """Return what is to be said of a plan beside its format: what is left out, exposures, what is seen too much."""
+    refused = [f"{item.folder} is left out: {item.setting} {item.why}" for item in plan.refused]
+    return [*refused, *_long_exposures(plan), *_limits(plan), *_broken_depth(plan)]
 
 
 def _broken_depth(plan: Plan) -> list[str]:
@@ -467,4 +526,4 @@ def make_plan(preset: Preset, chosen: slice | None = None, scenes: Collection[st
     Raises InputError for files that are missing or wrong, and for what cannot be made from them.
     """
     settings = read_settings(preset, registry())  # first, so that a misspelt key is reported before files are read
-    return lay_out_plan(preset, settings, find_scenes(preset, set(scenes)), chosen)
+    return lay_out_plan(preset, settings, find_scenes(preset, set(scenes)), chosen, leave_out=True)

@@ -451,6 +451,7 @@ class Run:
         unfinished shards is merged too.
         """
         start_s = time.perf_counter()
+        self.report.refused = {item.folder: f"{item.setting} {item.why}" for item in self._plan.refused}
         try:
             made_from = plain_identity(self._plan, self._versions())
             if self._out.open(made_from, overwrite=self._overwrite, unfinished=unfinished):

@@ -68,7 +68,7 @@ class StageTimer:
 
 @dataclass
 class Report:
-    """What a run did, for run.json and for the user.
+    """What a run did, for run.json and for the user. refused: why sequences were left out, by their folders.
 
     processor_s: seconds of processors by stage, over all threads and processes. processors: those that shards were made
     on, where they are unlike, each with its shards. colour_rays, colour_pixels: of frames whose renderer chose by what
@@ -84,6 +84,7 @@ class Report:
     peak_memory_bytes: int | None = None
     jobs: int = 1
     notes: list[str] = field(default_factory=list)
+    refused: dict[str, str] = field(default_factory=dict)
     processor_s: dict[str, float] = field(default_factory=dict)
     processors: list[dict[str, Any]] = field(default_factory=list)
     colour_rays: int = 0
@@ -152,6 +153,7 @@ class Report:
             "peak_memory_bytes": self.peak_memory_bytes,
             "jobs": self.jobs,
             "notes": self.notes,
+            **({"refused": self.refused} if self.refused else {}),
             **({} if rays_per_px is None else {"rays_per_px": round(rays_per_px, 3), **rays}),
             **({"processors": self.processors} if self.processors else {}),
         }
