@@ -260,4 +260,4 @@ def test_a_recording_has_instants_alone(made, tmp_path, name):
     document["settings"] = [{"name": "exposed", "perturb": [{name: {"severity": 3}}]}]
     del document["camera"]
     preset.write_text(json.dumps(document))
-    refused(run, preset, tmp_path / "out", names=f"scenes.0.sequence: exposed: {name} ")
+    refused(run, preset, tmp_path / "out", names=("scenes.0.sequence: exposed ", f"with {name},"))

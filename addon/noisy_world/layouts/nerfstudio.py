@@ -5,9 +5,14 @@ https://docs.nerf.studio/quickstart/data_conventions.html; nerfstudio/data/datap
 (file_path and depth_file_path relative to the file, depth_unit_scale_factor 1e-3: millimetres) and
 nerfstudio/data/utils/data_utils.py (depth images are resized to the size of colour, so they show the same view in
 other pixels). Pixels' corners, not their centres, are at whole coordinates there: cameras.py adds 0.5.
+
+Instant NGP, NeRFCapture and SplaTAM have depth_path and integer_depth_scale, metres a step; NeRF's Blender scenes
+camera_angle_x alone, and names without a suffix.
 """
 
 import json
+import math
+import os
 import re
 from collections.abc import Mapping
 from pathlib import Path
@@ -20,14 +25,30 @@ from ..core.errors import InputError
 from ..core.file_access import finite_number, parse_json_file
 from ..core.geometry import Intrinsics, blender_from_opencv_c2w, opencv_from_blender_c2w
 from ..core.lens import Distortion, Optics, distortion_of
+from ..core.schema import quoted
+from ..images.image_files import read_header, read_steps
 from ..trajectories.formats import read_file_poses
 from .borrowed import BorrowedLayout
-from .described import seen_by_depth
+from .described import median_camera, seen_by_depth
 from .layout import MILLIMETRES, RECORDED_HZ, Image, RecordedLayout, SequenceFacts, counted_note, numbered
 from .numbered import NumberedPoses, numbered_frames
-from .stored_recording import PosePolicy, StoredSequence, check_files, checked_intrinsics, recorded_text, size_of
+from .stored_recording import (
+    SCALES_PER_M,
+    PosePolicy,
+    SizePx,
+    StoredSequence,
+    check_files,
+    checked_intrinsics,
+    recorded_text,
+    size_of,
+)
 
 TRANSFORMS = "transforms.json"
+DEPTH_KEYS = ("depth_file_path", "depth_path")
+SCALE_KEYS = ("integer_depth_scale", "depth_unit_scale_factor")  # metres a step
+SUFFIXES = (".png", ".jpg", ".jpeg", ".npy", ".exr", ".tiff", ".tif", ".webp", ".bmp")
+_ANGLES = ("camera_angle_x", "camera_angle_y")
+_LEAST_MM = 100.0  # chosen: no middle of a frame of a room is at 10 cm, and none at 100 m
 INTRINSICS = ("w", "h", "fl_x", "fl_y", "cx", "cy")
 _HALF_PX = 0.5
 # camera_model: its coefficients, in OpenCV's order ("OPENCV uses k1-2 and p1-2, OPENCV_FISHEYE uses k1-4").
@@ -58,11 +79,11 @@ class NerfstudioRecordings(RecordedLayout):
         if not isinstance(frames, list) or not frames or not all(isinstance(frame, dict) for frame in frames):
             raise InputError(path, "is no list of frames", where="frames", remedy="as nerfstudio writes it")
         order = sorted(range(len(frames)), key=lambda row: by_number(str(frames[row].get("file_path", ""))))
-        has_depth = any("depth_file_path" in frame for frame in frames)
-        colour = [_file(path, row, frames[row], "file_path") for row in order]
-        depth = [_file(path, row, frames[row], "depth_file_path") for row in order] if has_depth else None
-        check_files(path, tuple(colour))
-        check_files(path, tuple(depth or ()))
+        colour = {number: _file(path, row, frames[row], "file_path") for number, row in enumerate(order)}
+        named = {number: key for number, row in enumerate(order) if (key := _depth_key(frames[row]))}
+        depth = {number: _file(path, order[number], frames[order[number]], key) for number, key in named.items()}
+        check_files(path, tuple(colour.values()))
+        check_files(path, tuple(depth.values()))
         given, notes = None, ()
         if poses != "none":
             read = read_file_poses(path, format="transforms")
@@ -71,12 +92,13 @@ class NerfstudioRecordings(RecordedLayout):
             notes = tuple(note for note in read.notes if "applied_" in note)
         used_hz = rate_hz or RECORDED_HZ
         found = numbered_frames(
-            *(folder, dict(enumerate(colour)), None if depth is None else dict(enumerate(depth)), given),
+            *(folder, colour, depth or None, given),
             policy=poses,
             rate_hz=used_hz,
         )
-        camera = _camera(path, document, frames)
-        seen = seen_by_depth(camera, size_of(found.depth_files[0])) if has_depth else None
+        camera, differ = _camera(path, document, frames, size_of(found.rgb_files[0]))
+        seen = seen_by_depth(camera, size_of(found.depth_files[0])) if depth else None
+        scale_per_m, scale_note = _scale_of(path, document, found.depth_files)
         return StoredSequence(
             folder,
             found.rgb_files,
@@ -84,11 +106,11 @@ class NerfstudioRecordings(RecordedLayout):
             None if given is None else path,
             found.trajectory,
             found.stamps,
-            MILLIMETRES,
+            scale_per_m,
             None,
             camera,
             path,
-            (*found.notes, *notes, *counted_note(rate_hz, used_hz)),
+            (*found.notes, *notes, *filter(None, (differ, scale_note)), *counted_note(rate_hz, used_hz)),
             used_hz,
             optics=Optics(seen, _distortion(path, document, frames)),
         )
@@ -101,34 +123,87 @@ def by_number(name: str) -> tuple[str, int, str]:
 
 
 def _file(path: Path, row: int, frame: Mapping[str, Any], key: str) -> Path:
+    """Return the file of a frame: with slashes of Windows, and without its suffix where one image has that name."""
     name = frame.get(key)
     if not isinstance(name, str) or not name or "\0" in name:
         what = "colour" if key == "file_path" else "depth"
         raise InputError(path, f"names no {what} image", where=f"frames.{row}.{key}")
-    return path.parent / name
+    file = path.parent / name
+    if os.path.lexists(file):
+        return file
+    file = path.parent / name.replace("\\", "/")
+    if file.suffix.lower() in SUFFIXES or os.path.lexists(file):
+        return file
+    there = [found for suffix in SUFFIXES if os.path.lexists(found := file.parent / f"{file.name}{suffix}")]
+    if len(there) > 1:
+        problem = f"is {name[-60:]}, which is {there[0].name} or {there[1].name}"
+        raise InputError(path, problem, where=f"frames.{row}.{key}", remedy="name it with its suffix")
+    return there[0] if there else file
 
 
-def _camera(path: Path, document: Mapping[str, Any], frames: list[Any]) -> Intrinsics:
+def _depth_key(frame: Mapping[str, Any]) -> str:
+    """Return the key by which a frame names its depth; "" where it names none."""
+    return next((key for key in DEPTH_KEYS if frame.get(key) is not None), "")
+
+
+def _scale_of(path: Path, document: Mapping[str, Any], depth_files: tuple[Path, ...]) -> tuple[float, str]:
+    """Return the steps a metre of depth, and a note where its values alone tell them."""
+    if not depth_files:
+        return MILLIMETRES, ""
+    header = read_header(depth_files[0])
+    key = next((key for key in SCALE_KEYS if key in document), None)
+    if key is not None and not header.floating:
+        step_m = finite_number(document[key])
+        if step_m is None or not 1 / SCALES_PER_M[1] <= step_m <= 1 / SCALES_PER_M[0]:
+            problem = f"is {quoted(str(document[key]))}, but has to be a number above 0, the metres of a step"
+            raise InputError(path, problem, where=key, remedy="write 0.001 for millimetres")
+        return 1 / step_m, ""
+    if not header.floating:
+        return MILLIMETRES, ""
+    values = read_steps(depth_files[0], header.size_px)
+    known = values[np.isfinite(values) & (values > 0)]
+    median = float(np.median(known)) if known.size else 0.0
+    unit, scale_per_m = ("millimetres", MILLIMETRES) if median > _LEAST_MM else ("metres", 1.0)
+    return scale_per_m, f"depth is floating point, {median:.3g} in the middle: it is taken for {unit}"
+
+
+def _camera(path: Path, document: Mapping[str, Any], frames: list[Any], size_px: SizePx) -> tuple[Intrinsics, str]:
+    """Return the camera, and a note where frames differ. size_px: of the images, where nothing says it."""
     model = str(document.get("camera_model", "OPENCV"))
     if model not in (*_LENSES, *_PINHOLES):
         raise InputError(path, f"is {model[:40]}, but {', '.join(_LENSES)} can be read", where="camera_model")
-    values = [_shared(path, document, frames, key) for key in INTRINSICS]
-    numbers = [
-        value - _HALF_PX if key in ("cx", "cy") else value for key, value in zip(INTRINSICS, values, strict=True)
-    ]
-    return checked_intrinsics(path, INTRINSICS, tuple(numbers))
+    told = [item for item in (document, *frames) if any(key in item for key in (*INTRINSICS, *_ANGLES))]
+    if not told:
+        raise InputError(path, "is missing", where="fl_x", remedy=f"a camera has {', '.join(INTRINSICS)}")
+    of_frames = [frame for frame in frames if any(key in frame for key in INTRINSICS)]
+    each = [{**frame, **document} for frame in of_frames] or [document]  # as nerfstudio, which believes the whole
+    return median_camera(path, [_camera_of(path, said, size_px) for said in each])
 
 
-def _shared(
-    path: Path, document: Mapping[str, Any], frames: list[Any], key: str, default: float | None = None
-) -> float:
-    """Return a number that all frames share, said of the whole or of each."""
+def _camera_of(path: Path, said: Mapping[str, Any], size_px: SizePx) -> Intrinsics:
+    """Return the camera that a mapping says; the size, the middle and square pixels are what it need not say."""
+    size: list[Any] = [said.get("w", size_px[0]), said.get("h", size_px[1])]
+    numbers = [finite_number(value) or 0.0 for value in size]
+    focal = {key: said.get(key) for key in ("fl_x", "fl_y")}
+    for (key, angle_key), side in zip((("fl_x", _ANGLES[0]), ("fl_y", _ANGLES[1])), numbers, strict=True):
+        angle_rad = finite_number(said.get(angle_key))
+        if focal[key] is None and angle_rad is not None and 0 < angle_rad < math.pi:
+            focal[key] = 0.5 * side / math.tan(0.5 * angle_rad)
+    fl_x = focal["fl_x"]
+    if fl_x is None:
+        raise InputError(path, "is missing", where="fl_x", remedy=f"a camera has {', '.join(INTRINSICS)}")
+    fl_y = fl_x if focal["fl_y"] is None else focal["fl_y"]
+    middle = [finite_number(said.get(key, side / 2)) for key, side in zip(("cx", "cy"), numbers, strict=True)]
+    centred = [None if value is None else value - _HALF_PX for value in middle]
+    return checked_intrinsics(path, INTRINSICS, (*size, fl_x, fl_y, *centred))
+
+
+def _shared(path: Path, document: Mapping[str, Any], frames: list[Any], key: str) -> float:
+    """Return a coefficient that all frames share, said of the whole or of each; 0 where nothing says it."""
     said = [(f"frames.{row}.{key}", frame[key]) for row, frame in enumerate(frames) if key in frame]
     said = [(key, document[key])] if key in document else said
     if not said:
-        if default is None:
-            raise InputError(path, "is missing", where=key, remedy=f"a camera has {', '.join(INTRINSICS)}")
-        return default
+        return 0.0
     for where, value in said:
         if finite_number(value) is None:
             raise InputError(path, "is no finite number", where=where)
@@ -142,7 +217,7 @@ def _shared(
 def _distortion(path: Path, document: Mapping[str, Any], frames: list[Any]) -> Distortion | None:
     model = str(document.get("camera_model", "OPENCV"))
     used = _LENSES.get(model, ())
-    values = {key: _shared(path, document, frames, key, 0.0) for key in ("k1", "k2", "k3", "k4", "p1", "p2")}
+    values = {key: _shared(path, document, frames, key) for key in ("k1", "k2", "k3", "k4", "p1", "p2")}
     if model == "OPENCV" and values["k3"]:
         used = (*used, "k3")
     lost = [key for key, value in values.items() if value and key not in used]

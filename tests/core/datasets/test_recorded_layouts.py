@@ -233,7 +233,7 @@ def test_frames_are_kept_where_no_file_has_poses(name, tmp_path):
         ("cameras.txt", "1 PINHOLE 64 48 60 60 32 24\n2 PINHOLE 64 48 61 60 32 24\n", ("2 cameras", "single_camera")),
         ("cameras.txt", "1 PINHOLE 64 48 60 nan 32 24\n", "no finite number"),
         ("images.txt", "1 1 0 0 0 0 0 0 3 other.png\n\n", ("images.txt", "other.png, which is not there")),
-        ("images.txt", "1 1 0 0 0 0 0 3\n", "IMAGE_ID, QW"),
+        ("images.txt", "1 1 0 0 0 0 0 3\n", "IMAGE_ID QW"),
         ("images.txt", "1 0 0 0 0 0 0 0 3 walk_8.png\n", "quaternion of zeros"),
     ],
 )
