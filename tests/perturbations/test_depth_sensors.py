@@ -59,6 +59,7 @@ def deviation_mm(name, z_m, **values):
         ("axial_noise", {"device": "nguyen_2012"}, (1.9, 6.1, 14)),
         ("axial_noise", {"device": "khoshelham_2012"}, (1.4, 5.7, 12.8)),
         ("axial_noise", {"device": "azure_kinect"}, (1, 2, 3)),
+        ("axial_noise", {"device": "kinect_v1_law"}, (1.58, 5.72, 12.6)),
     ],
 )
 def test_planes_spread_as_the_published_laws_say(name, values, expected_mm):
@@ -374,9 +375,9 @@ def context_of(frame, **changes):
     return FrameContext(frame, ("test",), **changes)
 
 
-@cases(("px", "frames"), [(2.0, 1), (3.0, 2), (4.0, 1), (7.5, 3), (0.0, 3)])
-def test_shared_numbers_are_standard_normal_up_to_the_edges_and_correlated_as_told(px, frames):
-    fields = np.stack([drawn(context_of(k), "x", (90, 131), Shared(px, frames))[0] for k in range(150)])
+@cases(("px", "frames", "share"), [(2.0, 1, 1.0), (3.0, 2, 1.0), (4.0, 1, 0.6), (7.5, 3, 1.0), (0.0, 3, 1.0)])
+def test_shared_numbers_are_standard_normal_up_to_the_edges_and_correlated_as_told(px, frames, share):
+    fields = np.stack([drawn(context_of(k), "x", (90, 131), Shared(px, frames, share))[0] for k in range(150)])
     assert fields.std() == pytest.approx(1, abs=0.01)
     for edge in (fields[:, 0], fields[:, -1], fields[:, :, 0], fields[:, :, -1]):
         assert edge.std() == pytest.approx(1, abs=0.04)
@@ -384,10 +385,10 @@ def test_shared_numbers_are_standard_normal_up_to_the_edges_and_correlated_as_to
     for tail, most_off in ((1.0, 0.05), (2.0, 0.1), (3.0, 0.4)):
         assert (fields > tail).mean() == pytest.approx(normal_share(-tail), rel=most_off)
     for lag in (1, 2, 4, 8):
-        wanted = math.exp(-((lag / px) ** 2)) if px else 0.0
+        wanted = share * math.exp(-((lag / px) ** 2)) if px else 0.0
         assert np.mean(fields[:, :, lag:] * fields[:, :, :-lag]) == pytest.approx(wanted, abs=0.03)
         assert np.mean(fields[:, lag:] * fields[:, :-lag]) == pytest.approx(wanted, abs=0.03)
-        wanted = max(1 - lag / frames, 0.0)
+        wanted = share * max(1 - lag / frames, 0.0)
         assert np.mean(fields[lag:] * fields[:-lag]) == pytest.approx(wanted, abs=0.03)
 
 

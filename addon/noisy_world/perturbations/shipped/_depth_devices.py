@@ -13,6 +13,7 @@ from ...core.geometry import Intrinsics
 from ...core.schema import key
 from ..kinds import FrameContext
 from ._arrays import ROWS, bands, quotient
+from ._noise import Shared
 
 P = TypeVar("P")
 
@@ -29,6 +30,7 @@ DEVICE_TOOLTIPS = {
     "min_m": "Higher: more of what is near has no depth",
     "max_m": "Lower: more of what is far has no depth",
     "correlation_px": "Higher: errors come in larger patches, so that averaging neighbours helps less",
+    "correlation_share": "Higher: less of the noise is each pixel's own",
     "correlation_frames": "Higher: errors stay for more frames, so that averaging frames helps less",
     "clump_px": "Higher: holes are fewer and larger",
     "clump_frames": "Higher: holes stay for more frames",
@@ -56,6 +58,18 @@ def correlation_px() -> Any:
 def correlation_frames() -> Any:
     """Return the field of how far errors are shared in time, as `Shared.frames`."""
     return _frames_of_device("frames whose errors go with one another, less with each frame between; 1: none")
+
+
+def correlation_share() -> Any:
+    """Return the field of which part of errors is shared, as `Shared.share`; a device that says none shares all."""
+    meaning = "share of errors' variance that goes with neighbours' and frames'; the rest is each pixel's own"
+    return of_device(meaning, 1, later=True)
+
+
+def shared_errors(own: Any, scale: float = 1.0) -> Shared:
+    """Return how far a device's errors are shared. scale: how many pixels of this image are one of its own."""
+    share = own.correlation_share if own.correlation_share >= 0 else 1.0
+    return Shared(max(own.correlation_px, 0) * scale, own.correlation_frames, share)
 
 
 def clump_px() -> Any:

@@ -79,19 +79,21 @@ Draws: TypeAlias = NDArray[np.uint16] | NDArray[np.float32]
 """Random numbers (H, W): uniform codes where each pixel has its own, or standard normal ones that neighbours share."""
 
 _REACH = 2.5  # deviations of the Gaussian: what is left out holds 1 % of its weights; chosen
-_COARSE_PX = 2  # of correlation that a grid resolves: farther correlation is drawn on a coarser grid; chosen
+_COARSE_PX = 1.75  # of correlation that a grid resolves: farther correlation is drawn on a coarser grid; chosen
 
 
 @dataclass(frozen=True)
 class Shared:
     """How far random numbers are shared.
 
-    px: at this distance their correlation is 1 / e, as exp(-(distance / px)^2); 0: pixels have their own. frames: of so
-    many, at a lag of k frames their correlation is 1 - k / frames; below 2: frames have their own.
+    px: at this distance their correlation is 1 / e, as exp(-(distance / px)^2), from 2 px on within 0.03, below that
+    it is less; 0: pixels have their own. frames: of so many, at a lag of k frames their correlation is 1 - k / frames;
+    below 2: frames have their own. share: which part of the variance is so; the rest is each pixel's and frame's own.
     """
 
     px: float = 0.0
     frames: int = 1
+    share: float = 1.0
 
 
 def drawn(
@@ -99,7 +101,7 @@ def drawn(
 ) -> tuple[Draws, ...]:
     """Draw fields (H, W) of random numbers, independent of one another, for `scaled` and `shifted_places`."""
     frames = max(shared.frames, 1) if context.temporal == "fresh" else 1
-    if shared.px <= 0 and frames == 1:
+    if shared.share <= 0 or (shared.px <= 0 and frames == 1):
         generator = context.pattern_stream(purpose)
         return tuple(uniform_codes(generator, shape) for _ in range(count))
     grid = max(int(shared.px / _COARSE_PX), 1)
@@ -107,7 +109,12 @@ def drawn(
     rim = len(weights) // 2
     coarse = shape if grid == 1 else (-(-shape[0] // grid) + 2, -(-shape[1] // grid) + 2)
     white = _white(context, purpose, (coarse[0] + 2 * rim, coarse[1] + 2 * rim), frames, count)
-    return tuple(_finer(_filtered(each, weights), weights, grid, shape) for each in white)
+    fields = tuple(_finer(_filtered(each, weights), weights, grid, shape) for each in white)
+    if shared.share >= 1:
+        return fields
+    generator = context.pattern_stream(purpose, "own")
+    part, rest = math.sqrt(shared.share), scaled_normal(math.sqrt(1 - shared.share))
+    return tuple(scaled(field, part) + look_up(uniform_codes(generator, shape), rest) for field in fields)
 
 
 def scaled(draws: Draws, sigma: float) -> NDArray[np.float32]:
@@ -190,10 +197,16 @@ def _finer(
     fine = cv2.resize(np.ascontiguousarray(field), size, interpolation=cv2.INTER_LINEAR)
     inner = np.asarray(fine, np.float32)[grid : grid + shape[0], grid : grid + shape[1]]
     near = float(np.sum(weights[1:].astype(np.float64) * weights[:-1]))  # correlation of neighbours on the grid
+    return np.multiply(inner, _gains(near, grid, shape), out=inner)
+
+
+@lru_cache(maxsize=4)
+def _gains(near: float, grid: int, shape: tuple[int, int]) -> NDArray[np.float32]:
+    """Return (H, W): by how much interpolation between numbers of this correlation lowers their deviation, inverted."""
     down, right = (((np.arange(count) + 0.5) / grid - 0.5) % 1 for count in shape)
     gains = (1 / np.sqrt((1 - part) ** 2 + part**2 + 2 * part * (1 - part) * near) for part in (down, right))
     of_row, of_column = (gain.astype(np.float32) for gain in gains)
-    return np.multiply(inner, of_row[:, None] * of_column, out=inner)
+    return of_row[:, None] * of_column
 
 
 # Node groups that turn uniform random numbers into normal or Poisson ones; the groups of noise use them.

@@ -20,10 +20,12 @@ from ._depth_devices import (
     camera_of,
     correlation_frames,
     correlation_px,
+    correlation_share,
     cosine_of_incidence,
     filled,
     noise_of_device,
     of_device,
+    shared_errors,
 )
 from ._noise import CODES, Shared, drawn, look_up, scaled
 
@@ -41,13 +43,14 @@ class AxialNoise:
     lateral + lateral_steep a / (90 - a).
     """
 
-    device: Literal["nguyen_2012", "khoshelham_2012", "azure_kinect"] = key(
+    device: Literal["nguyen_2012", "khoshelham_2012", "azure_kinect", "kinect_v1_law"] = key(
         "the measured law whose values are taken",
         default="nguyen_2012",
         choices={
             "nguyen_2012": Choice("Nguyen", "The first Kinect, as Nguyen and others measured it"),
             "khoshelham_2012": Choice("Khoshelham", "The first Kinect, as Khoshelham measured it"),
             "azure_kinect": Choice("Azure Kinect", "Microsoft's time-of-flight camera, by a law of two numbers"),
+            "kinect_v1_law": Choice("Kinect, Measured", "A first Kinect as its own frames say: noise in patches"),
         },
     )
     noise: float = noise_of_device()
@@ -60,6 +63,7 @@ class AxialNoise:
     lateral_steep_px: float = of_device("what incidence adds to it", 8, "px")
     correlation_px: float = correlation_px()
     correlation_frames: int = correlation_frames()
+    correlation_share: float = correlation_share()
     TOOLTIPS: ClassVar[Mapping[str, str]] = DEVICE_TOOLTIPS | {
         "from_m": "Higher: noise begins to grow further away",
         "offset_m": "Higher: everything gets rougher by the same",
@@ -85,6 +89,10 @@ DEVICES: Devices = {
         "lateral_steep_px": 0.035,
     },
     "khoshelham_2012": _STRAIGHT | {"from_m": 0.0, "offset_m": 0.0, "quadratic_per_m": 1.425e-3},
+    # All of a first Kinect's error, rounding too, of which a part is each pixel's own: docs/sensors.md.
+    "kinect_v1_law": _STRAIGHT
+    | {"from_m": 0.0, "offset_m": 0.0002, "quadratic_per_m": 1.38e-3}
+    | {"correlation_px": 4.0, "correlation_frames": 6, "correlation_share": 0.62},
     "azure_kinect": _STRAIGHT | {"from_m": 0.5, "offset_m": 0.0005, "linear": 0.001, "lateral_px": 0.25},
 }
 
@@ -100,7 +108,7 @@ def apply(depth_m: NDArray[np.float32], parameters: AxialNoise, context: FrameCo
         depth = _moved(depth, own, angles, context)
         valid &= depth > 0
     sigma = _sigma_m(depth, own, angles)
-    (draws,) = drawn(context, "axial", depth_m.shape, Shared(own.correlation_px, own.correlation_frames))
+    (draws,) = drawn(context, "axial", depth_m.shape, shared_errors(own))
     sigma *= scaled(draws, own.noise)
     depth += sigma
     valid &= depth > 0

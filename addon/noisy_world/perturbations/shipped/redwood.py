@@ -20,9 +20,11 @@ from ._depth_devices import (
     Devices,
     correlation_frames,
     correlation_px,
+    correlation_share,
     filled,
     noise_of_device,
     of_device,
+    shared_errors,
 )
 from ._noise import Shared, drawn, scaled, shifted_places, taken
 
@@ -115,6 +117,7 @@ class Redwood:
     max_m: float = of_device("depth from which on nothing is given", 1000, "m", slider=(0.5, 20))
     correlation_px: float = correlation_px()
     correlation_frames: int = correlation_frames()
+    correlation_share: float = correlation_share()
     warp: str = key("a file with a table of distortion, such as Redwood's dist-model.txt", default="", file=warp_table)
     TOOLTIPS: ClassVar[Mapping[str, str]] = DEVICE_TOOLTIPS | {
         "product_px_m": "Higher: depth gets better",
@@ -139,7 +142,7 @@ def apply(depth_m: NDArray[np.float32], parameters: Redwood, context: FrameConte
     """Measure (H, W) metres."""
     own = filled(parameters, DEVICES)
     depth, valid = without_void(depth_m)
-    shared = Shared(own.correlation_px, own.correlation_frames)
+    shared = shared_errors(own)
     shift_px = own.shift_px * own.noise
     if shift_px > 0:
         down, right = drawn(context, "place", depth_m.shape, Shared(shared.px), count=2)

@@ -21,10 +21,12 @@ from ._depth_devices import (
     clump_px,
     correlation_frames,
     correlation_px,
+    correlation_share,
     filled,
     noise_of_device,
     of_device,
     shadowed,
+    shared_errors,
 )
 from ._noise import Draws, Shared, drawn, look_up, normal_quantiles, scaled
 
@@ -65,6 +67,7 @@ class Stereo:
     speckle: float = of_device("standard deviation of the speckle that contrast is multiplied by", 1)
     correlation_px: float = correlation_px()
     correlation_frames: int = correlation_frames()
+    correlation_share: float = correlation_share()
     clump_px: float = clump_px()
     clump_frames: int = clump_frames()
     TOOLTIPS: ClassVar[Mapping[str, str]] = DEVICE_TOOLTIPS | {
@@ -104,8 +107,7 @@ def apply(depth_m: NDArray[np.float32], parameters: Stereo, context: FrameContex
         lost |= _untextured(depth_m, own, context, camera.fx_px)
     draws: tuple[Draws, ...] = ()
     if own.sigma_px * own.noise > 0:
-        shared = Shared(own.correlation_px * scale, own.correlation_frames)
-        draws = drawn(context, "disparity", depth_m.shape, shared)
+        draws = drawn(context, "disparity", depth_m.shape, shared_errors(own, scale))
     return by_bands(
         disparity,
         disparity.dtype,

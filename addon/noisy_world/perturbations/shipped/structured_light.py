@@ -22,12 +22,14 @@ from ._depth_devices import (
     clump_px,
     correlation_frames,
     correlation_px,
+    correlation_share,
     cosine_of_incidence,
     filled,
     noise_of_device,
     of_device,
     range_contradiction,
     shadowed,
+    shared_errors,
 )
 from ._noise import Draws, Shared, drawn, scaled, shifted_places, taken
 
@@ -67,6 +69,7 @@ class StructuredLight:
     max_m: float = of_device("farthest depth that is given", 1000, "m", slider=(0.5, 20))
     correlation_px: float = correlation_px()
     correlation_frames: int = correlation_frames()
+    correlation_share: float = correlation_share()
     least_light: float = of_device(
         "least light that is given, of that from a surface of middling reflectance, 1 m away and seen head on; 0: any",
         1000,
@@ -93,7 +96,7 @@ _KINECT = {"focal_px": 585.5, "baseline_m": 0.075, "step_px": 1 / 8, "sigma_px":
 _KINECT |= {"window_px": 9.0, "least_share": 0.4}
 # Fitted to 60 frames of a first Kinect along a path through the room that they were fused to (docs/sensors.md).
 # clump_frames is a guess, from how long a patch of that size stayed at its place in the image.
-_MEASURED = {"sigma_px": 0.045, "correlation_px": 4.0, "correlation_frames": 2, "blind_px": 8.0}
+_MEASURED = {"sigma_px": 0.045, "correlation_px": 4.0, "correlation_frames": 6, "blind_px": 8.0}
 _MEASURED |= {"least_light": 0.0015, "reflectance_spread": 2.4, "clump_px": 40.0, "clump_frames": 9}
 DEVICES: Devices = {
     "kinect_v1": _KINECT | {"min_m": 0.8, "max_m": 4.0},
@@ -113,7 +116,7 @@ def apply(depth_m: NDArray[np.float32], parameters: StructuredLight, context: Fr
     _drop_unmatched(lit, own, scale)
     if own.least_light > 0:
         lit[_dim(depth_m, own, context, camera)] = 0
-    shared = Shared(own.correlation_px * scale, own.correlation_frames)
+    shared = shared_errors(own, scale)
     if own.shift_px * own.noise > 0:
         down, right = drawn(context, "place", depth_m.shape, Shared(shared.px), count=2)
         lit = taken(lit, *shifted_places(down, right, own.shift_px * own.noise * scale))

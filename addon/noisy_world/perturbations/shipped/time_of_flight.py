@@ -23,13 +23,15 @@ from ._depth_devices import (
     camera_of,
     correlation_frames,
     correlation_px,
+    correlation_share,
     cosine_of_incidence,
     filled,
     noise_of_device,
     of_device,
     range_contradiction,
+    shared_errors,
 )
-from ._noise import Shared, drawn, scaled
+from ._noise import drawn, scaled
 
 # Light that reaches a surface by one bounce off others: what makes a time of flight camera's corners too deep.
 #
@@ -185,6 +187,7 @@ class TimeOfFlight:
     max_m: float = of_device("farthest depth that is given", 1000, "m", slider=(0.5, 20))
     correlation_px: float = correlation_px()
     correlation_frames: int = correlation_frames()
+    correlation_share: float = correlation_share()
     TOOLTIPS: ClassVar[Mapping[str, str]] = DEVICE_TOOLTIPS | {
         "frequency_mhz": "Higher: depth gets better, and begins again at 0 sooner",
         "unambiguous_m": "Lower: what is far comes back as near",
@@ -233,8 +236,8 @@ def apply(depth_m: NDArray[np.float32], parameters: TimeOfFlight, context: Frame
     deviation = mixed + np.float32(own.ambient_electrons + own.read_electrons**2)
     deviation *= np.float32(own.noise**2 / 2)
     np.sqrt(deviation, out=deviation)
-    shared = Shared(own.correlation_px, own.correlation_frames)
-    for part, draws in zip((real, imaginary), drawn(context, "samples", depth_m.shape, shared, count=2), strict=True):
+    samples = drawn(context, "samples", depth_m.shape, shared_errors(own), count=2)
+    for part, draws in zip((real, imaginary), samples, strict=True):
         np.multiply(part, np.float32(own.contrast), out=part)
         noise = scaled(draws, 1.0)
         noise *= deviation
