@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 from pose_texts import NS, POSITIONS, QUATS, blocks, colmap_text, expected, open3d_text, rows, saved
-from recorded_layouts import WRITERS
+from recorded_layouts import WRITERS, rgbd_folders
 
 from noisy_world import testing
 from noisy_world.channels import CHANNELS, COLOUR_AND_DEPTH
@@ -56,7 +56,7 @@ def test_layouts_keep_theirs(name, tmp_path):
 def test_layouts_of_recordings_keep_theirs(name, tmp_path):
     folder = tmp_path / "recording"
     folder.mkdir()
-    WRITERS[name](folder)
+    {**WRITERS, "rgbd_folders": rgbd_folders}[name](folder)
     testing.check_layout(RECORDED[name], folder)
 
 
@@ -70,6 +70,7 @@ POSES = {
     "transforms": lambda: json.dumps({"frames": [{"transform_matrix": pose.tolist()} for pose in expected()]}),
     "kitti360": lambda: "".join(f"{3 * k} " + text.replace("\n", " ") + "\n" for k, text in enumerate(blocks())),
     "vslamlab": lambda: "ts (ns),tx (m),ty (m),tz (m),qx,qy,qz,qw\n" + rows(NS, "pxyzw"),
+    "tartanair": lambda: "".join(row.partition(" ")[2] + "\n" for row in rows(NS, "pxyzw", " ").splitlines()),
     "open3d": lambda: open3d_text(expected()),
     "colmap": lambda: colmap_text(QUATS, POSITIONS),
     "array": lambda: saved(np.save, expected()),

@@ -27,6 +27,16 @@ if TYPE_CHECKING:
     from .evaluate.map_metrics import ComparedMap, MapMetric
     from .evaluate.metrics import Compared, TrajectoryMetric
     from .layouts.cam_params import CAM_PARAMS, cam_params_text, read_cam_params
+    from .layouts.described import (
+        DepthFilesSpec,
+        DescribedLayout,
+        ImageFilesSpec,
+        IntrinsicsSpec,
+        PoseFilesSpec,
+        SequenceSpec,
+        StampFilesSpec,
+        Told,
+    )
     from .layouts.layout import Layout, RecordedLayout, SequenceFacts, lines, numbered
     from .layouts.numbered import (
         Cameras,
@@ -72,7 +82,9 @@ __all__ = [
     "Compared",
     "ComparedMap",
     "ComputedSource",
+    "DepthFilesSpec",
     "DepthPerturbation",
+    "DescribedLayout",
     "Entry",
     "ExposurePerturbation",
     "FilePoses",
@@ -81,8 +93,10 @@ __all__ = [
     "FrameStamps",
     "Graph",
     "ImageFiles",
+    "ImageFilesSpec",
     "InputError",
     "Intrinsics",
+    "IntrinsicsSpec",
     "Layout",
     "MapMetric",
     "MatchedFrames",
@@ -94,6 +108,7 @@ __all__ = [
     "PairChannel",
     "PairingPerturbation",
     "PoseFile",
+    "PoseFilesSpec",
     "PosePolicy",
     "ReadOptions",
     "RecordedLayout",
@@ -102,14 +117,17 @@ __all__ = [
     "SceneKeys",
     "SequenceContext",
     "SequenceFacts",
+    "SequenceSpec",
     "Shutter",
     "SimpleSource",
     "SingleSceneKind",
     "Socket",
     "SourceCapabilities",
+    "StampFilesSpec",
     "StoredSequence",
     "Surface",
     "SurfaceChannel",
+    "Told",
     "Trajectory",
     "TrajectoryFormat",
     "TrajectoryMetric",
@@ -142,6 +160,8 @@ _NAMES = {
     "evaluate.map_metrics": "ComparedMap MapMetric",
     "evaluate.metrics": "Compared TrajectoryMetric",
     "layouts.cam_params": "CAM_PARAMS cam_params_text read_cam_params",
+    "layouts.described": "DepthFilesSpec DescribedLayout ImageFilesSpec IntrinsicsSpec PoseFilesSpec SequenceSpec "
+    "StampFilesSpec Told",
     "layouts.layout": "Layout RecordedLayout SequenceFacts lines numbered",
     "layouts.numbered": "Cameras ImageFiles NumberedLayout NumberedPoses folder_of_poses "
     "numbered_frames numbered_images",

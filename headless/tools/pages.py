@@ -27,12 +27,13 @@ from noisy_world.channels import CHANNELS, Channel
 from noisy_world.cli.command import COMMANDS
 from noisy_world.core.lens import Distortion, straightened
 from noisy_world.core.packages import Registry
-from noisy_world.core.schema import ConfigPath, parse
+from noisy_world.core.schema import ConfigPath, list_keys, parse
 from noisy_world.evaluate.map_metrics import MAP_METRICS
 from noisy_world.evaluate.metrics import METRICS, Metric
 from noisy_world.evaluate.systems import find_system, shipped_names
 from noisy_world.layouts import EVERY, Layout, RecordedLayout
 from noisy_world.layouts.borrowed import BorrowedLayout
+from noisy_world.layouts.described import SequenceSpec
 from noisy_world.perturbations import registry
 from noisy_world.perturbations.kinds import STAGES, Perturbation
 from noisy_world.preset.camera_devices import CAMERA_DEVICES, CameraDevice
@@ -244,6 +245,13 @@ def recorded_layout_table() -> str:
     )
 
 
+def described_keys_table() -> str:
+    """Return the table of the keys of a recording that is described file by file."""
+    return table(
+        ("key of `sequence`", "what it says"), ((quoted(name), said) for name, said in list_keys(SequenceSpec))
+    )
+
+
 def camera_table() -> str:
     """Return the table of the real cameras."""
     return table(
@@ -344,6 +352,7 @@ PARTS: dict[str, Callable[[], str]] = {
     "source table": source_table,
     "layout table": layout_table,
     "recorded layout table": recorded_layout_table,
+    "described keys table": described_keys_table,
     "camera table": camera_table,
     "metric table": metric_table,
     "map metric table": map_metric_table,

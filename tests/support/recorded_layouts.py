@@ -340,6 +340,17 @@ def openloris(folder):
     return Written(c2w, steps, 1000.0, k, k, numbers=seconds, hz=1.0)
 
 
+def rgbd_folders(folder):
+    """Colour and depth of one name, and nothing else."""
+    k = (33, 25, 30.0, 29.0, 15.5, 12.25)
+    c2w = poses(seed=19)
+    steps = _steps(k, c2w, 1000.0)
+    for n in range(FRAMES):
+        image(folder / f"rgb/{n}.png", colour(k, n))
+        image(folder / f"depth/{n}.png", steps[n])
+    return Written(c2w, steps, 1000.0, k, k, lost=tuple(range(FRAMES)))
+
+
 # --- the layouts that Noisy World writes, as others write them ---
 
 START_NS = 1403636579763555584
