@@ -63,7 +63,7 @@ def test_the_lint_rules_would_catch_a_breach(tmp_path):
         "sources/recording.py": "from ..dataset.run import Run\n",
         "dataset/run.py": "import bpy\n",
         "dataset/store.py": "import fsspec\n",
-        "dataset/colour.py": "from ..nodes.compositor import Compositor\n",
+        "dataset/frame.py": "from ..nodes.compositor import Compositor\n",
         "dataset/making.py": "from ..cli.entry import Entry\n",
         "evaluate/report.py": "import pandas\n",
         "executors/jobs.py": "from ..evaluate.study import Study\n",

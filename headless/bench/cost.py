@@ -28,11 +28,10 @@ sys.path[:0] = [str(ROOT / "addon"), str(ROOT / "headless")]
 
 from bench.results import table
 
-from noisy_world.core.machine import peak_memory_bytes
+from noisy_world.core.machine import LOADING, RENDERING, peak_memory_bytes
 from noisy_world.core.progress import PlainProgress
 from noisy_world.dataset.plan import Plan, make_plan
 from noisy_world.dataset.run import Run
-from noisy_world.dataset.run_report import LOADING, RENDERING
 from noisy_world.preset.keys import read_preset
 
 PRESET = ROOT / "presets" / "noisy_rooms.yaml"

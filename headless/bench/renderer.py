@@ -32,10 +32,10 @@ def main(preset_path: str, out: str, *flags: str) -> None:
     render = plan.renders[0]
     imported_s = time.perf_counter()
     load_renderer(in_blender=plan.preset.spec.render.in_blender)
-    from noisy_world.dataset.completed_images import CompletedImages, FinishedImages
+    from noisy_world.core.machine import StageTimer
+    from noisy_world.dataset.dataset_folder import CompletedImages, FinishedImages
     from noisy_world.dataset.making import FrameWriter
     from noisy_world.dataset.rendering import render_options
-    from noisy_world.dataset.run_report import StageTimer
     from noisy_world.sources.rendered_mesh import forget_rooms_and_meshes as forget_meshes
     from noisy_world.sources.rendered_mesh import load_mesh
     from noisy_world.sources.renderers import open_session

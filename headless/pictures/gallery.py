@@ -26,8 +26,8 @@ from numpy.typing import NDArray
 from noisy_world.core.geometry import Intrinsics
 from noisy_world.core.schema import ConfigPath
 from noisy_world.core.trajectory import evenly_stamped
+from noisy_world.dataset.completion import colour_depth
 from noisy_world.dataset.frame import CleanFrame
-from noisy_world.dataset.overview import colour_depth
 from noisy_world.dataset.plan import make_plan
 from noisy_world.dataset.rendering import open_render, render_options, source_paths
 from noisy_world.images.pixels import rgb_bytes

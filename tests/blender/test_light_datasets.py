@@ -27,7 +27,7 @@ from noisy_world.evaluate.system_input import sequence_input
 from noisy_world.dataset.plan import make_plan
 from noisy_world.dataset.recipe import recipe_of
 from noisy_world.dataset.recipe import read_recipe
-from noisy_world.dataset.verifying import verify
+from noisy_world.dataset.remaking import verify
 
 CHAIN = "{fog_depth: {severity: 2}}, {haze: {severity: 3}}"
 STORM = f"{{name: storm, perturb: [{CHAIN}]}}"

@@ -27,7 +27,7 @@ from noisy_world.preset.keys import read_preset
 from noisy_world.core.progress import PlainProgress
 from noisy_world.dataset.shards import Shard
 from noisy_world.dataset.run import Run, ShardMaker
-from noisy_world.dataset.shard_folders import shard_folder
+from noisy_world.dataset.shards import shard_folder
 
 sys.modules["noisy_world.render.mesh_session"] = fake_session
 

@@ -28,7 +28,7 @@ from noisy_world.cli.entry import Entry
 from noisy_world.layouts import EVERY
 from noisy_world.core.errors import StorageError
 from noisy_world.core.geometry import Intrinsics, pose
-from noisy_world.dataset.sensors import DepthClock
+from noisy_world.dataset.plan import DepthClock
 from noisy_world.preset.keys import read_preset
 from noisy_world.dataset.plan import make_plan
 

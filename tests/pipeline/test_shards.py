@@ -25,7 +25,7 @@ from noisy_world.cli import command, entry, sharding
 from noisy_world.cli.sharding import missing_shards
 from noisy_world.dataset.dataset_folder import Dataset
 from noisy_world.core.atomic_files import FolderLock
-from noisy_world.dataset.shard_folders import merge_shard, read_shard, shard_folder
+from noisy_world.dataset.shards import merge_shard, read_shard, shard_folder
 from noisy_world.core.errors import BusyError, StorageError
 from noisy_world.dataset.shards import Shard, shards_of
 from noisy_world.preset.keys import read_preset

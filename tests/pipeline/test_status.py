@@ -13,7 +13,7 @@ from worlds import write_world
 
 from noisy_world.cli.listing import cell, family_of
 from noisy_world.dataset.stored import FileInventory, JournalTimes
-from noisy_world.dataset.shard_folders import shard_folder
+from noisy_world.dataset.shards import shard_folder
 from noisy_world.core.errors import InterruptedRunError
 from noisy_world.dataset.shards import shards_of
 from noisy_world.preset.keys import read_preset

@@ -16,7 +16,7 @@ from noisy_world.core.errors import NoisyWorldError
 from noisy_world.core.progress import PlainProgress
 from noisy_world.dataset.status import read_status
 from noisy_world.dataset.recipe import read_recipe, recipe_of
-from noisy_world.dataset.verifying import verify
+from noisy_world.dataset.remaking import verify
 from noisy_world.dataset.stored import finished_folder
 
 VALUES = (None, True, -1, 1.5, 10**30, "", "../../x", "f" * 300, [], {}, [[]], [None], {"": None}, {"a": {"b": []}})

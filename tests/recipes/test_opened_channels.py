@@ -25,7 +25,7 @@ from noisy_world.dataset.run import Run
 from noisy_world.dataset.plan import make_plan
 from noisy_world.dataset.clean_store import make_store
 from noisy_world.dataset.recipe import read_recipe, recipe_of
-from noisy_world.dataset.verifying import verify
+from noisy_world.dataset.remaking import verify
 
 OTHERS = ("normal", "instance", "flow")
 FORMATS = {"replica": {}, "euroc": {"normal": "exr", "instance": "npy", "flow": "npy"}}

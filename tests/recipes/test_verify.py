@@ -15,7 +15,7 @@ from refusals import refused
 from recipes_made import noisy_world as command
 
 from noisy_world.dataset.recipe import FrameNumbers, read_recipe, recipe_of
-from noisy_world.dataset.verifying import verify
+from noisy_world.dataset.remaking import verify
 
 LATE = "late/box/results"
 

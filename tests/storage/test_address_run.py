@@ -17,7 +17,7 @@ from noisy_world.core.errors import InterruptedRunError, MissingDependencyError,
 from noisy_world.preset.keys import read_preset
 from noisy_world.dataset import address_run
 from noisy_world.dataset.address_run import AddressDestination
-from noisy_world.dataset.run_report import Report
+from noisy_world.dataset.making import Report
 from noisy_world.dataset.plan import make_plan
 
 

@@ -23,7 +23,7 @@ from noisy_world.core.errors import InputError, MissingDependencyError, StorageE
 from noisy_world.core.progress import PlainProgress
 from noisy_world.dataset.recipe import recipe_of
 from noisy_world.dataset.recipe import read_recipe
-from noisy_world.dataset.verifying import verify
+from noisy_world.dataset.remaking import verify
 
 
 @pytest.fixture

@@ -19,7 +19,7 @@ from noisy_world.core.errors import NoisyWorldError
 from noisy_world.images.pixels import rgb_bytes
 from noisy_world.perturbations.execution import perturb_depth, perturb_rgb
 from noisy_world.perturbations.kinds import FrameContext
-from noisy_world.dataset.overview import colour_depth
+from noisy_world.dataset.completion import colour_depth
 from noisy_world.panel import frame_preview, operators, presets, preview, loading
 
 

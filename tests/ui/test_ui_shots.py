@@ -18,7 +18,7 @@ from noisy_world.perturbations.parsing import parse_settings
 from noisy_world.preset.keys import read_preset
 from noisy_world.core.progress import MARK
 from noisy_world.core.errors import to_content
-from noisy_world.dataset.differences import other_dataset
+from noisy_world.dataset.folder_state import other_dataset
 from noisy_world.perturbations import registry
 from noisy_world.panel import runs, shots, steps
 from noisy_world.panel.background import BackgroundRun

@@ -13,7 +13,7 @@ from panel_tools import groups_of, own_classes, settings
 from preview_tools import add
 
 from noisy_world.core.depth_range import DepthRange
-from noisy_world.dataset.differences import ELSEWHERE, PROCESSORS, other_dataset
+from noisy_world.dataset.folder_state import ELSEWHERE, PROCESSORS, other_dataset
 from noisy_world.layouts.replica import ReplicaLayout
 from noisy_world.core.errors import InputError, StorageError
 from noisy_world.core.errors import american, parameter_label

@@ -13,9 +13,8 @@ from ..channels import COLOUR_AND_DEPTH
 from ..core.geometry import Intrinsics, invert_pose, pose, rotation_from_quat_wxyz
 from ..core.srgb import encoded
 from ..core.trajectory import NS_PER_S
-from ..dataset.loader import Frame, Opened, OpenedSequence
-from ..dataset.overview import BACKGROUND, INK, LABEL_PX, colour_depth, spread
-from ..dataset.stored_frames import SequenceOfFiles
+from ..dataset.completion import BACKGROUND, INK, LABEL_PX, colour_depth, spread
+from ..dataset.loader import Frame, Opened, OpenedSequence, SequenceOfFiles
 from ..images.pixels import rgb_bytes
 from ..layouts.asl import read_samples
 from ..layouts.euroc import IMU

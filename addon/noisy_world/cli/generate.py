@@ -33,8 +33,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from ..core.progress import Progress
+    from ..dataset.making import Report
     from ..dataset.plan import Plan
-    from ..dataset.run_report import Report
     from ..dataset.sequence import PlannedSequence
 
 

@@ -20,9 +20,9 @@ from ..core.progress import Progress
 from ..dataset.estimate import check_memory, estimate
 from ..dataset.folder_state import IDENTITY, WORK_FOLDER
 from ..dataset.identity import base_versions, versions_of
+from ..dataset.making import Report
 from ..dataset.plan import Plan, make_plan
 from ..dataset.run import Destination, Made, Run, threads_of_each
-from ..dataset.run_report import Report
 from ..dataset.shards import Shard, seconds_of
 from ..dataset.store import is_address, open_store
 from ..executors.jobs import Executor, Job, Perform, Task, TaskOutcome, carry_out

@@ -26,7 +26,7 @@ from .arguments import (
     preset_words,
     settled,
 )
-from .command import Command
+from .command import PROGRAM, Command
 from .entry import Entry, listener
 from .generate import need_blender, tell_outcome
 from .listing import print_plan
@@ -38,9 +38,6 @@ if TYPE_CHECKING:
     from ..dataset.run import Work
     from ..dataset.shards import Shard
     from ..executors.jobs import Task
-
-
-COMMAND = "noisy-world"
 
 
 def shard_words(options: argparse.Namespace, shard: "Shard | Task") -> list[str]:
@@ -66,7 +63,7 @@ def shard_lines(options: argparse.Namespace, shards: Iterable["Shard"]) -> Itera
 
 def _own_words() -> list[str]:
     """Return the command, or how this Python starts it where the shell does not find it."""
-    return [COMMAND] if shutil.which(COMMAND) else [sys.executable, "-m", "noisy_world"]
+    return [PROGRAM] if shutil.which(PROGRAM) else [sys.executable, "-m", "noisy_world"]
 
 
 # --- `plan` ---
@@ -178,9 +175,8 @@ def _shard_name(text: str) -> str:
 
 def _make_shards(options: argparse.Namespace, entry: Entry) -> int:
     """Make the shards, and print the outcome of each. Of several, the others are made where one cannot be."""
-    from ..dataset.run_report import Report
-    from ..dataset.shard_folders import shard_folder
-    from ..dataset.shards import Shard, render_of
+    from ..dataset.making import Report
+    from ..dataset.shards import Shard, render_of, shard_folder
     from ..executors.jobs import InProcess, Job, Perform, TaskOutcome, carry_out
     from .shard_workers import tasks_of
 

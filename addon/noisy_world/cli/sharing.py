@@ -103,7 +103,7 @@ def _verify_options(parser: Parser) -> None:
 def _verify(options: argparse.Namespace, _: Entry) -> int:
     """Compare, and print what differs; return 0 where all that is there is as the recipe says."""
     from ..dataset.recipe import read_recipe
-    from ..dataset.verifying import verify
+    from ..dataset.remaking import verify
 
     progress, stop = listener("text")
     findings = verify(read_recipe(options.recipe), options.dataset, progress, stop)
@@ -139,7 +139,7 @@ def _remake_options(parser: Parser) -> None:
 def _remake(options: argparse.Namespace, entry: Entry) -> int:
     """Make the dataset, verify it, and return the exit status: 0 where all is as it can be here."""
     from ..dataset.recipe import read_recipe
-    from ..dataset.verifying import verify
+    from ..dataset.remaking import verify
     from .generate import generate
 
     recipe = read_recipe(options.recipe)

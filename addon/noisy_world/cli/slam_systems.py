@@ -170,8 +170,8 @@ def _track(options: argparse.Namespace, _: Entry) -> int:
 
     Where the camera is lost the exit status is 0 too, as that is a result.
     """
+    from ..dataset.loader import OpenedFolder, SequenceOfFiles
     from ..dataset.opening import open_path
-    from ..dataset.stored_frames import OpenedFolder, SequenceOfFiles
     from ..preset.names import selected
 
     if not options.dataset.is_dir():

@@ -1,11 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The machine's processors and memory, and work spread over threads."""
+"""The machine's processors and memory, work spread over threads, and where the processor's time goes."""
 
+import contextlib
 import ctypes
 import os
 import sys
+import threading
+import time
 from collections import deque
-from collections.abc import Callable, Generator, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from functools import cache
 from itertools import islice
@@ -258,3 +261,61 @@ def batched(values: Iterable[T], size: int) -> Iterator[tuple[T, ...]]:
     left = iter(values)
     while batch := tuple(islice(left, size)):
         yield batch
+
+
+# Where the processor's time goes: seconds by stage, summed over threads.
+
+
+RENDERING = "rendering"
+LOADING = "loading"
+DECODING = "decoding"
+
+
+class StageTimer:
+    """Processor seconds by stage, of what the threads do that say so, and of all else while frames are rendered."""
+
+    def __init__(self) -> None:
+        """Begin with none."""
+        self._lock = threading.Lock()
+        self._seconds: dict[str, float] = {}
+        self._within = threading.local()  # seconds of this thread that belong to a stage inside another
+
+    @contextlib.contextmanager
+    def on(self, stage: str) -> Iterator[None]:
+        """Add what this thread does to a stage, but for what goes to a stage inside.
+
+        Threads that it starts itself are not counted.
+        """
+        start_s, before_s = time.thread_time(), self._inner_s
+        self._within.seconds = 0.0
+        try:
+            yield
+        finally:
+            whole_s = time.thread_time() - start_s
+            self.add({stage: whole_s - self._inner_s})
+            self._within.seconds = before_s + whole_s
+
+    @property
+    def _inner_s(self) -> float:
+        return getattr(self._within, "seconds", 0.0)
+
+    @contextlib.contextmanager
+    def rest_on(self, stage: str) -> Iterator[None]:
+        """Add what the whole process does to a stage, but for what goes to other stages meanwhile."""
+        start_s = time.process_time() - sum(self.seconds.values())
+        try:
+            yield
+        finally:
+            self.add({stage: time.process_time() - sum(self.seconds.values()) - start_s})
+
+    def add(self, seconds: Mapping[str, float]) -> None:
+        """Add seconds by stage."""
+        with self._lock:
+            for stage, value in seconds.items():
+                self._seconds[stage] = self._seconds.get(stage, 0.0) + value
+
+    @property
+    def seconds(self) -> dict[str, float]:
+        """Seconds by stage."""
+        with self._lock:
+            return dict(self._seconds)

@@ -17,19 +17,16 @@ from ..core.atomic_files import FolderLock, sha256_of_bytes, storage_errors
 from ..core.errors import BusyError, StorageError
 from ..core.frame_table import remove_journals
 from ..core.progress import Progress
-from .completed_images import CompletedImages
-from .differences import identity_mismatch, why_not
+from .completion import needed_frames
+from .dataset_folder import CompletedImages
 from .estimate import size_text
-from .folder_state import RUN, WORK_FOLDER, read_dataset_state
+from .folder_state import RUN, WORK_FOLDER, identity_mismatch, read_dataset_state, why_not
 from .identity import plain_identity, versions_of
-from .overview import needed_frames
-from .packing import pack, take
+from .making import Report
+from .packing import ShardImages, StoredShard, get_shard, pack, put_shard, record_of_shard, shard_records, take
 from .plan import Plan, Render
 from .run import SHARDS_PER_JOB, Destination, Made, ShardMaker, Work
-from .run_report import Report
-from .shard_folders import read_shard, remove_shard, shard_folder, shard_folders
-from .shard_objects import ShardImages, StoredShard, get_shard, put_shard, record_of_shard, shard_records
-from .shards import Shard, render_of, shards_of
+from .shards import Shard, read_shard, remove_shard, render_of, shard_folder, shard_folders, shards_of
 from .store import Store
 from .stored import written_dataset
 

@@ -43,9 +43,8 @@ from ..render.source import (
     SourceFrame,
     motion_between,
 )
-from .differences import clean_identity, first_difference
 from .estimate import size_text
-from .folder_state import WORK_FOLDER
+from .folder_state import WORK_FOLDER, clean_identity, first_difference
 from .identity import FORMAT as IDENTITY_FORMAT
 from .identity import identity_problem, plain_identity, versions_of
 from .plan import Plan, Render

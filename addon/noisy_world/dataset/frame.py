@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A frame of a sequence: what it shows, what is done to it, what is recorded of it, and its images.
+"""A frame is one value: its source frames, its steps, its key, its record and its images.
 
 All who ask for these ask it: what writes a dataset and what takes it up again, recipes, the library, the panel.
 """
@@ -7,7 +7,8 @@ All who ask for these ask it: what writes a dataset and what takes it up again, 
 import contextlib
 import threading
 from collections import OrderedDict
-from collections.abc import Callable, Collection, Hashable, Mapping
+from collections.abc import Callable, Collection, Hashable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from pathlib import Path
@@ -24,10 +25,11 @@ from ..core.file_access import read_bytes
 from ..core.frame_request import SensorPaths
 from ..core.frame_table import COMPLETED
 from ..core.geometry import Intrinsics, quat_wxyz_from_rotation
+from ..core.machine import DECODING, StageTimer, keep_freed_memory
 from ..core.trajectory import Trajectory
 from ..images.image_files import WholeFile
 from ..images.measured_depth import Registration, completed_m
-from ..images.pixels import as_bytes, as_float
+from ..images.pixels import as_bytes, as_float, rgb_bytes
 from ..layouts import Modality, OutputFormat
 from ..perturbations.execution import (
     ColourWork,
@@ -39,13 +41,16 @@ from ..perturbations.execution import (
     drawn_motion,
     on_light,
 )
-from ..perturbations.kinds import MID_GREY, EarlierFrame, FrameContext, ReadEarlier, earlier_than
-from ..render.source import SceneLight, SourceFrame, light_seen
-from .run_report import DECODING, StageTimer
+from ..perturbations.kinds import MID_GREY, ColourPerturbation, EarlierFrame, FrameContext, ReadEarlier, earlier_than
+from ..perturbations.steps import Step
+from ..render.source import Motion, OpenSource, SceneLight, SourceFrame, light_seen
+from ..render.source import motion_between as motion_of_points
 from .sequence import PlannedSequence, ShownSources, array_of
 
 if TYPE_CHECKING:
+    from ..nodes.compositor import Compositor
     from .plan import Render
+
 
 SKY_BEHIND_GLASS_M = 500.0  # as far away as haze, rain and snow take the sky to be
 KEPT = 4096  # small images: 36 MiB at most, more than any frame of 60 Hz looks back; chosen
@@ -646,3 +651,189 @@ def motion_of_frames(render: "Render", sequence: PlannedSequence, paths: SensorP
 def _product(left: Float64, right: Float64) -> Float64:
     """(N, 3, 3), (N, 3, K) -> (N, 3, K): their product, added up in one order, so the same everywhere."""
     return sum((left[:, :, k, None] * right[:, k, None, :] for k in (1, 2)), left[:, :, 0, None] * right[:, 0, None, :])
+
+
+# Clean images of pairs of source frames, such as optical flow.
+
+
+class OpenPairs:
+    """The pairs that are to be made, and what is seen at those of their source frames that have been taken.
+
+    What is seen is kept until its last pair is whole.
+    """
+
+    def __init__(self, wanted: Iterable[ShownSources], camera: Intrinsics) -> None:
+        """Take the pairs; one without a next source frame is whole from its first on."""
+        self._wanted = set(wanted)
+        self._camera = camera
+        self._views: dict[int, View] = {}
+
+    @property
+    def sources(self) -> set[int]:
+        """The source frames that are still to be seen."""
+        return {source for pair in self._wanted for source in pair if source is not None}
+
+    def of(self, clean: CleanFrame, source: OpenSource, render: "Render", paths: SensorPaths) -> list[CleanPair]:
+        """Take a clean frame of a render, whose source is open; return the pairs that are whole now."""
+        view = partial(view_of, lambda: source, paths, clean, self._camera)
+        return self.take(clean.source, view, partial(motion_of, source, render, paths))
+
+    def take(
+        self, source: int, view: Callable[[], View], motion: Callable[[int, int], Motion | None]
+    ) -> list[CleanPair]:
+        """Take what is seen at a source frame, where a pair needs it; return the pairs that are whole now.
+
+        motion: returns how what is seen at two source frames moves from one to the other; None where nothing moves.
+        """
+        if any(source in pair and None not in pair for pair in self._wanted):
+            self._views[source] = view()
+        made: list[CleanPair] = []
+        for here, there in sorted(self._wanted, key=lambda pair: pair[0]):
+            if there is None and source == here:
+                made.append(CleanPair((here, there), self._camera))
+            elif there is not None and {here, there} <= self._views.keys():
+                views = self._views[here], self._views[there]
+                if (moves := motion(here, there)) is not None:
+                    views = tuple(replace(item, to_other_px=px) for item, px in zip(views, moves, strict=True))
+                made.append(CleanPair((here, there), self._camera, *views))
+        self._wanted.difference_update(pair.shown for pair in made)
+        for done in self._views.keys() - self.sources:
+            del self._views[done]
+        return made
+
+
+def motion_of(source: OpenSource, render: "Render", paths: SensorPaths, here: int, there: int) -> Motion | None:
+    """Return how what is seen at two source frames of a render moves from one to the other; None where nothing does."""
+    if not render.scene.source.capabilities.moving:
+        return None
+    return motion_of_points(source, paths.request(here), paths.request(there))
+
+
+def view_of(source: Callable[[], OpenSource], paths: SensorPaths, clean: CleanFrame, camera: Intrinsics) -> View:
+    """Return what the colour camera sees at a source frame: where a rig has depth elsewhere, seen from colour's place.
+
+    source: returns that of the render's frames. paths: of the render. clean: the source frame.
+    """
+    request = paths.request(clean.source)
+    if paths.depth is None:
+        return View(clean.read_depth_m(), request.rgb_c2w, camera)
+    # By its time, as it is none of the frames that may be kept.
+    seen = source().frame(replace(request, index=None, depth_c2w=request.rgb_c2w))
+    assert seen.depth_m is not None, "depth was asked for"
+    return View(seen.depth_m, request.rgb_c2w, camera)
+
+
+# Colour where the reference alone does not do: on light, by what was shown before, in Blender's compositor.
+
+
+Pictures: TypeAlias = dict[str, NDArray[Any] | None]
+"""By a sequence's folder, its frame's image (H, W, 3); None where it is the clean one."""
+
+Chains: TypeAlias = Mapping[str, tuple[Step[ColourPerturbation], ...]]
+"""Steps of colour by the folder of their sequence, in propagation order."""
+
+
+# --- Blender's compositor ---
+
+
+class Compositing:
+    """Steps of colour carried out by Blender's compositor, which works only in the main thread."""
+
+    def __init__(self, compositor: "Compositor") -> None:
+        """Take the compositor with a chain for each sequence's folder."""
+        self._compositor = compositor
+
+    def pictures(self, clean: CleanFrame, frames: Sequence[PlannedFrame]) -> dict[tuple[str, int], NDArray[Any] | None]:
+        """Perturb all frames, several sequences in one evaluation; what several do alike is evaluated once."""
+        made: dict[tuple[str, int], NDArray[Any] | None] = {}
+        waiting = list(frames)
+        while waiting:
+            # A chain gives one image per evaluation; a sequence that shows the source frame twice takes another one.
+            turn = {frame.sequence.folder: frame for frame in reversed(waiting)}
+            waiting = [frame for frame in waiting if turn[frame.sequence.folder] is not frame]
+            made |= {(folder, turn[folder].index): image for folder, image in self._turn(clean, turn).items()}
+        return made
+
+    def _turn(self, clean: CleanFrame, frames: Mapping[str, PlannedFrame]) -> Pictures:
+        return self._perturbed(self._compositor, clean.rgb, clean, frames)
+
+    @staticmethod
+    def _perturbed(
+        compositor: "Compositor", rgb: NDArray[Any], clean: CleanFrame, frames: Mapping[str, PlannedFrame]
+    ) -> Pictures:
+        """Return the frames' colour, rounded, after the chains of a compositor. rgb: encoded, what these are given."""
+        made = compositor.perturb(rgb, *_inputs(clean, frames))
+        return {folder: pixels for folder, (pixels, _) in made.items()}
+
+
+class LitCompositing(Compositing):
+    """The same on lit frames: on light before the view transform, and on what that shows after it.
+
+    parts: the steps before it, and those after it. of_light: light itself is stored, so there are no steps after it.
+    """
+
+    def __init__(
+        self, parts: tuple[Chains, Chains], compositors: "tuple[Compositor, Compositor]", of_light: bool
+    ) -> None:
+        self._of_light = of_light
+        self._before, after = compositors
+        super().__init__(after)
+        self._early, self._late = parts
+
+    def _turn(self, clean: CleanFrame, frames: Mapping[str, PlannedFrame]) -> Pictures:
+        assert clean.light is not None, "its source is lit"
+        early = {folder: frame for folder, frame in frames.items() if folder in self._early}
+        lights, _ = self._before.evaluate(clean.light.rgb, *_inputs(clean, early))
+        if self._of_light:
+            return {folder: lights.get(folder) for folder in frames}
+        shown = {id(light): clean.light.show(light) for light in lights.values() if light is not None}
+        found: Pictures = {}
+        for folder, frame in frames.items():
+            seen = shown.get(id(lights.get(folder)))
+            found[folder] = None if seen is None else rgb_bytes(seen)
+            if folder in self._late:
+                given = clean.rgb if seen is None else seen
+                late = self._perturbed(self._compositor, given, clean, {folder: frame})[folder]
+                found[folder] = found[folder] if late is None else late
+        return found
+
+
+def _inputs(clean: CleanFrame, frames: Mapping[str, PlannedFrame]) -> tuple[Any, ...]:
+    """Return what a compositor is told of frames beside the image, by the folder of their sequence."""
+    from ..nodes.chain import decided_by  # only Blender's compositor has groups
+
+    needs_depth = any(frame.sequence.setting.needs_depth for frame in frames.values())
+    return (
+        {folder: (frame.index, frame.sequence.identifiers) for folder, frame in frames.items()},
+        clean.read_seen_depth_m() if needs_depth else None,
+        {folder: frame.motion for folder, frame in frames.items()},
+        {folder: decided_by(frame.colour) for folder, frame in frames.items()},
+    )
+
+
+@contextmanager
+def compositing(
+    chains: Chains, clean: CleanFrames, size_px: tuple[int, int], *, lit: bool, of_light: bool
+) -> Iterator[Compositing]:
+    """Prepare Blender's compositor for some chains. clean, size_px, lit, of_light: as `colour_of` takes them."""
+    from ..nodes.compositor import Compositor
+
+    keep_freed_memory()
+    known = size_px[0], clean.colour.intrinsics
+    if not lit:
+        with Compositor(size_px, chains, *known) as compositor:
+            yield Compositing(compositor)
+        return
+    before, after = parts = _parted(chains)
+    with Compositor(size_px, before, *known, lit=True) as of_lights, Compositor(size_px, after, *known) as of_shown:
+        yield LitCompositing(parts, (of_lights, of_shown), of_light)
+
+
+def _parted(chains: Chains) -> tuple[Chains, Chains]:
+    """Return each chain's steps before the sensor, and the others, of chains that have any."""
+    parts: tuple[dict[str, tuple[Step[ColourPerturbation], ...]], ...] = ({}, {})
+    for name, steps in chains.items():
+        for part, early in zip(parts, (True, False), strict=True):
+            if own := tuple(step for step in steps if step.perturbation.acts_on_light == early):
+                part[name] = own
+    return parts[0], parts[1]

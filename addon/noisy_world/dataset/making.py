@@ -7,7 +7,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, Self, TypeAlias, TypeVar
@@ -21,23 +21,20 @@ from ..core.depth_range import OutOfRange
 from ..core.errors import InterruptedRunError, Message, NoisyWorldError, PresetKey
 from ..core.frame_request import SensorPaths
 from ..core.frame_table import FrameRecord
+from ..core.machine import DECODING, LOADING, RENDERING, StageTimer
 from ..core.progress import Progress
 from ..layouts import Modality, OutputFormat
 from ..perturbations.steps import Setting
 from ..render.source import OpenSource, PreparedSource, RenderedFrame, SourceFrame, light_seen
-from .completed_images import FinishedImages
-from .dataset_folder import Dataset, SequenceJournal
+from .dataset_folder import Dataset, FinishedImages, SequenceJournal
 from .frame import CleanFrame, CleanFrames, PlannedFrame, cameras_of, clean_frames_of
 from .plan import Plan, Render
 from .rendering import open_render, render_options, source_paths
-from .run_report import DECODING, LOADING, RENDERING, Report, StageTimer
 from .sequence import PlannedSequence
 
 if TYPE_CHECKING:
     from .clean_store import CleanFiles
-    from .colour import Compositing
-    from .frame import CleanPair, EarlierFrames
-    from .pairs import OpenPairs
+    from .frame import CleanPair, Compositing, EarlierFrames, OpenPairs
 
 FrameOf: TypeAlias = Callable[[PlannedSequence, int], PlannedFrame]
 """A sequence and a frame's number -> that frame, of which one image at least shows the clean frame at hand."""
@@ -156,7 +153,7 @@ def colour_of(
     if not chains:
         yield Colour(perturbed, clean, lit=lit)
         return
-    from .colour import compositing
+    from .frame import compositing
 
     with compositing(chains, clean, size_px, lit=lit, of_light=of_light) as carried_out:
         yield Colour(perturbed, clean, carried_out, lit=lit)
@@ -548,7 +545,7 @@ class FrameMaker:
         channels = [channel.name for channel in pair_channels(self._modalities)]
         if not channels:
             return None
-        from .pairs import OpenPairs
+        from .frame import OpenPairs
 
         sequences = [item for item in render.sequences if item.frames]
         lacking = (finished.pairs(sequences, channels, frame) for frame in frames)
@@ -623,3 +620,110 @@ class Kept(Generic[T]):
 
 class KeptScene(Kept[PreparedSource]):
     """The scene that was prepared last: loading one takes longer than rendering small frames."""
+
+
+# The report of a run: what it did, and how fast.
+
+
+@dataclass
+class Report:
+    """What a run did, for run.json and for the user. refused: why sequences were left out, by their folders.
+
+    processor_s: seconds of processors by stage, over all threads and processes. processors: those that shards were made
+    on, where they are unlike, each with its shards. colour_rays, colour_pixels: of frames whose renderer chose by what
+    it saw how many rays each pixel of colour took: all their rays and pixels.
+    """
+
+    frames_rendered: int = 0
+    frames_kept: int = 0
+    loading_s: float = 0.0
+    first_frame_s: float | None = None
+    rendering_s: float = 0.0
+    total_s: float = 0.0
+    peak_memory_bytes: int | None = None
+    jobs: int = 1
+    notes: list[str] = field(default_factory=list)
+    refused: dict[str, str] = field(default_factory=dict)
+    processor_s: dict[str, float] = field(default_factory=dict)
+    processors: list[dict[str, Any]] = field(default_factory=list)
+    colour_rays: int = 0
+    colour_pixels: int = 0
+
+    @property
+    def frames_per_s(self) -> float | None:
+        """Frames per second from the first frame on, without loading."""
+        return self.frames_rendered / self.rendering_s if self.frames_rendered and self.rendering_s > 0 else None
+
+    @property
+    def decoding_share(self) -> float | None:
+        """The share of the processor's time in which images of recordings were decoded; None where none was."""
+        decoding_s = self.processor_s.get(DECODING)
+        return None if decoding_s is None else decoding_s / sum(self.processor_s.values())
+
+    @property
+    def rays_per_px(self) -> float | None:
+        """The mean number of rays that a pixel of colour took; None where it was not the renderer that chose it."""
+        return self.colour_rays / self.colour_pixels if self.colour_pixels else None
+
+    def merge(self, other: "Report") -> None:
+        """Add what another process did at the same time."""
+        self.frames_rendered += other.frames_rendered
+        self.loading_s = max(self.loading_s, other.loading_s)
+        self.rendering_s = max(self.rendering_s, other.rendering_s)
+        first = [value for value in (self.first_frame_s, other.first_frame_s) if value is not None]
+        self.first_frame_s = min(first) if first else None
+        self.peak_memory_bytes = (self.peak_memory_bytes or 0) + (other.peak_memory_bytes or 0) or None
+        self.colour_rays += other.colour_rays
+        self.colour_pixels += other.colour_pixels
+        self.notes += [note for note in other.notes if note not in self.notes]
+        self.add_processor_s(other.processor_s)
+
+    def add(self, content: Mapping[str, Any]) -> None:
+        """Add what was done at another time, by the content of its report."""
+        self.frames_rendered += content["frames_rendered"]
+        self.loading_s += content["loading_s"]
+        self.rendering_s += content["rendering_s"]
+        self.first_frame_s = content["first_frame_s"] if self.first_frame_s is None else self.first_frame_s
+        peaks = [peak for peak in (self.peak_memory_bytes, content["peak_memory_bytes"]) if peak is not None]
+        self.peak_memory_bytes = max(peaks, default=None)
+        self.colour_rays += content.get("colour_rays", 0)
+        self.colour_pixels += content.get("colour_pixels", 0)
+        self.notes += [note for note in content["notes"] if note not in self.notes]
+        self.add_processor_s(content["processor_s"])
+
+    def add_processor_s(self, seconds: Mapping[str, float]) -> None:
+        """Add seconds of processors by stage."""
+        for stage, value in seconds.items():
+            self.processor_s[stage] = self.processor_s.get(stage, 0.0) + value
+
+    def content(self) -> dict[str, object]:
+        """Return the content of run.json."""
+        rate, rays_per_px = self.frames_per_s, self.rays_per_px
+        rays = {"colour_rays": self.colour_rays, "colour_pixels": self.colour_pixels}
+        return {
+            "frames_rendered": self.frames_rendered,
+            "frames_kept": self.frames_kept,
+            "frames_per_s": None if rate is None else round(rate, 3),
+            "loading_s": round(self.loading_s, 3),
+            "first_frame_s": None if self.first_frame_s is None else round(self.first_frame_s, 3),
+            "rendering_s": round(self.rendering_s, 3),
+            "total_s": round(self.total_s, 3),
+            "processor_s": {stage: round(value, 3) for stage, value in sorted(self.processor_s.items())},
+            "peak_memory_bytes": self.peak_memory_bytes,
+            "jobs": self.jobs,
+            "notes": self.notes,
+            **({"refused": self.refused} if self.refused else {}),
+            **({} if rays_per_px is None else {"rays_per_px": round(rays_per_px, 3), **rays}),
+            **({"processors": self.processors} if self.processors else {}),
+        }
+
+
+def processors_of(shards: Iterable[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """Return the processors that shards were made on, each with the names of its shards; none where all are alike."""
+    found: list[dict[str, Any]] = []
+    for shard in shards:
+        same = [item for item in found if item["processor"] == shard["processor"]]
+        if not same:
+            found.append({"processor": shard["processor"], "shards": []})
+        (same[0] if same else found[-1])["shards"].append(shard["shard"])
+    return found if len(found) > 1 else []

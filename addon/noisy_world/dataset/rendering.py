@@ -30,8 +30,7 @@ from ..render.source import (
 )
 from ..trajectories.rig import sensor_trajectory
 from .identity import render_seed
-from .plan import Plan, Render
-from .sensors import ClockedSource
+from .plan import ClockedSource, Plan, Render
 
 FIRST_FRAMES = 3  # a path whose first three frames see nothing is taken for a mistake; chosen
 

@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A run takes a plan to a dataset in one pass: what is there, what is to be made, make it, complete it, seal it.
+"""A run takes a plan to a dataset in a folder or at an address: what is there, what is to be made, make it, seal it.
+
+A run takes a plan to a dataset in one pass: what is there, what is to be made, make it, complete it, seal it.
 
 Where the dataset lies, its destination knows (`destination`, `address_destination`).
 """
@@ -22,19 +24,17 @@ from ..core.file_access import canonical
 from ..core.machine import available_threads, peak_memory_bytes
 from ..core.progress import Progress
 from ..measure.looking import remarks_on
-from .completed_images import CompletedImages, FinishedImages, find_missing, keep_intact
 from .completion import Completion
-from .dataset_folder import Dataset
-from .differences import identity_mismatch, why_not
+from .dataset_folder import CompletedImages, Dataset, FinishedImages, find_missing
 from .estimate import check_memory, estimate, image_bytes, size_text
-from .folder_state import MANIFEST_SHA256, RUN, WORK_FOLDER
+from .folder_state import MANIFEST_SHA256, RUN, WORK_FOLDER, identity_mismatch, why_not
 from .identity import plain_identity, versions_of
-from .making import FrameMaker
+from .making import FrameMaker, Report, processors_of
 from .plan import Plan, Render, plan_notes
-from .run_report import Report, processors_of
-from .shard_folders import (
+from .shards import (
     SHARD,
     OpenRun,
+    Shard,
     ShardRecord,
     ShardRules,
     drop_unfinished,
@@ -42,11 +42,12 @@ from .shard_folders import (
     merged_shards,
     read_shard,
     remove_shard,
+    render_of,
     shard_folder,
+    shards_of,
     take_up,
     tidy,
 )
-from .shards import Shard, render_of, shards_of
 
 # Making shards: each is made in a folder of its own, which may be anywhere, and is finished by its `shard.json`.
 
@@ -174,11 +175,7 @@ class ShardMaker:
             return None
 
     def _make_missing(self, made: Dataset, render: Render, shard: Shard, there: CompletedImages | None) -> None:
-        names = self._plan.format.names(render.scene.source.frame_stamps)
-        for sequence in render.sequences:
-            keep_intact(made, sequence, names)
-        made.settle()
-        finished = FinishedImages([CompletedImages(made, render), *([] if there is None else [there])])
+        finished = FinishedImages([CompletedImages(made, render, hashed=True), *([] if there is None else [there])])
         wanted = shard.frames_of(render.frames)
         sources_missing = finished.sources_missing(render, self._plan.format.modalities, wanted)
         self._frames.report.frames_kept = len(wanted) - len(sources_missing)
@@ -272,11 +269,7 @@ class Destination:
 
     def completed(self, render: Render) -> CompletedImages:
         """Return the images of a render that are there; here every file is hashed."""
-        names = self._plan.format.names(render.scene.source.frame_stamps)
-        for sequence in render.sequences:
-            keep_intact(self.dataset, sequence, names)
-        self.dataset.settle()
-        return CompletedImages(self.dataset, render)
+        return CompletedImages(self.dataset, render, hashed=True)
 
     def cut(self, work: Work, needed_bytes: int, count: int | None, jobs: int) -> tuple[Shard, ...] | None:
         """Return the shards in which frames are made; None where they go straight into the dataset.

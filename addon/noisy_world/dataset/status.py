@@ -31,9 +31,8 @@ from .folder_state import (
     read_dataset_state,
 )
 from .identity import Described, identity_problem
-from .packing import CLAIM, PACKED_SEQUENCES, claimed
-from .shard_folders import ShardRecord, merged_shards, read_shard, shard_folders
-from .shard_objects import PLACE, StoredShard, damaged_contents, get_shard, shard_records
+from .packing import CLAIM, PACKED_SEQUENCES, PLACE, StoredShard, claimed, damaged_contents, get_shard, shard_records
+from .shards import ShardRecord, merged_shards, read_shard, shard_folders
 from .store import Store, open_store
 from .stored import (
     Digests,

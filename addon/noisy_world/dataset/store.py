@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Stores: places for datasets, a folder or an address that fsspec reaches, such as s3://bucket/name.
+"""Stores: places for files by their names, a folder or an address that fsspec reaches, such as s3://bucket/name.
 
 What is written there is whole or absent. Files that a killed process did not finish leave nothing under their names in
 a folder and in an object store; elsewhere they may, so nothing counts there before a small file beside it says that it
@@ -26,7 +26,7 @@ from .folder_state import WORK_FOLDER
 
 
 IN_EXTRA = ("fsspec", "s3fs", "pyarrow")
-AGAIN = "the same command goes on from here"
+GOES_ON = "the same command goes on from here"
 
 # The errors of the libraries that fsspec's file systems are made of, by the module that has them. They are looked up
 # where the module is loaded: a library that nobody loaded raises nothing.
@@ -87,12 +87,12 @@ def _meaning(error: BaseException) -> tuple[str, str]:
         "ConnectionError",
         "TimeoutError",
     }:
-        return f"the store does not answer ({text})", f"see to the network and the endpoint; {AGAIN}"
+        return f"the store does not answer ({text})", f"see to the network and the endpoint; {GOES_ON}"
     if isinstance(error, NotImplementedError):
         return "its kind of store takes no files", "choose another address with --out"
     if isinstance(error, OSError) and error.errno in FULL:
-        return "no space is left there", f"make room; {AGAIN}"
-    return text or type(error).__name__, f"mend that; {AGAIN}"
+        return "no space is left there", f"make room; {GOES_ON}"
+    return text or type(error).__name__, f"mend that; {GOES_ON}"
 
 
 def missing(address: str, package: str) -> MissingDependencyError:

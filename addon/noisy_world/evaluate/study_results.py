@@ -16,8 +16,7 @@ from ..core.atomic_files import own_scratch, storage_errors, write_atomic
 from ..core.errors import StorageError
 from ..core.file_access import finite_number, read_json
 from ..core.trajectory import Trajectory
-from ..dataset.differences import decisive, first_difference
-from ..dataset.folder_state import WORK_FOLDER
+from ..dataset.folder_state import WORK_FOLDER, decisive, first_difference
 from ..dataset.identity import HUFFMAN, setting_problem
 from .cases import ESTIMATE, KEYFRAMES, Case, Outcome, RunRecord, SystemRun, read_estimate_file
 from .estimates import Estimate

@@ -22,11 +22,10 @@ from ..core.progress import Progress, SilentProgress
 from ..core.schema import ConfigPath
 from ..core.trajectory import Trajectory
 from ..dataset.clean_store import CleanFiles, frames_bytes
-from ..dataset.differences import clean_identity
-from ..dataset.folder_state import read_dataset_state
+from ..dataset.folder_state import clean_identity, read_dataset_state
 from ..dataset.frame import Camera, CleanFrame, CleanFrames, PlannedFrame
 from ..dataset.identity import path_sha256, plain_identity, versions_of
-from ..dataset.loader import Frame, OpenedSequence
+from ..dataset.loader import Frame, OpenedFolder, OpenedSequence, SequenceOfFiles
 from ..dataset.making import FrameMaker, KeptScene
 from ..dataset.opening import open_path
 from ..dataset.plan import Plan, Render, lay_out_plan, read_settings
@@ -34,7 +33,6 @@ from ..dataset.recipe import FrameNumbers
 from ..dataset.rendering import render_options
 from ..dataset.run import Run
 from ..dataset.sequence import PlannedSequence, lay_out
-from ..dataset.stored_frames import OpenedFolder, SequenceOfFiles
 from ..layouts import OutputFormat, find_sequence
 from ..perturbations import registry
 from ..perturbations.execution import move, split_motion

@@ -19,7 +19,7 @@ from ..core.errors import InputError, NoisyWorldError, StorageError
 from ..core.progress import Progress
 from ..core.schema import ConfigPath, KeyInfo, allowed_range, number_text, unknown_name
 from ..core.streams import stream
-from ..dataset.differences import first_difference
+from ..dataset.folder_state import first_difference
 from ..perturbations.kinds import Perturbation
 from ..preset.keys import Preset, check_document
 from .cases import Case, SystemRun

@@ -19,10 +19,10 @@ from ..core.errors import InputError, NoisyWorldError
 from ..core.lens import Distortion
 from ..core.schema import ConfigPath
 from ..core.trajectory import Trajectory
+from ..dataset.completion import colour_depth
 from ..dataset.frame import Camera, CleanFrame, CleanFrames, EarlierFrames, GreyFrames, PlannedFrame
 from ..dataset.identity import render_seed
 from ..dataset.making import colour_of
-from ..dataset.overview import colour_depth
 from ..dataset.sequence import PlannedSequence, Shown, lay_out
 from ..images.pixels import as_bytes, grey_bytes
 from ..nodes.chain import decided_by

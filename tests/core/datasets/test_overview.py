@@ -6,7 +6,7 @@ import os
 import cv2
 import numpy as np
 
-from noisy_world.dataset.overview import GAP_PX, LABEL_PX, draw_overview
+from noisy_world.dataset.completion import GAP_PX, LABEL_PX, draw_overview
 from noisy_world.preset.keys import OutputSpec
 
 FORMAT = OutputSpec("replica", "png").format

@@ -4,7 +4,7 @@
 import pytest
 from refusals import refused
 
-from noisy_world.dataset.differences import _step as difference
+from noisy_world.dataset.folder_state import _step as difference
 from noisy_world.dataset.identity import RecordedStep
 from noisy_world.perturbations.kinds import FrameContext
 from noisy_world.perturbations.parsing import parse_steps

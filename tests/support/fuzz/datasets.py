@@ -37,7 +37,7 @@ from noisy_world.dataset.remaking import plan_of
 from noisy_world.dataset.recipe import recipe_of
 from noisy_world.dataset.opening import open_path
 from noisy_world.dataset.recipe import read_recipe
-from noisy_world.dataset.verifying import verify
+from noisy_world.dataset.remaking import verify
 
 TASK = "task.json"
 TEXTS = (".json", ".jsonl", ".txt", ".csv", ".yaml")
