@@ -75,12 +75,3 @@ def test_a_corner_is_deeper_by_what_an_integral_over_the_other_wall_gives():
 def test_a_wall_alone_sends_nothing_to_itself():
     depth_m = np.full((240, 320), 2.0, np.float32)
     np.testing.assert_allclose(measured(depth_m, multipath=1), measured(depth_m), atol=2e-4)
-
-
-def test_without_it_the_bytes_are_those_of_before():
-    depth_m = corner()
-    np.testing.assert_array_equal(measured(depth_m, multipath=0, noise=1), measured(depth_m, noise=1))
-
-
-def test_a_frame_without_depth_stays_void():
-    assert not measured(np.zeros((240, 320), np.float32), multipath=1).any()

@@ -64,7 +64,7 @@ def chi_square_p(errors, covariances):
 
 
 def test_a_noisy_imus_whitened_residuals_are_chi_square():
-    still = evenly_stamped(np.tile(np.eye(4), (8001, 1, 1)))
+    still = evenly_stamped(np.tile(np.eye(4), (4001, 1, 1)))
     errors, covariances = residuals(ImuModel(**DENSITIES, **WALKS), still)
     # gtsam's covariance is of the later bias minus the earlier one, and its error of the earlier minus the later one.
     errors[:, 9:] *= -1

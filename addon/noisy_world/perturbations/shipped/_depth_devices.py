@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 from ...core.geometry import Intrinsics
 from ...core.schema import key
 from ..kinds import FrameContext
-from ._arrays import ROWS, bands, quotient
+from ._arrays import ROWS, bands, by_bands, quotient, without_void
 from ._noise import Shared
 
 P = TypeVar("P")
+F = TypeVar("F", np.float32, np.float64)
 
 Devices = Mapping[str, Mapping[str, float]]
 """By a device's name the values of the parameters that are its own."""
@@ -49,43 +50,41 @@ def noise_of_device() -> Any:
     return key("random errors, times the device's", default=NOISE_SEVERITIES[2], minimum=0, maximum=100)
 
 
-def correlation_px() -> Any:
-    """Return the field of how far errors are shared in the image, as `Shared.px`."""
-    meaning = "distance at which errors have a correlation of 1 / e; 0: pixels have their own"
-    return of_device(meaning, 200, "px", slider=(0, 10), later=True)
+_SHARING: Mapping[str, Callable[[], Any]] = {
+    "correlation_px": lambda: of_device(
+        "distance at which errors have a correlation of 1 / e; 0: pixels have their own",
+        200,
+        "px",
+        slider=(0, 10),
+        later=True,
+    ),
+    "correlation_frames": lambda: _frames("frames whose errors go with one another, less with each between; 1: none"),
+    "correlation_share": lambda: of_device(
+        "share of errors' variance that goes with neighbours' and frames'; the rest is each pixel's own", 1, later=True
+    ),
+    "clump_px": lambda: of_device(
+        "how large holes are, as correlation_px; 0: of single pixels", 200, "px", slider=(0, 80), later=True
+    ),
+    "clump_frames": lambda: _frames("frames that holes stay for, as correlation_frames"),
+}
 
 
-def correlation_frames() -> Any:
-    """Return the field of how far errors are shared in time, as `Shared.frames`."""
-    return _frames_of_device("frames whose errors go with one another, less with each frame between; 1: none")
+def sharing(name: str) -> Any:
+    """Return the field of a name, of `Shared`: of errors (correlation_...) or of what makes holes (clump_...)."""
+    return _SHARING[name]()
 
 
-def correlation_share() -> Any:
-    """Return the field of which part of errors is shared, as `Shared.share`; a device that says none shares all."""
-    meaning = "share of errors' variance that goes with neighbours' and frames'; the rest is each pixel's own"
-    return of_device(meaning, 1, later=True)
+def _frames(meaning: str) -> Any:
+    return key(f"{meaning}; below 0: the device's", default=-1, minimum=-1, maximum=MOST_FRAMES, later=True)
 
 
 def shared_errors(own: Any, scale: float = 1.0) -> Shared:
-    """Return how far a device's errors are shared. scale: how many pixels of this image are one of its own."""
+    """Return how far a device's errors are shared; one that says no share shares all.
+
+    scale: how many pixels of this image are one of its own.
+    """
     share = own.correlation_share if own.correlation_share >= 0 else 1.0
     return Shared(max(own.correlation_px, 0) * scale, own.correlation_frames, share)
-
-
-def clump_px() -> Any:
-    """Return the field of how far what makes holes is shared in the image, as `Shared.px`."""
-    return of_device(
-        "how large holes are, as correlation_px; 0: of single pixels", 200, "px", slider=(0, 80), later=True
-    )
-
-
-def clump_frames() -> Any:
-    """Return the field of how far what makes holes is shared in time, as `Shared.frames`."""
-    return _frames_of_device("frames that holes stay for, as correlation_frames")
-
-
-def _frames_of_device(meaning: str) -> Any:
-    return key(f"{meaning}; below 0: the device's", default=-1, minimum=-1, maximum=MOST_FRAMES, later=True)
 
 
 def filled(parameters: P, devices: Devices) -> P:
@@ -110,6 +109,11 @@ def camera_of(context: FrameContext, name: str) -> Intrinsics:
     if context.intrinsics is None:
         raise TypeError(f"{name} needs the camera's intrinsics: rays and disparities follow from them")
     return context.intrinsics
+
+
+def disparity_of(depth_m: NDArray[np.float32], product_px_m: float) -> NDArray[np.float32]:
+    """Return focal length x baseline / depth (H, W), 0 where void."""
+    return by_bands(depth_m, np.dtype(np.float32), lambda band: quotient(product_px_m, *without_void(band)))
 
 
 # What a second eye to the right does not see of a depth image: of a stereo camera, or a projector's light.
@@ -232,8 +236,8 @@ def cosine_of_incidence(depth_m: NDArray[np.float32], camera: Intrinsics) -> NDA
         rows = slice(top, min(top + ROWS, height))
         band = padded[top : rows.stop + 2]
         here = band[1:-1, 1:-1]
-        right = _smaller(band[1:-1, 2:] - here, here - band[1:-1, :-2], width)
-        down = _smaller(band[2:, 1:-1] - here, here - band[:-2, 1:-1], height)
+        right = smaller(band[1:-1, 2:] - here, here - band[1:-1, :-2], width)
+        down = smaller(band[2:, 1:-1] - here, here - band[:-2, 1:-1], height)
         towards = here - x * right - y[rows] * down
         right *= fx
         down *= fy
@@ -249,8 +253,6 @@ def cosine_of_incidence(depth_m: NDArray[np.float32], camera: Intrinsics) -> NDA
     return found
 
 
-def _smaller(one: NDArray[np.float32], other: NDArray[np.float32], count: int) -> NDArray[np.float32]:
+def smaller(one: NDArray[F], other: NDArray[F], count: int = 2) -> NDArray[F]:
     """Return the one nearer to 0, element by element; 0 along a side of a single pixel, which has no neighbours."""
-    if count == 1:
-        return np.zeros_like(one)
-    return np.where(np.abs(one) < np.abs(other), one, other)
+    return np.zeros_like(one) if count == 1 else np.where(np.abs(one) < np.abs(other), one, other)

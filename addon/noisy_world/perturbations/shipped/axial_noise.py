@@ -18,14 +18,12 @@ from ._depth_devices import (
     NOISE_SEVERITIES,
     Devices,
     camera_of,
-    correlation_frames,
-    correlation_px,
-    correlation_share,
     cosine_of_incidence,
     filled,
     noise_of_device,
     of_device,
     shared_errors,
+    sharing,
 )
 from ._noise import CODES, Shared, drawn, look_up, scaled
 
@@ -61,9 +59,9 @@ class AxialNoise:
     steep: float = of_device("factor of the term beyond 60 degrees of incidence, in m^1.5", 10)
     lateral_px: float = of_device("deviation of the place that a pixel shows, on a surface seen head on", 8, "px")
     lateral_steep_px: float = of_device("what incidence adds to it", 8, "px")
-    correlation_px: float = correlation_px()
-    correlation_frames: int = correlation_frames()
-    correlation_share: float = correlation_share()
+    correlation_px: float = sharing("correlation_px")
+    correlation_frames: int = sharing("correlation_frames")
+    correlation_share: float = sharing("correlation_share")
     TOOLTIPS: ClassVar[Mapping[str, str]] = DEVICE_TOOLTIPS | {
         "from_m": "Higher: noise begins to grow further away",
         "offset_m": "Higher: everything gets rougher by the same",

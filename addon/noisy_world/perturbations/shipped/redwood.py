@@ -18,13 +18,11 @@ from ._depth_devices import (
     DEVICE_TOOLTIPS,
     NOISE_SEVERITIES,
     Devices,
-    correlation_frames,
-    correlation_px,
-    correlation_share,
     filled,
     noise_of_device,
     of_device,
     shared_errors,
+    sharing,
 )
 from ._noise import Shared, drawn, scaled, shifted_places, taken
 
@@ -115,9 +113,9 @@ class Redwood:
     sigma_px: float = of_device("standard deviation of disparity before that", 8, "px")
     shift_px: float = of_device("standard deviation of the place, across and down, that a pixel shows", 8, "px")
     max_m: float = of_device("depth from which on nothing is given", 1000, "m", slider=(0.5, 20))
-    correlation_px: float = correlation_px()
-    correlation_frames: int = correlation_frames()
-    correlation_share: float = correlation_share()
+    correlation_px: float = sharing("correlation_px")
+    correlation_frames: int = sharing("correlation_frames")
+    correlation_share: float = sharing("correlation_share")
     warp: str = key("a file with a table of distortion, such as Redwood's dist-model.txt", default="", file=warp_table)
     TOOLTIPS: ClassVar[Mapping[str, str]] = DEVICE_TOOLTIPS | {
         "product_px_m": "Higher: depth gets better",

@@ -17,16 +17,13 @@ from ._depth_devices import (
     NOISE_SEVERITIES,
     Devices,
     camera_of,
-    clump_frames,
-    clump_px,
-    correlation_frames,
-    correlation_px,
-    correlation_share,
+    disparity_of,
     filled,
     noise_of_device,
     of_device,
     shadowed,
     shared_errors,
+    sharing,
 )
 from ._noise import Draws, Shared, drawn, look_up, normal_quantiles, scaled
 
@@ -65,11 +62,11 @@ class Stereo:
     least_contrast: float = of_device("least standard deviation of brightness (0 to 1) that is matched", 1)
     pattern: float = of_device("contrast that the projector adds to white at 1 m", 100)
     speckle: float = of_device("standard deviation of the speckle that contrast is multiplied by", 1)
-    correlation_px: float = correlation_px()
-    correlation_frames: int = correlation_frames()
-    correlation_share: float = correlation_share()
-    clump_px: float = clump_px()
-    clump_frames: int = clump_frames()
+    correlation_px: float = sharing("correlation_px")
+    correlation_frames: int = sharing("correlation_frames")
+    correlation_share: float = sharing("correlation_share")
+    clump_px: float = sharing("clump_px")
+    clump_frames: int = sharing("clump_frames")
     TOOLTIPS: ClassVar[Mapping[str, str]] = DEVICE_TOOLTIPS | {
         "sigma_px": "Higher: far surfaces get rougher",
         "search_px": "Lower: more of what is near has no depth",
@@ -99,9 +96,8 @@ def apply(depth_m: NDArray[np.float32], parameters: Stereo, context: FrameContex
     """Measure (H, W) metres; needs the context's colour and intrinsics."""
     camera = camera_of(context, "stereo")
     own = filled(parameters, DEVICES)
-    product = own.focal_px * own.baseline_m
     scale = camera.fx_px / own.focal_px  # this image's pixels in one of the device's
-    disparity = by_bands(depth_m, np.dtype(np.float32), lambda band: quotient(product, *without_void(band)))
+    disparity = disparity_of(depth_m, own.focal_px * own.baseline_m)
     lost = shadowed(disparity, scale)
     if own.least_contrast > 0:
         lost |= _untextured(depth_m, own, context, camera.fx_px)

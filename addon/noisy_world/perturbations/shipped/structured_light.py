@@ -18,18 +18,15 @@ from ._depth_devices import (
     NOISE_SEVERITIES,
     Devices,
     camera_of,
-    clump_frames,
-    clump_px,
-    correlation_frames,
-    correlation_px,
-    correlation_share,
     cosine_of_incidence,
+    disparity_of,
     filled,
     noise_of_device,
     of_device,
     range_contradiction,
     shadowed,
     shared_errors,
+    sharing,
 )
 from ._noise import Draws, Shared, drawn, scaled, shifted_places, taken
 
@@ -67,9 +64,9 @@ class StructuredLight:
     least_share: float = of_device("share of the window that has to show the pixel's own surface", 1)
     min_m: float = of_device("nearest depth that is given", 1000, "m", slider=(0, 2))
     max_m: float = of_device("farthest depth that is given", 1000, "m", slider=(0.5, 20))
-    correlation_px: float = correlation_px()
-    correlation_frames: int = correlation_frames()
-    correlation_share: float = correlation_share()
+    correlation_px: float = sharing("correlation_px")
+    correlation_frames: int = sharing("correlation_frames")
+    correlation_share: float = sharing("correlation_share")
     least_light: float = of_device(
         "least light that is given, of that from a surface of middling reflectance, 1 m away and seen head on; 0: any",
         1000,
@@ -77,8 +74,8 @@ class StructuredLight:
         later=True,
     )
     reflectance_spread: float = of_device("standard deviation of reflectance's natural logarithm", 10, later=True)
-    clump_px: float = clump_px()
-    clump_frames: int = clump_frames()
+    clump_px: float = sharing("clump_px")
+    clump_frames: int = sharing("clump_frames")
     blind_px: float = of_device("width of the strip at the right that gives nothing", 10_000, "px", later=True)
     TOOLTIPS: ClassVar[Mapping[str, str]] = DEVICE_TOOLTIPS | {
         "sigma_px": "Higher: steps of depth get more ragged",
@@ -110,8 +107,7 @@ def apply(depth_m: NDArray[np.float32], parameters: StructuredLight, context: Fr
     camera = camera_of(context, "structured_light")
     own = filled(parameters, DEVICES)
     scale = camera.fx_px / own.focal_px  # this image's pixels in one of the device's
-    product = own.focal_px * own.baseline_m
-    lit = by_bands(depth_m, np.dtype(np.float32), lambda band: quotient(product, *without_void(band)))
+    lit = disparity_of(depth_m, own.focal_px * own.baseline_m)
     lit[shadowed(lit, scale)] = 0
     _drop_unmatched(lit, own, scale)
     if own.least_light > 0:

@@ -21,15 +21,14 @@ from ._depth_devices import (
     TINY,
     Devices,
     camera_of,
-    correlation_frames,
-    correlation_px,
-    correlation_share,
     cosine_of_incidence,
     filled,
     noise_of_device,
     of_device,
     range_contradiction,
     shared_errors,
+    sharing,
+    smaller,
 )
 from ._noise import drawn, scaled
 
@@ -119,8 +118,8 @@ def _patches(
     padded = np.pad(inverse, 1)
     row, column = (part.ravel() + 1 for part in np.meshgrid(*grid, indexing="ij"))
     here = padded[row, column]
-    right = _smaller(padded[row, column + 1] - here, here - padded[row, column - 1])
-    down = _smaller(padded[row + 1, column] - here, here - padded[row - 1, column])
+    right = smaller(padded[row, column + 1] - here, here - padded[row, column - 1])
+    down = smaller(padded[row + 1, column] - here, here - padded[row - 1, column])
     x, y = column - 1 - camera.cx_px, row - 1 - camera.cy_px
     normal = np.stack([right * camera.fx_px, down * camera.fy_px, here - x * right - y * down], axis=-1)
     normal /= np.linalg.norm(normal, axis=1, keepdims=True) + TINY
@@ -133,10 +132,6 @@ def _patches(
     share = albedo[row - 1, column - 1] * solid
     made = (ray * z_m[:, None], -normal, share, range_m, solid * range_m**2 / facing)
     return _Patches(*(values.astype(np.float32) for values in made))
-
-
-def _smaller(one: NDArray[np.float64], other: NDArray[np.float64]) -> NDArray[np.float64]:
-    return np.where(np.abs(one) < np.abs(other), one, other)
 
 
 SPEED_OF_LIGHT_M_S = 299_792_458.0
@@ -185,9 +180,9 @@ class TimeOfFlight:
     )
     min_m: float = of_device("nearest depth that is given", 1000, "m", slider=(0, 2))
     max_m: float = of_device("farthest depth that is given", 1000, "m", slider=(0.5, 20))
-    correlation_px: float = correlation_px()
-    correlation_frames: int = correlation_frames()
-    correlation_share: float = correlation_share()
+    correlation_px: float = sharing("correlation_px")
+    correlation_frames: int = sharing("correlation_frames")
+    correlation_share: float = sharing("correlation_share")
     TOOLTIPS: ClassVar[Mapping[str, str]] = DEVICE_TOOLTIPS | {
         "frequency_mhz": "Higher: depth gets better, and begins again at 0 sooner",
         "unambiguous_m": "Lower: what is far comes back as near",
