@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 import pytest
 from cases import cases
+from made_bags import START_NS, STEP_NS, body, walk
 from own_scenes import new_scene, save
 import recorded_layouts
 from worlds import path_poses, write_replica, write_world
@@ -51,6 +52,8 @@ CHANGES = {
     "scenes[].light": ("textured", "scenes.0.light=scene"),
     "scenes[].replica": ("replica", "scenes.0.replica=room1"),
     "scenes[].sequence.folder": ("recording", "scenes.0.sequence=other"),
+    "scenes[].sequence.bag": ("bag", "scenes.0.sequence.bag=other.bag"),
+    "scenes[].sequence.poses.body": ("bag", "scenes.0.sequence.poses.body=base_link"),
     "scenes[].sequence.rgb.files": ("counted", "scenes.0.sequence.rgb='results/frame00000[0-2].jpg'"),
     "scenes[].sequence.rgb.list": ("told", "scenes.0.sequence.rgb.list=fewer.txt"),
     "scenes[].sequence.depth.files": ("counted", "scenes.0.sequence.depth='results/depth00000[0-2].png'"),
@@ -232,6 +235,11 @@ def film(path, first):
     writer.release()
 
 
+def truth(bag):
+    for n in range(3):
+        bag.add(START_NS, "/truth", bag.ros.pose_stamped(START_NS + n * STEP_NS, body(n)))
+
+
 def depth_folder(path, steps):
     path.mkdir()
     for n in range(3):
@@ -278,6 +286,8 @@ def presets(tmp_path_factory):
     (folder / "inertial/mav0/imu0").mkdir()
     samples = "".join(f"{recorded_layouts.START_NS + 5_000_000 * k},0,0,0,0,0,9.8\n" for k in range(20))
     (folder / "inertial/mav0/imu0/data.csv").write_text(samples)
+    for name, rows in (("walk", 2), ("other", 3)):
+        walk(folder, "ros1", frames=rows, change=truth).rename(folder / f"{name}.bag")
     film(folder / "walk.avi", 40)
     film(folder / "other.avi", 60)
     depth_folder(folder / "depth", 1000)
@@ -320,6 +330,7 @@ def presets(tmp_path_factory):
             "output": {"modalities": ["rgb", "normal", "instance", "semantic", "flow"]},
         },
         "grey": {**document, "output": {"layout": "euroc"}},
+        "bag": {**bare, "scenes": [{"name": "box", "sequence": {"bag": "walk.bag", "poses": "/truth"}}]},
         "told": {**bare, "scenes": [{"name": "box", "sequence": TOLD}]},
         "counted": {**bare, "scenes": [{"name": "box", "sequence": COUNTED}]},
         "timed": {

@@ -2,6 +2,7 @@
 """`noisy-world bag`: bags that rosbags reads back, with what the sequence holds, or over the images of another."""
 
 import json
+import struct
 
 import numpy as np
 import pytest
@@ -232,3 +233,40 @@ def test_what_cannot_be_is_refused_in_a_line(tmp_path, capsys):
         assert command.run("bag", list(words), ENTRY) != 0
         assert told in capsys.readouterr().err
     assert sorted(item.name for item in tmp_path.iterdir()) == ["in", "there"]
+
+
+def _records(path):
+    """Return the records of an MCAP file that are in no chunk: kind and content."""
+    data, at, found = path.read_bytes(), 8, []
+    while at < len(data) - 8:
+        kind, length = struct.unpack_from("<BQ", data, at)
+        found.append((kind, data[at + 9 : at + 9 + length]))
+        at += 9 + length
+    return found
+
+
+def test_a_copy_in_mcap_keeps_what_is_no_message(tmp_path):
+    source = walk(tmp_path, "mcap")
+    file = source / "walk.mcap"
+    data = file.read_bytes()
+    content = struct.pack("<QQI", 5, 6, 4) + b"name" + struct.pack("<I", 4) + b"text" + struct.pack("<Q", 2) + b"hi"
+    attachment = struct.pack("<BQ", 9, len(content) + 4) + content + bytes(4)
+    end = data.index(struct.pack("<BQ", 15, 4) + bytes(4))  # of the data
+    file.write_bytes(data[:end] + attachment + _moved(data[end:], len(attachment)))
+    out = tmp_path / "copy.mcap"
+    folder = perturbed(tmp_path / "made", file)
+    assert command.run("bag", [str(folder), "--out", str(out), "--over", str(file)], ENTRY) == 0
+    of_kind = lambda path, kind: [content for found, content in _records(path) if found == kind]  # noqa: E731
+    for kind in (1, 3, 4, 9, 12):  # header, schemas, channels, attachments, metadata
+        assert of_kind(out, kind) == of_kind(file, kind) != []
+    assert texts(out) == texts(file)
+    (indexed,) = of_kind(out, 10)
+    at, length = struct.unpack_from("<QQ", indexed)
+    assert out.read_bytes()[at : at + length] == attachment
+
+
+def _moved(data, count):
+    """Return the end of a file behind something that was put in: where its summary is, moves too."""
+    at = len(data) - 8 - 20
+    start, _ = struct.unpack_from("<QQ", data, at)
+    return data[:at] + struct.pack("<QQI", start + count, 0, 0) + data[-8:]

@@ -379,6 +379,16 @@ def decompressed(data: bytes, compression: str, size: int, path: Path) -> bytes:
     return whole
 
 
+def compressed(data: bytes, compression: str, path: Path) -> bytes:
+    """Return bytes compressed, by "" not at all, by lz4 or by zstd."""
+    if compression == "lz4":
+        need(("lz4",), "ros", for_what=str(path))
+        from lz4.frame import compress
+
+        return bytes(compress(data))
+    return _zstd(path).compress(data) if compression else data
+
+
 def unpacked(data: bytes, most: int, path: Path) -> bytes:
     """Return what is in a message that is compressed by itself, at most so many bytes. Raises _CutError."""
     zstd = _zstd(path)
@@ -652,6 +662,10 @@ class McapPart(_ChunkedPart):
             at = start + length
         tables = {channel: np.array(rows, np.int64) for channel, rows in found.items()}
         return [(channel, number, table[:, 0], table[:, 1]) for channel, table in tables.items()]
+
+    def channels_by_topic(self) -> dict[str, int]:
+        """Return the number of a channel of each topic."""
+        return {topic: number for number, (_, topic, _, _) in self._channels.items()}
 
     def _connections(self) -> list[Connection]:
         return [

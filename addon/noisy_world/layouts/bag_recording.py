@@ -6,7 +6,7 @@ are those of the messages' headers. The messages of the chosen topics are looked
 of images their heads alone.
 """
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -15,7 +15,7 @@ from typing import Any, Literal, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.errors import InputError, Message, PresetKey, did_you_mean
+from ..core.errors import InputError, Message, PresetKey, did_you_mean, one_line
 from ..core.geometry import invert_pose, pose, rotation_from_quat_wxyz
 from ..core.lens import DepthCamera, Distortion, Optics
 from ..core.trajectory import NS_PER_S, FrameStamps, Stamps, Trajectory
@@ -309,7 +309,8 @@ class BagFrame(StoredFrame):
 class BagSequence(StoredSequence):
     """A recording in a bag. rgb, depth: the topics. of_rgb, of_depth: each frame's messages in them.
 
-    rgb_heads: of the former. truth: the topic of its poses, "" where none are known. rgb_info, depth_info: of cameras.
+    rgb_heads: of the former. rgb_info, depth_info: the topics of cameras. told: by what they are for, the topics that
+    are read, and the frame of poses where it is asked for.
     """
 
     rgb: Topic | None = None
@@ -317,9 +318,9 @@ class BagSequence(StoredSequence):
     of_rgb: tuple[int, ...] = ()
     of_depth: tuple[int, ...] = ()
     rgb_heads: tuple[ImageHead, ...] = ()
-    truth: str = ""
     rgb_info: Topic | None = None
     depth_info: Topic | None = None
+    told: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def bag(self) -> Bag:
@@ -352,7 +353,7 @@ class BagSequence(StoredSequence):
         ]
         if forms <= {"mono8", "8UC1"}:
             notes.append("colour is grey: perturbations get three equal channels")
-        return tuple(notes)
+        return tuple(map(one_line, notes))
 
     def _check_size(self, topic: Topic, row: int, size_px: SizePx, wanted: SizePx) -> None:
         if size_px != wanted:
@@ -555,11 +556,28 @@ class _Assembly:
             of_rgb=tuple(rgb_rows[chosen].tolist()),
             of_depth=() if self.depth is None else tuple(np.asarray(depth_rows)[chosen].tolist()),
             rgb_heads=tuple(rgb_heads[at] for at in chosen),
-            truth=truth_said,
             rgb_info=None if info is None else info[0],
         )
         optics, of_depth = self._optics(sequence, lens, frame, notes)
-        return replace(sequence, optics=optics, notes=tuple(notes), depth_info=of_depth)
+        return replace(
+            sequence,
+            optics=optics,
+            notes=tuple(map(one_line, notes)),
+            depth_info=of_depth,
+            told=self._told(truth_said, info),
+        )
+
+    def _told(self, truth: str, info: tuple[Topic, CameraInfo] | None) -> dict[str, str]:
+        """Return the names of what is read, which with the bag's bytes decide what the recording is."""
+        topics = {
+            "rgb": self.rgb,
+            "depth": self.depth,
+            "imu": self.imu,
+            "intrinsics": None if info is None else info[0],
+        }
+        names = {role: topic.name for role, topic in topics.items() if topic is not None}
+        names |= {"poses": truth} if truth else {}
+        return names | ({"body": self.chooser.asked.body} if truth and self.chooser.asked.body else {})
 
     def _ordered(
         self, topic: Topic, found: list[tuple[int, ImageHead]], notes: list[str]

@@ -28,12 +28,13 @@ from ..images.pixels import as_bytes, encode_colour, encode_png, grey_bytes
 from . import LAYOUTS, find_sequence
 from . import bag_messages as ros
 from .asl import read_poses_csv, read_samples, read_sensor_yaml
-from .bag_files import METADATA, Bag, Connection, McapPart, Ros1Part, SqlitePart, packed
+from .bag_files import METADATA, Bag, Connection, McapPart, Ros1Part, packed
 from .bag_messages import ImageHead
 from .bag_recording import BagSequence, Topic, read_bag_sequence
 from .described import BAG_SUFFIXES, BagTopics
 from .euroc import COLOUR, TRUE_STATE
 from .layout import IMU_FILES, MILLIMETRES
+from .mcap_copy import Added, copy_mcap
 from .stored_recording import StoredSequence, recorded_text, same_camera
 from .vslamlab import CALIBRATION, SAMPLES
 
@@ -467,13 +468,26 @@ def write_over(
     asked = replace(topics, imu="none", poses="none")
     original = read_bag_sequence(over, asked, "none", depth_scale_per_m)
     overlay = Overlay(find_sequence(folder, poses="keep"), original, depth_scale_per_m or MILLIMETRES)
-    part = original.bag.parts[0]
-    if isinstance(part, SqlitePart):
-        return _copied_database(overlay, over, out)
-    form: Form = "ros1" if isinstance(part, Ros1Part) else "mcap"
-    counts = _copied(overlay, out, form)
-    if form == "mcap" and over.is_dir():
-        _copied_metadata(over, out, [out / f"{out.name}.mcap"], counts, overlay.bag)
+    bag, replaced = original.bag, overlay.replaced()
+    if isinstance(bag.parts[0], Ros1Part):
+        return _copied(overlay, replaced, out)
+    if over.is_dir():
+        out.mkdir()
+    files = [out / part.path.name if over.is_dir() else out for part in bag.parts]
+    for number, (part, file) in enumerate(zip(bag.parts, files, strict=True)):
+        rows = {row: make for row, make in replaced.rows.items() if int(bag.rows.part[row]) == number}
+        added = replaced.added if number == len(files) - 1 else []
+        if isinstance(part, McapPart):
+            _copy_in_mcap(overlay, part, file, rows, added)
+        else:
+            _copy_in_database(overlay, part.path, file, rows, added)
+    if over.is_dir():
+        _copied_metadata(over, out, files)
+    whole = Bag(out)
+    counts: Counter[str] = Counter()
+    for item in whole.connections:
+        counts[item.topic] += item.count
+    whole.close()
     return counts
 
 
@@ -494,15 +508,15 @@ def check_copy(over: Path, out: Path) -> None:
         )
 
 
-def _copied(overlay: Overlay, out: Path, form: Form) -> Counter[str]:
-    """Copy a bag of ROS 1 or in MCAP message by message."""
-    bag, replaced = overlay.bag, overlay.replaced()
-    compressed = any(chunk.compression for part in bag.parts for chunk in getattr(part, "chunks", ()))
+def _copied(overlay: Overlay, replaced: Replaced, out: Path) -> Counter[str]:
+    """Copy a bag of ROS 1 message by message."""
+    bag = overlay.bag
+    chunks = [chunk for part in bag.parts if isinstance(part, Ros1Part) for chunk in part.chunks]
     counts: Counter[str] = Counter()
     added = sorted(replaced.added, key=lambda item: item[0])
-    with _writing(out, form, compressed=compressed) as writer:
+    with _writing(out, "ros1", compressed=any(chunk.compression for chunk in chunks)) as writer:
         made: dict[tuple[Any, ...], Any] = {}
-        connections = [_connection(writer, item, form, made) for item in bag.connections]
+        connections = [_connection(writer, item, made) for item in bag.connections]
 
         def write(number: int, log_ns: int, data: bytes | memoryview) -> None:
             writer.write(connections[number], log_ns, data)
@@ -514,103 +528,72 @@ def _copied(overlay: Overlay, out: Path, form: Form) -> Counter[str]:
                 at_ns, of, make = added.pop(0)
                 write(of, at_ns, make())
             if row not in replaced.rows:
-                write(number, log_ns, bag.data(bag.rows, row, raw=True))
+                write(number, log_ns, bag.data(bag.rows, row))
             elif (make := replaced.rows[row]) is not None:
-                like = b"" if form == "ros1" else bag.data(bag.rows, row, 4, raw=True)
-                write(number, log_ns, packed(bytes(make()), like))
+                write(number, log_ns, make())
         for at_ns, of, make in added:
             write(of, at_ns, make())
     return counts
 
 
-def _connection(writer: Any, item: Connection, form: Form, made: dict[tuple[Any, ...], Any]) -> Any:
+def _connection(writer: Any, item: Connection, made: dict[tuple[Any, ...], Any]) -> Any:
     """Return the writer's connection of one of a bag; those that are written alike are one."""
-    if form == "ros1":
-        given: dict[str, Any] = {"msgdef": item.definition, "md5sum": item.digest or "*"}
-        given |= {"callerid": item.caller, "latching": item.latching}
-    else:
-        given = {"msgdef": item.definition, "rihs01": item.digest or "none", "serialization_format": item.encoding}
-        given["offered_qos_profiles"] = _profiles(item.qos)
-    name = (item.topic, item.kind, repr(given))
+    given: dict[str, Any] = {"msgdef": item.definition, "md5sum": item.digest or "*"}
+    given |= {"callerid": item.caller, "latching": item.latching}
+    name = (item.topic, item.kind, *given.values())
     if name not in made:
         made[name] = writer.add_connection(item.topic, item.kind, **given)
     return made[name]
 
 
-def _profiles(text: str) -> list[Any]:
-    from rosbags.rosbag2.errors import ReaderError
-    from rosbags.rosbag2.metadata import parse_qos
-
-    try:
-        return parse_qos(text)
-    except ReaderError:
-        return []
+def _copy_in_mcap(overlay: Overlay, part: McapPart, out: Path, rows: dict[int, Any], added: list[Any]) -> None:
+    where = overlay.bag.rows
+    changed = {(int(where.chunk[row]), int(where.offset[row])): make for row, make in rows.items()}
+    channels = part.channels_by_topic()
+    of = overlay.bag.connections
+    copy_mcap(part, out, changed, [Added(log_ns, channels[of[number].topic], make) for log_ns, number, make in added])
 
 
-def _copied_database(overlay: Overlay, over: Path, out: Path) -> Counter[str]:
+def _copy_in_database(overlay: Overlay, part: Path, out: Path, rows: dict[int, Any], added: list[Any]) -> None:
     """Copy a database whole, and change the rows of images in it."""
-    bag, replaced = overlay.bag, overlay.replaced()
-    parts = [part.path for part in bag.parts]
-    if over.is_dir():
-        out.mkdir()
-    copies = [out / part.name if over.is_dir() else out for part in parts]
-    for part, copy in zip(parts, copies, strict=True):
-        shutil.copyfile(part, copy)
-    for number, copy in enumerate(copies):
-        with closing(sqlite3.connect(copy)) as database, database:
-            for row, make in replaced.rows.items():
-                if int(bag.rows.part[row]) != number:
-                    continue
-                key = int(bag.rows.offset[row])
-                if make is None:
-                    database.execute("DELETE FROM messages WHERE id = ?", (key,))
-                    continue
-                data = packed(bytes(make()), bag.data(bag.rows, row, 4, raw=True))
-                database.execute("UPDATE messages SET data = ? WHERE id = ?", (data, key))
-            if number == len(copies) - 1:
-                _added_rows(database, overlay, replaced)
-    counts: Counter[str] = Counter()
-    whole = Bag(out)
-    counts.update({item.topic: item.count for item in whole.connections})
-    if over.is_dir():
-        _copied_metadata(over, out, copies, counts, whole)
-    whole.close()
-    return counts
+    bag = overlay.bag
+    shutil.copyfile(part, out)
+    with closing(sqlite3.connect(out)) as database, database:
+        for row, make in rows.items():
+            key = int(bag.rows.offset[row])
+            if make is None:
+                database.execute("DELETE FROM messages WHERE id = ?", (key,))
+                continue
+            data = packed(bytes(make()), bag.data(bag.rows, row, 4, raw=True))
+            database.execute("UPDATE messages SET data = ? WHERE id = ?", (data, key))
+        for log_ns, number, make in added:
+            topic = bag.connections[number].topic
+            (key,) = database.execute("SELECT id FROM topics WHERE name = ?", (topic,)).fetchone()
+            new = (key, log_ns, bytes(make()))
+            database.execute("INSERT INTO messages (topic_id, timestamp, data) VALUES (?, ?, ?)", new)
 
 
-def _added_rows(database: sqlite3.Connection, overlay: Overlay, replaced: Replaced) -> None:
-    for log_ns, number, make in replaced.added:
-        topic = overlay.bag.connections[number].topic
-        (key,) = database.execute("SELECT id FROM topics WHERE name = ?", (topic,)).fetchone()
-        row = (key, log_ns, bytes(make()))
-        database.execute("INSERT INTO messages (topic_id, timestamp, data) VALUES (?, ?, ?)", row)
-
-
-def _copied_metadata(over: Path, out: Path, files: list[Path], counts: Counter[str], bag: Bag) -> None:
-    """Write the folder's metadata.yaml as it was, with the files and the counts that are there now."""
+def _copied_metadata(over: Path, out: Path, files: list[Path]) -> None:
+    """Write the folder's metadata.yaml as it was, with the counts and times that are there now."""
     import yaml
 
     if not (over / METADATA).is_file():
         return
     document = read_yaml(recorded_text(over / METADATA), over / METADATA)
-    stated = document["rosbag2_bagfile_information"]
-    stated["relative_file_paths"] = [file.name for file in files]
-    stated["message_count"] = counts.total()
+    stated, counts, spans = document["rosbag2_bagfile_information"], Counter[str](), []
+    for file in files:
+        part = Bag(file)
+        counts.update({item.topic: item.count for item in part.connections})
+        times_ns = part.rows.log_ns
+        spans.append((int(times_ns.min()), int(times_ns.max()), len(times_ns)) if len(times_ns) else (0, 0, 0))
+        part.close()
     for item in stated.get("topics_with_message_count") or ():
         item["message_count"] = counts[item["topic_metadata"]["name"]]
-    whole = Bag(files[0]) if len(files) == 1 else bag
-    times_ns = whole.rows.log_ns
-    first_ns, last_ns = (int(times_ns.min()), int(times_ns.max())) if len(times_ns) else (0, 0)
-    stated["starting_time"] = {"nanoseconds_since_epoch": first_ns}
-    stated["duration"] = {"nanoseconds": last_ns - first_ns}
-    if "files" in stated and len(files) == 1:
-        stated["files"] = [
-            {
-                "path": files[0].name,
-                "starting_time": stated["starting_time"],
-                "duration": stated["duration"],
-                "message_count": counts.total(),
-            }
-        ]
+    full = [span for span in spans if span[2]] or spans
+    whole = (min(span[0] for span in full), max(span[1] for span in full), counts.total())
+    for item, (first_ns, last_ns, count) in ((stated, whole), *zip(stated.get("files") or (), spans, strict=False)):
+        item["starting_time"] = {"nanoseconds_since_epoch": first_ns}
+        item["duration"] = {"nanoseconds": last_ns - first_ns}
+        item["message_count"] = count
     text = yaml.safe_dump(document, sort_keys=False, default_flow_style=False)
     (out / METADATA).write_text(text, encoding="utf-8", newline="\n")

@@ -495,14 +495,11 @@ class BagRecording(Recording):
     def hashes(self) -> dict[str, Any]:
         """Return the bag's name, the hash of each of its files, the topics, and what is done to the frames."""
         stored = self._bag
-        topics = {"rgb": stored.rgb, "depth": stored.depth}
         return {
             "bag": stored.folder.name,
             "bag_sha256": [sha256_of_file(part.path) for part in stored.bag.parts],
-            "topics": {role: topic.name for role, topic in topics.items() if topic is not None},
-            "poses": stored.truth,
+            "topics": dict(stored.told),
             "frames": len(stored.of_rgb),
-            "imu": stored.imu is not None,
             **({"depth_scale_per_m": stored.depth_scale_per_m} if stored.depth_files else {}),
             **stored.optics.content(),
             **{key: True for key in ("undistort", "register") if getattr(self, key)},
