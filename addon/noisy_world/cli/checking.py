@@ -47,12 +47,12 @@ def _camera(text: str) -> dict[str, float]:
 
 def _check(options: argparse.Namespace, _: Entry) -> int:
     """Look, print the page, and return 0 where nothing is wrong."""
-    from ..measure.looking import is_recorded, look_at
+    from ..measure.looking import look_at
 
     found: list[Findings] = []
     rendered: list[str] = []
     for name, source, camera in _scenes(options):
-        if is_recorded(source):
+        if source.capabilities.recorded:
             found.append(look_at(name, source, camera))
         else:
             rendered.append(name)

@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ..core.machine import available_threads, peak_memory_bytes
 from ..core.progress import Progress
@@ -25,11 +25,12 @@ from ..dataset.plan import Plan, make_plan
 from ..dataset.run import Destination, Made, Run, threads_of_each
 from ..dataset.shards import Shard, seconds_of
 from ..dataset.store import is_address, open_store
-from ..executors.jobs import Executor, Job, Perform, Task, TaskOutcome, carry_out
-from ..executors.processes import WorkerProcesses
 from ..preset.keys import check_document
 from .arguments import destination_of, out_address
 from .entry import Entry, executor_of, work_on
+
+if TYPE_CHECKING:  # one process takes none of them
+    from ..executors.jobs import Executor, Job, Perform, Task, TaskOutcome
 
 SHARD_S = 120.0  # of work on two cores in a shard on a cluster: loading a scene is a small part of it then
 
@@ -75,7 +76,7 @@ class ShardOrder:
 @contextlib.contextmanager
 def ready_for_shards(
     text: str, progress: Progress, *, stop: threading.Event, plan: Plan | None = None
-) -> Iterator[Perform]:
+) -> "Iterator[Perform]":
     """Be ready to make the shards of an order, given as its text; see `executors.jobs.Prepare`.
 
     plan: of the order, where this process was split from one that has made it.
@@ -96,8 +97,10 @@ def ready_for_shards(
         yield perform
 
 
-def tasks_of(plan: Plan, shards: tuple[Shard, ...]) -> tuple[Task, ...]:
+def tasks_of(plan: Plan, shards: tuple[Shard, ...]) -> "tuple[Task, ...]":
     """Return shards of a plan as tasks; each loads its scene."""
+    from ..executors.jobs import Task
+
     scenes = {render.name: render.scene.name for render in plan.renders}
     seconds = seconds_of(plan, shards)
     named = zip(shards, seconds, strict=True)
@@ -114,7 +117,7 @@ class ShardWorkers:
 
     plan: Plan
     out: Path | str
-    executor: Executor
+    executor: "Executor"
     stop: threading.Event
     threads: int = 0
     scratch: Path | None = None
@@ -125,9 +128,11 @@ class ShardWorkers:
 
         Raises NoisyWorldError where shards cannot be made, InterruptedRunError where `stop` was set.
         """
+        from ..executors.jobs import carry_out
+
         total, at_once = Report(), min(self.executor.slots, len(shards))
 
-        def done(outcome: TaskOutcome) -> None:
+        def done(outcome: "TaskOutcome") -> None:
             total.add(outcome.report or {})
             made(Shard.parse(outcome.name))
 
@@ -138,7 +143,9 @@ class ShardWorkers:
         total.peak_memory_bytes = (total.peak_memory_bytes or 0) * at_once or None
         return total
 
-    def _job(self, shards: tuple[Shard, ...], at_once: int) -> Job:
+    def _job(self, shards: tuple[Shard, ...], at_once: int) -> "Job":
+        from ..executors.jobs import Job
+
         threads = self.threads or threads_of_each(at_once)
         order = ShardOrder.of(self.plan, self.out, threads, self.scratch, merging=self.merging)
         opened = None if isinstance(self.out, str) else self.out.resolve() / WORK_FOLDER / IDENTITY
@@ -176,8 +183,17 @@ def make_dataset(  # noqa: PLR0917 - what every command that makes one has
     Raises MissingDependencyError without Ray where that is to make it, NoisyWorldError where it cannot be made.
     """
     jobs, note = useful_jobs(options.jobs, plan.frame_count)
-    if jobs > 1 and options.ray is None:
+    if options.ray is None:
+        if note:
+            progress.note(note)
+        check_memory(plan, jobs)
+        if jobs == 1:
+            place = destination_of(plan, options, folder=folder)
+            need()
+            return Run(plan, place, progress=progress, stop=stop, overwrite=options.overwrite).make_dataset()
         _load_shared(plan)
+    from ..executors.processes import WorkerProcesses
+
     with executor_of(options, entry, jobs, lambda: _work_split(plan, need)) as executor:
         if options.ray is not None:
             jobs, count = executor.slots, options.shards or math.ceil(estimate(plan).seconds / SHARD_S)
@@ -185,9 +201,6 @@ def make_dataset(  # noqa: PLR0917 - what every command that makes one has
             out, merging = out_address(options) or place.folder, place.merged_by_workers
             workers = ShardWorkers(plan, out, executor, stop, options.cpus, options.scratch, merging)
         else:
-            if note:
-                progress.note(note)
-            check_memory(plan, jobs)
             place, count = destination_of(plan, options, folder=folder), None
             workers = ShardWorkers(plan, place.folder, executor, stop, merging=place.merged_by_workers)
         kept = executor if isinstance(executor, WorkerProcesses) and executor.kept else None

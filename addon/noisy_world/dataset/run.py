@@ -11,7 +11,7 @@ import math
 import shutil
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -23,7 +23,7 @@ from ..core.errors import Action, Message, StorageError, either
 from ..core.file_access import canonical
 from ..core.machine import available_threads, peak_memory_bytes
 from ..core.progress import Progress
-from ..measure.looking import remarks_on
+from ..sources.scene_kinds import Scene
 from .completion import Completion
 from .dataset_folder import CompletedImages, Dataset, FinishedImages, find_missing
 from .estimate import check_memory, estimate, image_bytes, size_text
@@ -509,8 +509,17 @@ class Run:
         for scene in self._plan.scenes:
             renders = [render for render in self._plan.renders if render.scene is scene]
             if making := sum(len(work.get(render.name, ())) * len(render.sequences) for render in renders):
-                for text in remarks_on(scene.source, self._plan.cameras[scene.name], making):
+                for text in self._remarks(scene, making):
                     self._note(Message(f"{scene.name}: ", text))
+
+    def _remarks(self, scene: Scene, making: int) -> Iterable[str]:
+        """Return what is to be known of a scene; of a recorded one also what is found in its frames."""
+        source, camera = scene.source, self._plan.cameras[scene.name]
+        if not source.capabilities.recorded:
+            return source.remarks(camera)
+        from ..measure.looking import remarks_on  # which is nothing for others
+
+        return remarks_on(source, camera, making)
 
     def _make_here(self, work: Work) -> None:
         """Make frames in this process, in the dataset's own folder; a scene is in memory once for all its renders."""

@@ -7,7 +7,6 @@ from pathlib import Path, PurePosixPath
 
 from ..core.errors import InputError
 from ..core.packages import Door, Registry
-from .borrowed import BorrowedLayout
 from .layout import Beyond, Colour, FrameNames, Image, Layout, Modality, OutputFormat, RecordedLayout, SequenceFacts
 from .stored_recording import PosePolicy, StoredSequence
 
@@ -69,6 +68,8 @@ def known_recordings() -> str:
 
 def recognising(folder: Path) -> list[Layout | RecordedLayout]:
     """Return the layouts that recognise a folder: those that are ours to write or, if none does, those of others."""
+    from .borrowed import BorrowedLayout  # only recordings are read by it
+
     of_others = (RecordedLayout, BorrowedLayout)
     found = [layout for layout in EVERY.values() if layout.recognises(folder)]
     return [layout for layout in found if not isinstance(layout, of_others)] or found

@@ -61,12 +61,6 @@ class _Heap:
         self.faults.append((name, text))
 
 
-def is_recorded(source: Source) -> bool:
-    """Tell whether a source's frames were recorded, so that there is something to find."""
-    found = source.capabilities
-    return not found.rendered and not found.any_pose and bool(found.instants_only)
-
-
 def look_at(name: str, source: Source, camera: Intrinsics, looked_at: int = LOOKED_AT) -> Findings:
     """Measure a recorded source. camera: of colour. looked_at: how many frames in a row, in all; below 2 none.
 
@@ -109,7 +103,7 @@ def remarks_on(source: Source, camera: Intrinsics, making: int) -> Iterator[str]
     Raises InputError where a file that is looked at is damaged.
     """
     yield from source.remarks(camera)
-    if not is_recorded(source):
+    if not source.capabilities.recorded:
         return
     looked_at = making // ONE_OF
     yield from look_at("", source, camera, 0 if looked_at < LEAST_LOOK else min(looked_at, MOST_LOOK)).faults

@@ -196,6 +196,11 @@ class SourceCapabilities:
     depth_scale_per_m: float | None = None
     poses_path: Path | None = None
 
+    @property
+    def recorded(self) -> bool:
+        """Whether its frames were recorded, so that there is something to find in them."""
+        return not self.rendered and not self.any_pose and bool(self.instants_only)
+
 
 @dataclass(frozen=True)
 class RenderOptions:

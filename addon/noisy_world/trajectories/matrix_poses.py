@@ -227,7 +227,7 @@ def rigid_poses(rows: PoseRows) -> Float64:
 def row_text(rows: Float64) -> str:
     """Return numbers, a line for each row (N, C), as text that reads back to the same float64."""
     # Python's repr is the shortest such text; + 0.0 turns -0.0 into 0.0.
-    return "".join(" ".join(map(repr, row)) + "\n" for row in (rows + 0.0).tolist())
+    return "".join([" ".join(map(repr, row)) + "\n" for row in (rows + 0.0).tolist()])
 
 
 def replica_text(trajectory: Trajectory) -> str:
