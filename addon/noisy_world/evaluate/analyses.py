@@ -457,7 +457,7 @@ def analyse(runs: "DataFrame", sequences: "DataFrame") -> dict[str, "DataFrame"]
     table, about = tidy_runs(runs), tidy_sequences(sequences)
     headline, measures = headline_of(table), measures_of(table)
     folds, coefficients, predicted = prediction_tables(table, about)
-    found = {
+    tables = {
         "over_clean": over_clean_table(table, ["system", *SETTING]),
         "spread": spread_table(table, measures),
         "variance": variance_table(table),
@@ -477,7 +477,7 @@ def analyse(runs: "DataFrame", sequences: "DataFrame") -> dict[str, "DataFrame"]
         "predictions": predicted,
         **sequences_tables(about),
     }
-    return {name: found[name] for name in CAPTIONS}
+    return {name: tables[name] for name in CAPTIONS}
 
 
 def sequences_tables(sequences: "DataFrame") -> dict[str, "DataFrame"]:
@@ -534,11 +534,11 @@ def motion_distribution(sequence: OpenedSequence) -> "DataFrame":
     frames = list(sequence)
     columns = motion_of(np.stack([frame.c2w for frame in frames]), [frame.stamp_s for frame in frames])
     quantiles = (0.0, 0.05, 0.25, 0.5, 0.75, 0.95, 1.0)
-    found: dict[str, Any] = {"quantile": quantiles}
+    columns_of: dict[str, Any] = {"quantile": quantiles}
     for name, values in columns.items():
         known = values[np.isfinite(values)]
-        found[name] = np.quantile(known, quantiles) if known.size else np.full(len(quantiles), np.nan)
-    return DataFrame(found)
+        columns_of[name] = np.quantile(known, quantiles) if known.size else np.full(len(quantiles), np.nan)
+    return DataFrame(columns_of)
 
 
 # --- robustness ---

@@ -43,9 +43,9 @@ class Case:
     @classmethod
     def parse(cls, name: str) -> "Case":
         """Return the case of a name. Raises ValueError for what names none."""
-        if (found := _CASE.fullmatch(name)) is None:
+        if (match := _CASE.fullmatch(name)) is None:
             raise ValueError(f"{name!r} is no case; it has to be SCENE/SETTING/seed-N")
-        return cls(found[1], found[2], int(found[3]))
+        return cls(match[1], match[2], int(match[3]))
 
 
 @dataclass(frozen=True, order=True)
@@ -109,8 +109,8 @@ def _mode(steps: Iterable[RecordedStep], known: Registry) -> str:
 
 
 def _severity(severities: Iterable[float | None]) -> str:
-    found = set(severities)
-    severity = found.pop() if len(found) == 1 else None
+    distinct = set(severities)
+    severity = distinct.pop() if len(distinct) == 1 else None
     return "" if severity is None else f"{severity:g}"
 
 

@@ -117,11 +117,11 @@ def reach_m(index: Index) -> float:
     frames = index["frames"]
     chosen = np.unique(np.linspace(0, len(frames) - 1, SEEN_FRAMES).round().astype(int)) if frames else []
     farthest_m = [_farthest_m(index, frames[number]["depth"]) for number in chosen]
-    found = max(farthest_m, default=0.0)
-    if found <= 0.0:
+    reach = max(farthest_m, default=0.0)
+    if reach <= 0.0:
         file = frames[0]["depth"] if frames else "frames"
         raise InputError(file, "no depth in this or any other frame", remedy="the system maps what has depth")
-    return MARGIN * found
+    return MARGIN * reach
 
 
 def _farthest_m(index: Index, file: str) -> float:
@@ -418,14 +418,14 @@ def versions(chosen: Configuration, checkout: Path) -> dict[str, str]:
     """Return the commit of a system's code, and the versions of its Python and torch. Raises MissingDependencyError."""
     output = _output_of([str(environment_python(chosen.environment)), "-c", _TELL], checkout)
     try:
-        found = {name: str(value) for name, value in json.loads(output.splitlines()[-1]).items()}
+        texts = {name: str(value) for name, value in json.loads(output.splitlines()[-1]).items()}
     except (ValueError, IndexError, AttributeError) as error:
         raise MissingDependencyError(f"its Python does not tell the version of torch: {output[-200:]}") from error
     try:
-        found["commit"] = _output_of(["git", "rev-parse", "HEAD"], checkout).strip()
+        texts["commit"] = _output_of(["git", "rev-parse", "HEAD"], checkout).strip()
     except MissingDependencyError:
-        found["commit"] = "unknown"  # no repository, or no git
-    return found
+        texts["commit"] = "unknown"  # no repository, or no git
+    return texts
 
 
 def _output_of(command: list[str], folder: Path) -> str:

@@ -390,8 +390,8 @@ def match_frames(
         )
         nearest = f"the nearest is {off_s:.3g} s off" if len(frames_s) else "there is none"
         return estimate, f"no pose belongs to a frame that was given, {how}: {nearest}"
-    said = f"{others} of {len(estimate)} poses belong to no frame that was given, {how}"
-    return Estimate(frames_s[of_frames], estimate.c2w[rows]), said
+    sentence = f"{others} of {len(estimate)} poses belong to no frame that was given, {how}"
+    return Estimate(frames_s[of_frames], estimate.c2w[rows]), sentence
 
 
 def _reading_nearest(frames_s: NDArray[np.float64], stamps_s: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -95,11 +95,11 @@ def svg_bytes(figure: "Figure") -> bytes:
 
 def line_styles(names: Sequence[str]) -> dict[str, tuple[str, str]]:
     """Return a colour and a marker for each name; beyond seven, pairs of them differ."""
-    found = {}
+    styles = {}
     for index, name in enumerate(names):
         marker = MARKERS[(index + index // len(COLOURS)) % len(MARKERS)]
-        found[name] = COLOURS[index % len(COLOURS)], marker
-    return found
+        styles[name] = COLOURS[index % len(COLOURS)], marker
+    return styles
 
 
 def unused(axes: Sequence["Axes"], count: int) -> None:
@@ -288,13 +288,13 @@ def heat_map(
             bar.ax.yaxis.set_major_formatter("\u00d7 {x:g}")
             bar.ax.yaxis.set_minor_formatter("")
         svg = svg_bytes(figure)
-    said = scale.value[0].upper() + scale.value[1:]
+    label = scale.value[0].upper() + scale.value[1:]
     failed = (
         "red: half of the runs or more failed or are incomplete"
         if scale is Scale.OVER_CLEAN
         else "beside it, how many of the runs failed or are incomplete"
     )
-    about = f"{said} of each system in each setting, dark is bad; {failed}."
+    about = f"{label} of each system in each setting, dark is bad; {failed}."
     return Picture("heat_map", "Settings and systems", about, svg)
 
 

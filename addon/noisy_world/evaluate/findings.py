@@ -60,10 +60,10 @@ class Ranked:
     @property
     def endings(self) -> str:
         """How many runs failed or are incomplete; "" where none is."""
-        said = [
+        texts = [
             f"{word} {count}" for word, count in (("failed", self.failed), ("incomplete", self.incomplete)) if count
         ]
-        return f"{', '.join(said)} of {self.runs}" if said else ""
+        return f"{', '.join(texts)} of {self.runs}" if texts else ""
 
     @property
     def rank(self) -> tuple[float, float, float]:
@@ -91,18 +91,18 @@ class SystemFindings:
 
 def findings_of(results: Results, table: "DataFrame") -> list[SystemFindings]:
     """Return what was found of each system, that with the worst first. table: over_clean of the analyses."""
-    found = [_of_system(results, str(system), table) for system in sorted(set(results.runs["system"]))]
-    return sorted(found, key=lambda item: (not item.settings, *(item.settings[0].rank if item.settings else ())))
+    findings = [_of_system(results, str(system), table) for system in sorted(set(results.runs["system"]))]
+    return sorted(findings, key=lambda item: (not item.settings, *(item.settings[0].rank if item.settings else ())))
 
 
-def sentences(found: Sequence[SystemFindings]) -> list[str]:
+def sentences(findings: Sequence[SystemFindings]) -> list[str]:
     """Return a sentence for each system, of the first few."""
-    said = [_sentence(item) for item in found[:MOST_SYSTEMS_SAID]]
-    more = len(found) - len(said)
-    return [*said, *([f"{more} more system{'s' if more > 1 else ''}: see the figure and the tables."] if more else [])]
+    lines = [_sentence(item) for item in findings[:MOST_SYSTEMS_SAID]]
+    more = len(findings) - len(lines)
+    return [*lines, *([f"{more} more system{'s' if more > 1 else ''}: see the figure and the tables."] if more else [])]
 
 
-def ranking_picture(found: Sequence[SystemFindings]) -> "Picture | None":
+def ranking_picture(findings: Sequence[SystemFindings]) -> "Picture | None":
     """Draw the ranking of each system; None where nothing is compared with clean."""
     panels = [
         RankPanel(
@@ -111,7 +111,7 @@ def ranking_picture(found: Sequence[SystemFindings]) -> "Picture | None":
             tuple(_bar(ranked) for ranked in item.settings[:MOST_BARS]),
             max(0, len(item.settings) - MOST_BARS),
         )
-        for item in found
+        for item in findings
         if item.compared and item.settings
     ]
     return ranking(panels) if panels else None
@@ -176,8 +176,8 @@ def _ranked(row: Mapping[str, Any], ratios: Mapping[str, Sequence[float]]) -> Ra
 def _bar(ranked: Ranked) -> Bar:
     if ranked.broke or ranked.over_clean is None:
         return Bar(ranked.setting, None, ranked.endings or "no clean run beside it", ranked.broke, ranked.ratios)
-    said = f"{times(ranked.over_clean)}{_range(ranked)}{f', {ranked.endings}' if ranked.endings else ''}"
-    return Bar(ranked.setting, ranked.over_clean, said, broke=False, runs=ranked.ratios)
+    text = f"{times(ranked.over_clean)}{_range(ranked)}{f', {ranked.endings}' if ranked.endings else ''}"
+    return Bar(ranked.setting, ranked.over_clean, text, broke=False, runs=ranked.ratios)
 
 
 def _range(ranked: Ranked) -> str:
@@ -213,8 +213,8 @@ def _ratio(ranked: Ranked) -> str:
 
 def _broke(ranked: Ranked) -> str:
     endings = (("failed", ranked.failed), ("was incomplete", ranked.incomplete))
-    said = [f"{word} in {count}" for word, count in endings if count]
-    return f"{' and '.join(said)} of {ranked.runs} run{'s' if ranked.runs > 1 else ''}"
+    counts = [f"{word} in {count}" for word, count in endings if count]
+    return f"{' and '.join(counts)} of {ranked.runs} run{'s' if ranked.runs > 1 else ''}"
 
 
 def _without_clean(item: SystemFindings) -> str:
@@ -260,8 +260,8 @@ def settings_table(results: Results, of_all: "DataFrame") -> Table:
         }
         row |= {**counts(group), "endings": endings(records_of(group))}
         for name in metrics:
-            found = spreads.get((setting, system, name), {"n": 0})
-            row |= {f"{name}.{part}": found.get(column, float("nan")) for part, column in PARTS.items()}
+            spread = spreads.get((setting, system, name), {"n": 0})
+            row |= {f"{name}.{part}": spread.get(column, float("nan")) for part, column in PARTS.items()}
         rows.append(row)
     columns = [column_of(name) for name in ("setting", "system", *COUNTED_RUNS)]
     columns += [Column("endings", "endings", meaning="how many runs ended how")]
@@ -370,12 +370,12 @@ class CleanGate:
     def _sentence(self, system: str) -> str:
         every = [scene for scene in self.scenes if scene.system == system]
         wrong = [scene for scene in every if scene.wrong]
-        said = "; ".join(f"{scene.scene} {scene.wrong}" for scene in wrong[:MOST_SAID])
+        listed = "; ".join(f"{scene.scene} {scene.wrong}" for scene in wrong[:MOST_SAID])
         more = f"; {len(wrong) - MOST_SAID} more" if len(wrong) > MOST_SAID else ""
         return (
             f"{MARK} {system} does not reach on clean frames what its definition expects ({every[0].expected}), in "
-            f"{len(wrong)} of {len(every)} scene{'s' if len(every) > 1 else ''}: {said}{more}. Its ratios to clean are "
-            f"marked {MARK}: they are over an error that noise has no part in."
+            f"{len(wrong)} of {len(every)} scene{'s' if len(every) > 1 else ''}: {listed}{more}. Its ratios to clean "
+            f"are marked {MARK}: they are over an error that noise has no part in."
         )
 
     def of_frames(self, tables: "Mapping[str, DataFrame]") -> "dict[str, DataFrame]":
@@ -424,9 +424,9 @@ def clean_gate(results: Results) -> CleanGate:
 
 def _expected(definition: Any) -> ExpectedClean | None:
     """Return what a system's entry in study.json says of clean runs; None where it says nothing, or no number."""
-    said = definition.get(EXPECTED) if isinstance(definition, Mapping) else None
-    ate_m = finite_number(said.get("ate_m")) if isinstance(said, Mapping) else None
-    return None if ate_m is None or said is None else ExpectedClean(ate_m, finite_number(said.get("scale_off")))
+    entry = definition.get(EXPECTED) if isinstance(definition, Mapping) else None
+    ate_m = finite_number(entry.get("ate_m")) if isinstance(entry, Mapping) else None
+    return None if ate_m is None or entry is None else ExpectedClean(ate_m, finite_number(entry.get("scale_off")))
 
 
 def _scene(system: str, scene: str, runs: "DataFrame", expected: ExpectedClean) -> CleanScene:
@@ -452,11 +452,11 @@ RATED = "success_auc"
 ALL = "all"
 
 
-def headline_table(results: Results, analyses: Analyses, found: Sequence[SystemFindings]) -> Table:
-    """Return the table. found: of each system."""
+def headline_table(results: Results, analyses: Analyses, findings: Sequence[SystemFindings]) -> Table:
+    """Return the table. findings: of each system."""
     import pandas as pd
 
-    worst = {item.system: _worst(item) for item in found}
+    worst = {item.system: _worst(item) for item in findings}
     rows = []
     for system, group in results.runs.groupby("system", sort=True):
         row: dict[str, Any] = {"system": system, **counts(group)}
@@ -511,14 +511,14 @@ def _caption(analyses: Analyses) -> str:
 
 
 def _scores(table: "DataFrame", system: str) -> dict[str, float]:
-    found: dict[str, float] = {}
+    scores: dict[str, float] = {}
     for name in SCORES:
         rows = table[(table["system"] == system) & (table["measure"] == name)]
         if len(rows):
             row = rows.iloc[0]
-            found |= {name: row["mean"], f"{name}_low": row["low"], f"{name}_high": row["high"]}
-            found[f"{name}_n"] = row["n_scenes"]
-    return found
+            scores |= {name: row["mean"], f"{name}_low": row["low"], f"{name}_high": row["high"]}
+            scores[f"{name}_n"] = row["n_scenes"]
+    return scores
 
 
 def _rates(table: "DataFrame", system: str) -> dict[str, float]:

@@ -197,8 +197,8 @@ class Aligner:
 
     def align(self, source: RgbdView, target: RgbdView) -> Float64 | None:
         """Return target_from_source (4, 4); None where OpenCV finds none."""
-        found, motion = self._odometry.compute(source.prepared, target.prepared)
-        if not found or not np.isfinite(motion).all():
+        converged, motion = self._odometry.compute(source.prepared, target.prepared)
+        if not converged or not np.isfinite(motion).all():
             return None
         return np.asarray(motion, np.float64)
 
@@ -474,10 +474,10 @@ class Tracker:
         direct = self._aligned(self._keyframe, view, stamp_s)
         if direct is not None and self._as_usual(direct[1]):
             return self._accept(view, stamp_s, *direct)
-        found, renew = self._second_opinion(direct, view, stamp_s)
-        if found is None or self._unlikely(found[1]):
+        motion_found, renew = self._second_opinion(direct, view, stamp_s)
+        if motion_found is None or self._unlikely(motion_found[1]):
             return self._miss(view, stamp_s)
-        return self._accept(view, stamp_s, *found, renew=renew)
+        return self._accept(view, stamp_s, *motion_found, renew=renew)
 
     def _second_opinion(self, direct: _Found | None, view: RgbdView, stamp_s: float) -> tuple[_Found | None, bool]:
         """Return where a view is that does not fit as usual, and whether it had better be the new keyframe.

@@ -24,7 +24,6 @@ import ctypes
 import errno
 import json
 import os
-import select
 import signal
 import stat
 import subprocess
@@ -42,7 +41,7 @@ except ImportError:  # on Windows
 
 POLL_S = 0.05
 PIECE = 65536
-MOST_LEFT_IN_PIPE = 2**21  # a pipe holds 64 KiB, or as much as a system may ask for: 1 MiB
+LEFT_IN_PIPE_S = 2.0  # chosen: a pipe holds 1 MiB at most, and a process that is left may keep it open
 MARK = "NOISY_WORLD_RUN"  # an environment variable that tells a run's processes
 LEAST_FREE_BYTES = 512 * 2**20  # of the disk; chosen: what is written after a run is far less
 LOOK_S = 0.5  # between two looks at all files and processes; longer where a look takes long
@@ -115,10 +114,10 @@ class ResourceLimits:
         if not now and time.monotonic() < self._next_s:
             return ""
         begun_s = time.monotonic()
-        found = self._of_files() or self._of_processes(processes)
+        problem = self._of_files() or self._of_processes(processes)
         ended_s = time.monotonic()
         self._next_s = ended_s + max(LOOK_S, LOOKS_SHARE * (ended_s - begun_s))
-        return found
+        return problem
 
     def _free_bytes(self) -> int:
         try:
@@ -126,16 +125,16 @@ class ResourceLimits:
                 import shutil
 
                 return shutil.disk_usage(self._folders[0]).free
-            found = os.statvfs(self._folders[0])
+            space = os.statvfs(self._folders[0])
         except OSError:  # the system has removed its folder
             return LEAST_FREE_BYTES
-        return found.f_bavail * found.f_frsize
+        return space.f_bavail * space.f_frsize
 
     def _of_files(self) -> str:
         most_bytes, most_files = self._limits["written_bytes"], self._limits["files"]
         written, count = 0, 0
-        for found, depth in files_below(self._folders):
-            on_disk = found.st_blocks * 512 if hasattr(found, "st_blocks") else found.st_size
+        for status, depth in files_below(self._folders):
+            on_disk = status.st_blocks * 512 if hasattr(status, "st_blocks") else status.st_size
             written, count = written + on_disk, count + 1
             if written > most_bytes:
                 return f"wrote more than the {most_bytes / 1e9:g} GB of limits.written_gb"
@@ -171,9 +170,9 @@ def files_below(folders: list[str]) -> Iterator[tuple[os.stat_result, int]]:
         try:
             with os.scandir(above) as entries:
                 for entry in entries:
-                    found = entry.stat(follow_symlinks=False)
-                    yield found, depth
-                    if stat.S_ISDIR(found.st_mode):
+                    status = entry.stat(follow_symlinks=False)
+                    yield status, depth
+                    if stat.S_ISDIR(status.st_mode):
                         waiting.append((entry.path, depth + 1))
         except OSError as error:  # it is gone, or forbidden; or too deep for a name
             if error.errno == errno.ENAMETOOLONG:
@@ -183,9 +182,14 @@ def files_below(folders: list[str]) -> Iterator[tuple[os.stat_result, int]]:
 class CommandProcesses:
     """The processes of a command: those below this one and, where there is one, those in its cgroup."""
 
-    def __init__(self) -> None:
-        """Adopt the command's processes, and make a cgroup for them, where the system has these."""
+    def __init__(self, largest: int) -> None:
+        """Adopt the command's processes, and make a cgroup for them, where the system has these.
+
+        largest: bytes of a file that they write.
+        """
+        self._largest = largest
         self._cgroup = ""
+        self.popen: dict[str, Any] = {"start_new_session": True, "preexec_fn": self.enter}  # before any thread is
         if not sys.platform.startswith("linux"):
             return
         ctypes.CDLL(None, use_errno=True).prctl(SET_CHILD_SUBREAPER, 1, 0, 0, 0)
@@ -198,6 +202,7 @@ class CommandProcesses:
         """Begin a command: what its process does first."""
         assert resource is not None
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+        resource.setrlimit(resource.RLIMIT_FSIZE, (self._largest, self._largest))
         if sys.platform.startswith("linux"):
             with contextlib.suppress(OSError):
                 _write("/proc/self/oom_score_adj", FIRST_FOR_MEMORY)
@@ -207,8 +212,8 @@ class CommandProcesses:
 
     def taken(self) -> tuple[int, int]:
         """Return how many processes there are, and their resident bytes."""
-        found = self.below()
-        return len(found), sum(found.values())
+        resident = self.below()
+        return len(resident), sum(resident.values())
 
     def below(self) -> dict[int, int]:
         """Return the processes below this one, by their numbers, with their resident bytes. {} where /proc is not."""
@@ -218,19 +223,39 @@ class CommandProcesses:
             if fields[0] != "Z":
                 resident[pid] = max(int(fields[21]), 0) * page
             parents[pid] = int(fields[1])
-        found = {os.getpid()}
+        reached = {os.getpid()}
         children: dict[int, list[int]] = {}
         for pid, parent in parents.items():
             children.setdefault(parent, []).append(pid)
         waiting = [os.getpid()]
         while waiting:
-            of_one = [pid for pid in children.get(waiting.pop(), []) if pid not in found]
-            found.update(of_one)
+            of_one = [pid for pid in children.get(waiting.pop(), []) if pid not in reached]
+            reached.update(of_one)
             waiting += of_one
-        return {pid: resident[pid] for pid in found if pid in resident and pid != os.getpid()}
+        return {pid: resident[pid] for pid in reached if pid in resident and pid != os.getpid()}
 
-    def end(self, leader: int) -> None:
-        """End what is left, the leader included, which is not reaped yet."""
+    @staticmethod
+    def has_ended(process: subprocess.Popen) -> bool:
+        """Tell whether the command has ended, which is not reaped yet."""
+        return os.waitid(os.P_PID, process.pid, os.WEXITED | os.WNOHANG | os.WNOWAIT) is not None
+
+    def ask(self, process: subprocess.Popen, grace_s: float) -> None:
+        """Ask the command's group to end, and wait for the command."""
+        with contextlib.suppress(ProcessLookupError, PermissionError):
+            os.killpg(process.pid, signal.SIGTERM)
+        until = time.monotonic() + grace_s
+        while time.monotonic() < until and not self.has_ended(process):
+            time.sleep(POLL_S)
+
+    def end(self, process: subprocess.Popen) -> tuple[int, float | None, int | None]:
+        """End what is left; return the exit status, processor seconds, and the most bytes that one process took."""
+        self._kill(process.pid)
+        status, spent = reap(process.pid)
+        scale = 1 if sys.platform == "darwin" else 1024
+        processor_s = sum(one.ru_utime + one.ru_stime for one in spent)
+        return status, processor_s, max(one.ru_maxrss for one in spent) * scale
+
+    def _kill(self, leader: int) -> None:
         with contextlib.suppress(ProcessLookupError, PermissionError):  # macOS refuses a group that is a zombie alone
             os.killpg(leader, signal.SIGKILL)
         until = time.monotonic() + ENDING_S
@@ -298,6 +323,7 @@ class WindowsJob:
     def __init__(self) -> None:
         """Make the job, and enter it: what is started from now on is in it from its first moment."""
         self._handle: int | None = None
+        self.popen: dict[str, Any] = {}
         library = getattr(ctypes, "WinDLL", None)
         if library is None:
             return
@@ -338,11 +364,27 @@ class WindowsJob:
         accounting, limits = self._asked()
         return (accounting.user + accounting.kernel) * 1e-7, limits.peak_of_job
 
+    @staticmethod
+    def has_ended(process: subprocess.Popen) -> bool:
+        """Tell whether the command has ended."""
+        return process.poll() is not None
+
+    def ask(self, process: subprocess.Popen, grace_s: float) -> None:
+        """Do nothing: a request to end is an end at once."""
+
+    def end(self, process: subprocess.Popen) -> tuple[int, float | None, int | None]:
+        """End the command; return its exit status and what the job took. What it left ends with this process."""
+        process.kill()
+        return process.wait(), *self.spent()
+
+    def forget(self) -> None:
+        """Do nothing: the job ends with this process."""
+
     def _asked(self) -> tuple[Accounting, ExtendedLimits]:
-        found = Accounting(), ExtendedLimits()
-        for number, each in zip((_ACCOUNTING, _EXTENDED_LIMITS), found, strict=True):
+        structures = Accounting(), ExtendedLimits()
+        for number, each in zip((_ACCOUNTING, _EXTENDED_LIMITS), structures, strict=True):
             self._kernel.QueryInformationJobObject(self._handle, number, ctypes.byref(each), ctypes.sizeof(each), None)
-        return found
+        return structures
 
 
 def own_cgroup() -> str:
@@ -371,13 +413,13 @@ def end_marked(mark: str) -> None:
     wanted = f"{MARK}={mark}".encode()
     until = time.monotonic() + ENDING_S
     while time.monotonic() < until:
-        found = False
+        left = False
         for pid, fields in running():
             with contextlib.suppress(OSError):
                 if fields[0] != "Z" and pid != os.getpid() and wanted in _read(f"/proc/{pid}/environ").split(b"\0"):
-                    found = True
+                    left = True
                     os.kill(pid, signal.SIGKILL)
-        if not found:
+        if not left:
             return
         time.sleep(0.005)
 
@@ -394,19 +436,11 @@ def _write(path: str, text: str) -> None:
 
 def main(order: dict[str, Any]) -> dict[str, Any]:
     """Carry out an order and return what is to be said."""
-    if resource is None:
-        return main_by_threads(order)
     started = time.monotonic()
-    logs = {name: Log(order[name], order["log_bytes"]) for name in ("log", "errors") if order[name]}
+    logs = [Log(order[name], order["log_bytes"]) for name in ("log", "errors") if order[name]]
     limits = ResourceLimits(order["limits"], order["counted"])
-    processes = CommandProcesses()
     largest = order["limits"]["written_bytes"]
-
-    def enter() -> None:
-        processes.enter()
-        assert resource is not None
-        resource.setrlimit(resource.RLIMIT_FSIZE, (largest, largest))
-
+    processes = WindowsJob() if resource is None else CommandProcesses(largest)
     try:
         process = subprocess.Popen(  # noqa: S603 - what the user's definition says
             order["command"],
@@ -414,142 +448,33 @@ def main(order: dict[str, Any]) -> dict[str, Any]:
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE if order["errors"] else subprocess.STDOUT,
-            start_new_session=True,
-            preexec_fn=enter,  # noqa: PLW1509 - this process has one thread
+            **processes.popen,
         )
     except OSError as error:
         processes.forget()
-        for log in logs.values():
+        for log in logs:
             log.close()
         return {"ended": "missing", "problem": f"{error.filename or order['command'][0]}: {error.strerror}"}
+    asked, news = threading.Event(), threading.Event()
+    threading.Thread(target=wait_for_the_end_of_input, args=(asked, news), daemon=True).start()
     pipes = [pipe for pipe in (process.stdout, process.stderr) if pipe is not None]
-    outputs = {pipe.fileno(): log for pipe, log in zip(pipes, logs.values(), strict=True)}
-    ended, problem = attend(process, outputs, started + order["limit_s"], limits, processes)
+    pairs = zip(pipes, logs, strict=True)
+    copying = [threading.Thread(target=copy, args=(pipe, log, news), daemon=True) for pipe, log in pairs]
+    for thread in copying:
+        thread.start()
+    until = started + order["limit_s"]
+    ended, problem = attend(process, until, limits, processes, asked=asked, news=news)
     if ended in ("limit", "asked"):
-        ask(process.pid, order["grace_s"])
-    processes.end(process.pid)
-    status, spent = reap(process.pid)
-    for output, log in outputs.items():
-        drain(output, log)
+        processes.ask(process, order["grace_s"])
+    status, processor_s, peak_bytes = processes.end(process)
+    for thread, log in zip(copying, logs, strict=True):
+        thread.join(LEFT_IN_PIPE_S)
         log.close()
     processes.forget()
     if ended == "itself" and (problem := limits.problem(processes, now=True)):
         ended = "over"
-    if ended == "itself" and status == -signal.SIGXFSZ:
+    if ended == "itself" and resource is not None and status == -signal.SIGXFSZ:
         ended, problem = "over", f"wrote a file of more than the {largest / 1e9:g} GB of limits.written_gb"
-    scale = 1 if sys.platform == "darwin" else 1024
-    return {
-        "status": status,
-        "ended": ended,
-        "seconds": time.monotonic() - started,
-        "processor_s": sum(one.ru_utime + one.ru_stime for one in spent),
-        "peak_memory_bytes": max(one.ru_maxrss for one in spent) * scale,
-        "problem": problem,
-    }
-
-
-def attend(
-    process: subprocess.Popen,
-    outputs: dict[int, Log],
-    until: float,
-    limits: ResourceLimits,
-    processes: CommandProcesses,
-) -> tuple[str, str]:
-    """Write what a process says to logs until it ends or has to; return which, and which limit it went over."""
-    asked = sys.stdin.fileno()
-    watched = [*outputs, asked]
-    while True:
-        ready, _, _ = select.select(watched, [], [], POLL_S)
-        for output in set(ready) - {asked}:
-            data = os.read(output, PIECE)
-            outputs[output].write(data)
-            if not data:
-                watched.remove(output)
-        if asked in ready and not os.read(asked, PIECE):
-            return "asked", ""
-        if os.waitid(os.P_PID, process.pid, os.WEXITED | os.WNOHANG | os.WNOWAIT) is not None:
-            return "itself", ""
-        if time.monotonic() > until:
-            return "limit", ""
-        if problem := limits.problem(processes):
-            return "over", problem
-        if not ready and watched == [asked]:
-            time.sleep(POLL_S)
-
-
-def ask(leader: int, grace_s: float) -> None:
-    """Ask the processes of a group to end, and wait for the leader, which is not reaped yet."""
-    with contextlib.suppress(ProcessLookupError, PermissionError):
-        os.killpg(leader, signal.SIGTERM)
-    until = time.monotonic() + grace_s
-    while time.monotonic() < until:
-        if os.waitid(os.P_PID, leader, os.WEXITED | os.WNOHANG | os.WNOWAIT) is not None:
-            return
-        time.sleep(POLL_S)
-
-
-def reap(leader: int) -> tuple[int, list[Any]]:
-    """Wait for a process; return its exit status, negative for a signal, and what it and all adopted ones took."""
-    _, status, of_leader = os.wait4(leader, 0)
-    spent = [of_leader]
-    with contextlib.suppress(ChildProcessError):
-        while (found := os.wait4(-1, os.WNOHANG))[0]:
-            spent.append(found[2])
-    return os.waitstatus_to_exitcode(status), spent
-
-
-def drain(output: int, log: Log) -> None:
-    """Write what the output still holds; a process that could not be ended may keep it open, and go on."""
-    taken = 0
-    while taken < MOST_LEFT_IN_PIPE and select.select([output], [], [], 0.0)[0]:
-        data = os.read(output, PIECE)
-        taken += len(data)
-        if not data:
-            break
-        log.write(data)
-
-
-def main_by_threads(order: dict[str, Any]) -> dict[str, Any]:
-    """Carry out an order where pipes cannot be waited for, and processes have no groups and limits: on Windows.
-
-    A request to end is an end at once. What the command has started and left ends with this process, by its job.
-    """
-    started = time.monotonic()
-    logs = {name: Log(order[name], order["log_bytes"]) for name in ("log", "errors") if order[name]}
-    limits = ResourceLimits(order["limits"], order["counted"])
-    job = WindowsJob()
-    try:
-        process = subprocess.Popen(  # noqa: S603 - what the user's definition says
-            order["command"],
-            cwd=order["folder"],
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE if order["errors"] else subprocess.STDOUT,
-        )
-    except OSError as error:
-        for log in logs.values():
-            log.close()
-        return {"ended": "missing", "problem": f"{error.filename or order['command'][0]}: {error.strerror}"}
-    asked = threading.Event()
-    threading.Thread(target=wait_for_the_end_of_input, args=(asked,), daemon=True).start()
-    pipes = [pipe for pipe in (process.stdout, process.stderr) if pipe is not None]
-    copying = [
-        threading.Thread(target=copy, args=(pipe.fileno(), log), daemon=True)
-        for pipe, log in zip(pipes, logs.values(), strict=True)
-    ]
-    for thread in copying:
-        thread.start()
-    ended, problem = attend_by_threads(process, asked, started + order["limit_s"], limits, job)
-    if ended != "itself":
-        process.kill()
-    status = process.wait()
-    for thread in copying:
-        thread.join(ENDING_S)  # a process that is left may hold the pipe
-    for log in logs.values():
-        log.close()
-    if ended == "itself" and (problem := limits.problem(job, now=True)):
-        ended = "over"
-    processor_s, peak_bytes = job.spent()
     return {
         "status": status,
         "ended": ended,
@@ -560,35 +485,57 @@ def main_by_threads(order: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-def attend_by_threads(
-    process: subprocess.Popen, asked: threading.Event, until: float, limits: ResourceLimits, job: WindowsJob
+def attend(
+    process: subprocess.Popen,
+    until: float,
+    limits: ResourceLimits,
+    processes: CommandProcesses | WindowsJob,
+    *,
+    asked: threading.Event,
+    news: threading.Event,
 ) -> tuple[str, str]:
-    """Wait until a process ends by itself or has to; return which, and which limit it went over."""
+    """Wait until a process ends by itself or has to; return which, and which limit it went over.
+
+    news: is set when a process says no more, so that its end is seen at once.
+    """
     while True:
-        with contextlib.suppress(subprocess.TimeoutExpired):
-            process.wait(POLL_S)
-            return "itself", ""
+        news.wait(POLL_S)
+        news.clear()
         if asked.is_set():
             return "asked", ""
+        if processes.has_ended(process):
+            return "itself", ""
         if time.monotonic() > until:
             return "limit", ""
-        if problem := limits.problem(job):
+        if problem := limits.problem(processes):
             return "over", problem
 
 
-def wait_for_the_end_of_input(ended: threading.Event) -> None:
-    """Set an event when standard input ends; by its number, as Python's own object is locked while it is read."""
+def reap(leader: int) -> tuple[int, list[Any]]:
+    """Wait for a process; return its exit status, negative for a signal, and what it and all adopted ones took."""
+    _, status, of_leader = os.wait4(leader, 0)
+    spent = [of_leader]
+    with contextlib.suppress(ChildProcessError):
+        while (adopted := os.wait4(-1, os.WNOHANG))[0]:
+            spent.append(adopted[2])
+    return os.waitstatus_to_exitcode(status), spent
+
+
+def wait_for_the_end_of_input(ended: threading.Event, news: threading.Event) -> None:
+    """Set events when standard input ends; by its number, as Python's own object is locked while it is read."""
     with contextlib.suppress(OSError):
         while os.read(0, PIECE):
             pass
     ended.set()
+    news.set()
 
 
-def copy(output: int, log: Log) -> None:
-    """Write to a log what a pipe holds, to its end."""
+def copy(output: BinaryIO, log: Log, news: threading.Event) -> None:
+    """Write to a log what a pipe holds, to its end, and set an event then."""
     with contextlib.suppress(OSError, ValueError):
-        while data := os.read(output, PIECE):
+        while data := os.read(output.fileno(), PIECE):
             log.write(data)
+    news.set()
 
 
 if __name__ == "__main__":

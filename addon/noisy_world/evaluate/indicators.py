@@ -244,8 +244,8 @@ def indicators_of(
     if every < 1:
         raise ValueError(f"every is 1 or more, not {every}")
     columns = {name: np.full(len(frames), np.nan) for name in ("index", "stamp_s", *INDICATORS)}
-    for place, found in _looked_at(frames, every, _CleanFrames(counterpart)):
-        for name, value in found.items():
+    for place, values in _looked_at(frames, every, _CleanFrames(counterpart)):
+        for name, value in values.items():
             columns[name][place] = value
     stamps_s = np.array([frame.stamp_s for frame in frames])
     columns["index"], columns["stamp_s"] = np.array([float(frame.index) for frame in frames]), stamps_s
@@ -273,12 +273,12 @@ def _looked_at(frames: list[Frame], every: int, clean: "_CleanFrames") -> Iterat
         frame = frames[place]
         grey, depth_m = grey_of(frame.rgb), frame.depth_m
         features = features_of(grey)
-        found = _of_images(grey, depth_m, features) | clean.compared(frame, grey, depth_m)
+        values = _of_images(grey, depth_m, features) | clean.compared(frame, grey, depth_m)
         if place:
             before = kept[1] if kept and kept[0] == place - 1 else _features_of(frames[place - 1])
-            found["orb_tracked"] = float(tracked_features(before, features))
+            values["orb_tracked"] = float(tracked_features(before, features))
         kept = (place, features)
-        yield place, found
+        yield place, values
 
 
 def _features_of(frame: Frame) -> Features:

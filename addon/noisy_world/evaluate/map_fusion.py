@@ -202,15 +202,15 @@ def _crossed(grid: NDArray[np.float32], origins: NDArray[np.int64]) -> NDArray[n
     """Return the edges of voxels that meet the surface (N, 5): voxel, axis, and whether the distance falls along it."""
     inside, known = grid[SDF] < 0, grid[WEIGHT] > 0
     first = (slice(None), *[slice(0, BLOCK)] * 3)
-    found = []
+    crossings = []
     for axis in range(3):
         last = tuple(slice(1, None) if a == axis else slice(0, BLOCK) for a in range(3))
         last = (slice(None), *last)
         block, *place = np.nonzero((inside[first] != inside[last]) & known[first] & known[last])
         falls = inside[last][(block, *place)]
         rows = origins[block] + np.stack(place, axis=1)
-        found.append(np.column_stack([rows, np.full(len(rows), axis), falls]))
-    return np.concatenate(found)
+        crossings.append(np.column_stack([rows, np.full(len(rows), axis), falls]))
+    return np.concatenate(crossings)
 
 
 def _quads(cells: Keys, edges: NDArray[np.int64]) -> NDArray[np.intp]:

@@ -251,7 +251,7 @@ def _of(distances: Distances | None, compute: Callable[[Distances], np.floating 
 
 
 def _near(distances: Distances | None) -> float | None:
-    return _of(distances, lambda found: (found < NEAR_ENOUGH_M).mean())
+    return _of(distances, lambda distances_m: (distances_m < NEAR_ENOUGH_M).mean())
 
 
 def _complete(compared: ComparedMap) -> float | None:
@@ -415,7 +415,7 @@ _METRICS = (
         "m",
         "lower",
         f"the mean distance {_SAMPLES}: its code.",
-        _paper(lambda found: found.accuracy_m.mean()),
+        _paper(lambda distances: distances.accuracy_m.mean()),
         "paper",
     ),
     MapMetric(
@@ -424,7 +424,7 @@ _METRICS = (
         "m",
         "lower",
         f"the mean distance {_SAMPLES}: its code.",
-        _paper(lambda found: found.completion_m.mean()),
+        _paper(lambda distances: distances.completion_m.mean()),
         "paper",
     ),
     MapMetric(
@@ -433,7 +433,7 @@ _METRICS = (
         "",
         "higher",
         f"the share of distances {_SAMPLES}, below {_CM}: its code.",
-        _paper(lambda found: (found.completion_m < NEAR_ENOUGH_M).mean()),
+        _paper(lambda distances: (distances.completion_m < NEAR_ENOUGH_M).mean()),
         "paper",
     ),
     MapMetric(
@@ -442,7 +442,7 @@ _METRICS = (
         "m2",
         "lower",
         "the mean square, as its table says.",
-        _paper(lambda found: (found.accuracy_m**2).mean()),
+        _paper(lambda distances: (distances.accuracy_m**2).mean()),
         "paper",
     ),
     MapMetric(
@@ -451,7 +451,7 @@ _METRICS = (
         "m2",
         "lower",
         "the mean square, as its table says.",
-        _paper(lambda found: (found.completion_m**2).mean()),
+        _paper(lambda distances: (distances.completion_m**2).mean()),
         "paper",
     ),
     MapMetric(
@@ -460,7 +460,7 @@ _METRICS = (
         "",
         "higher",
         "the share of squares of at most 0.05, as its table says: distances up to 22 cm.",
-        _paper(lambda found: (found.completion_m**2 <= NEAR_ENOUGH_M).mean()),
+        _paper(lambda distances: (distances.completion_m**2 <= NEAR_ENOUGH_M).mean()),
         "paper",
     ),
     MapMetric(
@@ -469,7 +469,7 @@ _METRICS = (
         "m",
         "lower",
         f"how far ICP moved the map's middle; pairs farther apart than {LARGEST_M:g} m are left out.",
-        _paper(lambda found: found.shift_m),
+        _paper(lambda distances: distances.shift_m),
         "paper",
     ),
     MapMetric(
@@ -478,7 +478,7 @@ _METRICS = (
         "deg",
         "lower",
         "by which angle ICP turned the map.",
-        _paper(lambda found: found.turn_deg),
+        _paper(lambda distances: distances.turn_deg),
         "paper",
     ),
 )

@@ -207,48 +207,48 @@ def success_name(threshold_m: float) -> str:
 
 
 def _of_ate() -> list[TrajectoryMetric]:
-    found = []
-    for key, (label, said) in _STATISTICS.items():
+    metrics = []
+    for key, (label, meaning) in _STATISTICS.items():
         distance = "the distances between estimated and true positions, after alignment, over the tracked frames"
         source = f" The absolute trajectory error; {_STURM}" if key == "rmse" else ""
-        found.append(
+        metrics.append(
             TrajectoryMetric(
                 f"ate_{key}_m",
                 f"ATE {label}",
                 "m",
                 "lower",
-                f"{said} of {distance}.{source}",
+                f"{meaning} of {distance}.{source}",
                 lambda compared, key=key: getattr(compared.position, key),
                 misleads=_JUMPS if key == "rmse" else _MIXED,
             )
         )
     for key in ("rmse", "mean", "median", "max"):
-        label, said = _STATISTICS[key]
+        label, meaning = _STATISTICS[key]
         angle = "the angles between estimated and true rotations, after alignment"
         line = (
             f" Where conditioning is below {DECIDED:g}, positions alone do not decide the turn, and full poses do."
             if key == "rmse"
             else ""
         )
-        found.append(
+        metrics.append(
             TrajectoryMetric(
                 f"ate_rotation_{key}_deg",
                 f"ATE rotation {label}",
                 "deg",
                 "lower",
-                f"{said} of {angle}.{line}",
+                f"{meaning} of {angle}.{line}",
                 lambda compared, key=key: getattr(compared.rotation, key),
                 misleads="a camera mounted or stated with other axes adds the same angle everywhere",
             )
         )
-    return found
+    return metrics
 
 
 def _of_rpe() -> list[TrajectoryMetric]:
-    found = []
-    for key, (label, said, misleads) in _DELTAS.items():
-        pairs = f"T^-1 E of true motions T and estimated E {said}, over all pairs of tracked frames"
-        found.append(
+    metrics = []
+    for key, (label, meaning, misleads) in _DELTAS.items():
+        pairs = f"T^-1 E of true motions T and estimated E {meaning}, over all pairs of tracked frames"
+        metrics.append(
             TrajectoryMetric(
                 f"rpe_{key}_rmse_m",
                 f"RPE {label}",
@@ -259,7 +259,7 @@ def _of_rpe() -> list[TrajectoryMetric]:
                 misleads=misleads,
             )
         )
-        found.append(
+        metrics.append(
             TrajectoryMetric(
                 f"rpe_{key}_rmse_deg",
                 f"RPE {label}, rotation",
@@ -270,7 +270,7 @@ def _of_rpe() -> list[TrajectoryMetric]:
                 misleads=misleads,
             )
         )
-    return found
+    return metrics
 
 
 def _rmse(errors: NDArray[np.float64]) -> float | None:

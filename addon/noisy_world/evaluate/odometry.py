@@ -92,10 +92,10 @@ class Recogniser:
 
     def landmarks(self, view: RgbdView) -> Landmarks:
         """Find the features of a view."""
-        found, descriptors = self._orb.detectAndCompute(view.grey, None)
-        if not found or descriptors is None:
+        keypoints, descriptors = self._orb.detectAndCompute(view.grey, None)
+        if not keypoints or descriptors is None:
             return Landmarks(np.zeros((0, 2), np.float32), np.zeros((0, 3)), np.zeros((0, 32), np.uint8))
-        pixels = np.array([feature.pt for feature in found], np.float32)
+        pixels = np.array([feature.pt for feature in keypoints], np.float32)
         column, row = np.rint(pixels).astype(np.int64).T
         z = view.depth_m[row, column].astype(np.float64)
         camera = self._camera
@@ -114,7 +114,7 @@ class Recogniser:
         known = np.isfinite(source.points_m[of_source, 2])
         if known.sum() < FEWEST:
             return None
-        found, turn, shift, inliers = cv2.solvePnPRansac(
+        solved, turn, shift, inliers = cv2.solvePnPRansac(
             source.points_m[of_source][known],
             target.pixels[of_target][known].astype(np.float64),
             self._camera.matrix,
@@ -123,7 +123,7 @@ class Recogniser:
             reprojectionError=max(1.0, ERROR_PX_SHARE * self._camera.width_px),
             flags=cv2.SOLVEPNP_AP3P,
         )
-        if not found or inliers is None or len(inliers) < FEWEST or not np.isfinite(shift).all():
+        if not solved or inliers is None or len(inliers) < FEWEST or not np.isfinite(shift).all():
             return None
         return pose(np.asarray(cv2.Rodrigues(turn)[0], np.float64), np.asarray(shift, np.float64)[:, 0])
 
@@ -303,8 +303,8 @@ def optimised(c2w: Sequence[Float64], edges: Sequence[Edge], loops: Sequence[Edg
     for group, noise in ((edges, plain), (loops, robust)):
         for edge in group:
             graph.add(gtsam.BetweenFactorPose3(edge.first, edge.second, gtsam.Pose3(edge.first_from_second), noise))
-    found = gtsam.LevenbergMarquardtOptimizer(graph, first).optimize()
-    return [np.asarray(found.atPose3(number).matrix(), np.float64) for number in range(len(c2w))]
+    values = gtsam.LevenbergMarquardtOptimizer(graph, first).optimize()
+    return [np.asarray(values.atPose3(number).matrix(), np.float64) for number in range(len(c2w))]
 
 
 def _median_gap(c2w: Sequence[Float64], loops: Sequence[Edge]) -> float:
@@ -382,9 +382,9 @@ def _followed(
         view = places.aligner.view(*pictures.read(entry))
         tracked = tracker.track(view, entry.stamp_s)
         if tracked.state is State.LOST:
-            found = places.relocated(view, lambda seen: believed(seen, tracker.bounds))
-            if found is not None:
-                tracked = tracker.resume(view, entry.stamp_s, *found)
+            relocation = places.relocated(view, lambda seen: believed(seen, tracker.bounds))
+            if relocation is not None:
+                tracked = tracker.resume(view, entry.stamp_s, *relocation)
         if tracked.begins:
             places.forget()
         if tracked.new_keyframe:

@@ -124,10 +124,10 @@ def published() -> Published:
 
 @cache
 def _by_key(of: Published) -> dict[tuple[str, PaperCondition, str], Printed]:
-    found: dict[tuple[str, PaperCondition, str], Printed] = {}
+    numbers: dict[tuple[str, PaperCondition, str], Printed] = {}
     for number in of.numbers:
-        found.setdefault((number.system, number.paper_condition, number.metric), number)
-    return found
+        numbers.setdefault((number.system, number.paper_condition, number.metric), number)
+    return numbers
 
 
 def _numbers(table: dict[str, Any], columns: list[str]) -> list[Printed]:
@@ -212,8 +212,8 @@ def notes(table: Table, paper: Published) -> list[str]:
 
 def label_of(where: PaperCondition) -> str:
     """Return what was done, with its parameters."""
-    said = ", ".join(f"{name} {cell_text(value)}" for name, value in where.parameters)
-    return f"{where.perturbation} ({said})" if said else where.perturbation
+    values = ", ".join(f"{name} {cell_text(value)}" for name, value in where.parameters)
+    return f"{where.perturbation} ({values})" if values else where.perturbation
 
 
 def _rows(results: Results, paper: Published) -> Iterator[dict[str, Any]]:
@@ -268,8 +268,8 @@ def _printed(metric: str, unit: str) -> Column:
 
 def with_spread(mean: float | None, deviation: float | None) -> str:
     """Return "0.123 ± 0.045", without a deviation that is not known."""
-    said = cell_text(mean, 3)
-    return said if cell_text(deviation) == NOTHING else f"{said} ± {cell_text(deviation, 2)}"
+    text = cell_text(mean, 3)
+    return text if cell_text(deviation) == NOTHING else f"{text} ± {cell_text(deviation, 2)}"
 
 
 # Tables in the shape of the paper's: systems as rows, what was done as columns, ready for LaTeX.
@@ -381,12 +381,12 @@ def _source(layout: _Layout, measure: str, runs: "DataFrame", paper: Published) 
 
 
 def _heading(where: PaperCondition) -> str:
-    said = latex(SHORT.get(where.perturbation, where.perturbation).replace("_", " "))
+    text = latex(SHORT.get(where.perturbation, where.perturbation).replace("_", " "))
     values = []
     for name, value in where.parameters:
         before, after = UNITS_SHOWN[name]
         values.append(f"{before}{cell_text(value)}{after}")
-    return " ".join([*([said] if said else []), *values]) or latex(where.perturbation)
+    return " ".join([*([text] if text else []), *values]) or latex(where.perturbation)
 
 
 def _body(measure: str, every: Sequence[PaperCondition], runs: "DataFrame", paper: Published) -> Iterator[list[str]]:
@@ -406,16 +406,16 @@ def _paper_tables_ours(group: "DataFrame", measure: str) -> str:
         return ""
     values = (complete_runs(group) if measure == STRICT else group)[measure].dropna()
     if not len(values):
-        said = NOTHING
+        text = NOTHING
     elif measure == STRICT:
         factor = geometric_deviation(values)
-        said = cell_text(geometric_mean(values), 3) + (f" \u00d7 {cell_text(factor, 2)}" if len(values) > 1 else "")
+        text = cell_text(geometric_mean(values), 3) + (f" \u00d7 {cell_text(factor, 2)}" if len(values) > 1 else "")
     else:
-        said = with_spread(values.mean(), values.std())
+        text = with_spread(values.mean(), values.std())
     ended = [
         f"{group[name].sum()} {letter}" for name, letter in (("failed", "F"), ("incomplete", "I")) if group[name].any()
     ]
-    return latex(f"{said} ({', '.join(ended)} of {len(group)})" if ended else said)
+    return latex(f"{text} ({', '.join(ended)} of {len(group)})" if ended else text)
 
 
 def _paper_tables_printed(number: Printed | None) -> str:

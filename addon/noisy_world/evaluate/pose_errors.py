@@ -294,7 +294,7 @@ def pairs_apart(along: Float64, delta: float, tolerance: float) -> Pairs:
     after = np.clip(np.searchsorted(along, wanted), rows + 1, len(along) - 1)
     below = np.maximum(after - 1, rows + 1)
     before = np.maximum(np.searchsorted(along, along[below]), rows + 1)  # the first of those that are equal
-    off_before, off_after = (np.abs(along[found] - along[rows] - delta) for found in (before, after))
+    off_before, off_after = (np.abs(along[candidates] - along[rows] - delta) for candidates in (before, after))
     chosen = np.where(off_before <= off_after, before, after)
     close = np.minimum(off_before, off_after) <= tolerance
     return np.stack([rows, chosen], axis=1)[close]
@@ -443,9 +443,9 @@ class Compared:
     @cached_property
     def tracked(self) -> NDArray[np.bool_]:
         """(N,): which frames of the truth have a pose."""
-        found = np.zeros(len(self.truth), dtype=bool)
-        found[self.frames] = True
-        return found
+        mask = np.zeros(len(self.truth), dtype=bool)
+        mask[self.frames] = True
+        return mask
 
     @property
     def tracked_share(self) -> float:
@@ -594,24 +594,24 @@ def rotation_notes(matched: Compared) -> tuple[str, ...]:
     extent_m = float(np.linalg.norm(np.ptp(matched.true[:, :3, 3], axis=0)))
     if matched.position.rmse > SMALL_SHARE * extent_m:
         return ()
-    said = f"the positions fit and the rotations are off by {rotation.median:.0f} degrees (median)"
+    note = f"the positions fit and the rotations are off by {rotation.median:.0f} degrees (median)"
     other = _read_w_first(matched.estimate, by.rotation)
     if by is not matched.by_poses:
         other = aligned_poses(other, full_pose_alignment(other, matched.true, IDENTITY, known))
     other_deg = float(np.median(rotation_errors_deg(other, matched.true)))
     if other_deg * BETTER < rotation.median:
         return (
-            f"{said}, but by {other_deg:.2g} if the quaternions are taken for w x y z: they look as if they were "
+            f"{note}, but by {other_deg:.2g} if the quaternions are taken for w x y z: they look as if they were "
             "written w first and read as x y z w. Write them w last, as TUM's format has them, or as EuRoC's table",
         )
     if rotation.median > TURNED_DEG:
-        return (f"{said}: its cameras may have other axes (--axes), or its quaternions another order than x y z w",)
+        return (f"{note}: its cameras may have other axes (--axes), or its quaternions another order than x y z w",)
     return ()
 
 
 def _read_w_first(aligned: NDArray[np.float64], alignment: NDArray[np.float64]) -> NDArray[np.float64]:
     """(P, 4, 4) after an alignment (3, 3) -> the same with the numbers x y z w of each rotation taken for w x y z."""
-    found = np.array(aligned)
+    poses = np.array(aligned)
     read_xyzw = np.roll(quat_wxyz_from_rotation(alignment.T @ aligned[:, :3, :3]), -1, axis=1)
-    found[:, :3, :3] = alignment @ rotation_from_quat_wxyz(read_xyzw)
-    return found
+    poses[:, :3, :3] = alignment @ rotation_from_quat_wxyz(read_xyzw)
+    return poses

@@ -78,9 +78,9 @@ def write_report(results: Path) -> WrittenReport:
     from .paper_comparison import paper_tables, published
     from .report_tables import read_results
 
-    found = read_results(results)
-    contents = gather(found, analyse(found.runs, found.sequences))
-    files = write_contents(contents, paper_tables(found, published()), results)
+    study = read_results(results)
+    contents = gather(study, analyse(study.runs, study.sequences))
+    files = write_contents(contents, paper_tables(study, published()), results)
     return WrittenReport(tuple(files), tuple(contents.missing), tuple(contents.findings))
 
 
@@ -101,18 +101,18 @@ def gather(results: Results, analyses: Analyses) -> Contents:
     missing = list(results.missing)
     paper = published()
     beside = paper_comparison(results, paper)
-    found = findings_of(results, analyses["over_clean"])
+    findings = findings_of(results, analyses["over_clean"])
     gate = clean_gate(results)
-    named = [replace(item, system=gate.name(item.system)) for item in found]
-    pictures, said = curves_of(gate.of_frames(analyses))
-    short = [headline_table(results, analyses, found), *([gate.table] if gate.scenes else [])]
+    named = [replace(item, system=gate.name(item.system)) for item in findings]
+    pictures, sentences_of_curves = curves_of(gate.of_frames(analyses))
+    short = [headline_table(results, analyses, findings), *([gate.table] if gate.scenes else [])]
     sections = [
         Section("short", "In short", tables=short),
-        Section("severity", "Over severity", said, pictures),
+        Section("severity", "Over severity", sentences_of_curves, pictures),
         Section(
             "settings",
             "Settings",
-            pictures=_some(_heat_map(results, found, gate)),
+            pictures=_some(_heat_map(results, findings, gate)),
             tables=[settings_table(results, analyses["spread"])],
         ),
         *_some(threshold_section(results.folder)),
@@ -132,7 +132,7 @@ def gather(results: Results, analyses: Analyses) -> Contents:
         [
             part
             for part in sections
-            if part.pictures or part.frames or part.tables or (said and part.name == "severity")
+            if part.pictures or part.frames or part.tables or (sentences_of_curves and part.name == "severity")
         ],
         tuple(dict.fromkeys(missing)),
         again(results),
@@ -150,14 +150,14 @@ _FRAMES = (
 )
 
 
-def _heat_map(results: Results, found: Sequence[SystemFindings], gate: CleanGate) -> "Picture | None":
+def _heat_map(results: Results, findings: Sequence[SystemFindings], gate: CleanGate) -> "Picture | None":
     """Draw the error over clean of each setting and system or, where nothing has one, the mean success AUC."""
     runs = in_order(results.runs)
     settings, systems = list(dict.fromkeys(map(str, runs["setting"]))), sorted(set(map(str, runs["system"])))
     values, names = np.full((len(settings), len(systems)), np.nan), [gate.name(system) for system in systems]
     texts = [[NOTHING for _ in systems] for _ in settings]
-    if any(item.compared for item in found):
-        for item in found:
+    if any(item.compared for item in findings):
+        for item in findings:
             column = systems.index(item.system)
             for ranked in item.settings:
                 row = settings.index(ranked.setting)
@@ -171,8 +171,8 @@ def _heat_map(results: Results, found: Sequence[SystemFindings], gate: CleanGate
     for (setting, system), group in runs.groupby(["setting", "system"], sort=False):
         row, column = settings.index(str(setting)), systems.index(str(system))
         values[row, column] = group[SCORE].mean()
-        said = ", ".join(f"{group[name].sum()} {name}" for name in ("failed", "incomplete") if group[name].any())
-        texts[row][column] = cell_text(group[SCORE].mean(), 2) + (f", {said} of {len(group)}" if said else "")
+        counts = ", ".join(f"{group[name].sum()} {name}" for name in ("failed", "incomplete") if group[name].any())
+        texts[row][column] = cell_text(group[SCORE].mean(), 2) + (f", {counts} of {len(group)}" if counts else "")
     return heat_map(settings, names, values, texts, Scale.SCORE)
 
 

@@ -150,7 +150,7 @@ def curves_of(analyses: Analyses) -> tuple[list[Picture], list[str]]:
 
     They are the error over clean, the shares of runs without success, and the area under the curve of success.
     """
-    pictures, said = [], []
+    pictures, sentences = [], []
     over = _over_clean_points(analyses["over_clean"])
     if len(over):
         title = "Error over clean, over severity"
@@ -159,7 +159,7 @@ def curves_of(analyses: Analyses) -> tuple[list[Picture], list[str]]:
         label, points = column_of(name).label, _complement(_points(analyses["curves"], name))
         if len(points) and (points["value"] == points["value"].iloc[0]).all():
             had = {0.0: "Every run", 1.0: "No run"}.get(points["value"].iloc[0], "The same share of runs")
-            said.append(f"{had} had {label} at every severity, so no curve is drawn of it.")
+            sentences.append(f"{had} had {label} at every severity, so no curve is drawn of it.")
         elif len(points):
             pictures.append(curves(points, picture, f"Share of runs without {label}, over severity", "without success"))
     areas = _points(analyses["curves"], "success_auc")
@@ -167,10 +167,10 @@ def curves_of(analyses: Analyses) -> tuple[list[Picture], list[str]]:
         least, most = areas["value"].min(), areas["value"].max()
         if most - least < FLAT:
             ends = f"{cell_text(least, 3)} and {cell_text(most, 3)}"
-            said.append(f"Success AUC is between {ends} at every severity, so no curve is drawn of it.")
+            sentences.append(f"Success AUC is between {ends} at every severity, so no curve is drawn of it.")
         else:
             pictures.append(curves(areas, "auc_curves", "Success AUC over severity", "success AUC"))
-    return pictures, said
+    return pictures, sentences
 
 
 def _over_clean_points(table: "DataFrame") -> "DataFrame":
@@ -213,10 +213,10 @@ def table_of(name: str, frame: "DataFrame") -> Table:
 
 def with_interval(value: Any, low: Any, high: Any, n: float) -> str:
     """Return "0.5 [0.4, 0.6]"; without the brackets where there is no interval, or it stands on fewer than FEWEST."""
-    said = cell_text(value, 3)
-    if NOTHING in (said, cell_text(low)) or not n >= FEWEST:
-        return said
-    return f"{said} [{cell_text(low, 3)}, {cell_text(high, 3)}]"
+    text = cell_text(value, 3)
+    if NOTHING in (text, cell_text(low)) or not n >= FEWEST:
+        return text
+    return f"{text} [{cell_text(low, 3)}, {cell_text(high, 3)}]"
 
 
 def _tables(analyses: Analyses, names: Sequence[str]) -> list[Table]:
@@ -307,7 +307,7 @@ def opening(results: Results) -> str:
     """Return the report's first sentence."""
     runs, systems = results.runs, results.runs["system"].nunique()
     sequences = runs.drop_duplicates(list(KEY))
-    said = (
+    text = (
         f"{_count(len(runs), 'run')} of {_count(systems, 'system')} on {_count(len(sequences), 'sequence')} "
         f"({_count(runs['scene'].nunique(), 'scene')}, {_count(runs['setting'].nunique(), 'setting')}); "
         f"{int(runs['failed'].sum())} of them failed: they gave no estimate, or one that cannot be scored. "
@@ -318,16 +318,16 @@ def opening(results: Results) -> str:
     if SUCCESS in runs:
         successes = int((runs[SUCCESS] == 1.0).sum())
         meaning = f"an ATE below that, with {100 * LEAST_TRACKED:g} % of the frames tracked"
-        said += f" {successes} had {column_of(SUCCESS).label}: {meaning}."
+        text += f" {successes} had {column_of(SUCCESS).label}: {meaning}."
     if SUCCESS_OVER_CLEAN in runs:
         noisy = runs[(runs["perturbation"] != CLEAN) & runs[SUCCESS_OVER_CLEAN].notna()]
         if len(noisy):
             successes = int((noisy[SUCCESS_OVER_CLEAN] == 1.0).sum())
-            said += (
+            text += (
                 f" Of the {len(noisy)} perturbed runs that have a clean one beside them, {successes} had "
                 f"{column_of(SUCCESS_OVER_CLEAN).label}: an ATE below ten times the clean one."
             )
-    return said + _turned(results) + _nearly_straight(results)
+    return text + _turned(results) + _nearly_straight(results)
 
 
 def _nearly_straight(results: Results) -> str:
@@ -370,35 +370,35 @@ def _turned(results: Results) -> str:
 def facts(results: Results) -> list[tuple[str, str]]:
     """Return what was evaluated, as labels and texts."""
     runs = results.runs
-    found = [(f"system {system}", _system(results, str(system))) for system in sorted(set(runs["system"]))]
-    found.append(("scenes", _listed(sorted(set(runs["scene"])))))
-    found.append(("settings", _listed(list(dict.fromkeys(results.sequences["setting"])))))
-    found.append(("seeds", _listed(sorted(set(runs["seed"]), key=lambda seed: seed.zfill(20)))))
+    rows = [(f"system {system}", _system(results, str(system))) for system in sorted(set(runs["system"]))]
+    rows.append(("scenes", _listed(sorted(set(runs["scene"])))))
+    rows.append(("settings", _listed(list(dict.fromkeys(results.sequences["setting"])))))
+    rows.append(("seeds", _listed(sorted(set(runs["seed"]), key=lambda seed: seed.zfill(20)))))
     frames = results.sequences["frames"] if "frames" in results.sequences else runs.get("frames")
     if frames is not None and frames.notna().any():
         least, most = int(frames.min()), int(frames.max())
-        found.append(("frames of a sequence", str(least) if least == most else f"{least} to {most}"))
+        rows.append(("frames of a sequence", str(least) if least == most else f"{least} to {most}"))
     if results.study:
         protocol = PROTOCOLS[results.study["protocol"]]
-        found.append(("protocol", f"{protocol.name}: {protocol.meaning}"))
-        found.append(("stamps", f"poses belong together within {protocol.max_difference_s:g} s"))
+        rows.append(("protocol", f"{protocol.name}: {protocol.meaning}"))
+        rows.append(("stamps", f"poses belong together within {protocol.max_difference_s:g} s"))
     if any(str(name).startswith("paper.") for name in runs.columns):
-        faults = "; ".join(said for _, said in PROTOCOLS["paper"].faults)
-        found.append(("columns paper.", f"as the published code does it: {faults}"))
+        faults = "; ".join(fault for _, fault in PROTOCOLS["paper"].faults)
+        rows.append(("columns paper.", f"as the published code does it: {faults}"))
     if "processor_s" in runs and runs["processor_s"].notna().any():
-        found.append(("processor time of the systems", f"{runs['processor_s'].sum() / 3600:.3g} h"))
-    return found + _subject(results.study.get("subject"))
+        rows.append(("processor time of the systems", f"{runs['processor_s'].sum() / 3600:.3g} h"))
+    return rows + _subject(results.study.get("subject"))
 
 
 def again(results: Results) -> list[str]:
     """Return how to get the report and the results again, in sentences."""
-    said = ["From what is in the folder, 'noisy-world report FOLDER' writes this report anew, to the same bytes."]
+    lines = ["From what is in the folder, 'noisy-world report FOLDER' writes this report anew, to the same bytes."]
     if results.study:
-        said.append(
+        lines.append(
             "study.json holds everything that decides the results, the preset among it; 'noisy-world evaluate PRESET "
             "--systems ... --out FOLDER' makes them, and what differs from study.json is refused."
         )
-    return said
+    return lines
 
 
 def command(results: Results) -> str:
@@ -416,10 +416,10 @@ def command(results: Results) -> str:
 
 def _system(results: Results, system: str) -> str:
     runs = results.runs[results.runs["system"] == system]
-    said = [_count(len(runs), "run"), f"{int(runs['failed'].sum())} failed"]
-    said.append(f"{int(runs['incomplete'].sum())} incomplete")
+    parts = [_count(len(runs), "run"), f"{int(runs['failed'].sum())} failed"]
+    parts.append(f"{int(runs['incomplete'].sum())} incomplete")
     repeats = int(runs["repeat"].nunique())
-    said.append(f"{repeats} repeats, as its results differ from run to run" if repeats > 1 else "one repeat")
+    parts.append(f"{repeats} repeats, as its results differ from run to run" if repeats > 1 else "one repeat")
     of_record = results.study.get(VERSIONS, {}).get(system, {})
     versions = {name: {version} for name, version in of_record.items()}
     for run in records(runs.drop_duplicates("setting").head(LONGEST_LIST)):
@@ -428,27 +428,27 @@ def _system(results: Results, system: str) -> str:
         for name, version in (systems if isinstance(systems, Mapping) else {}).items():
             versions.setdefault(str(name), set()).add(str(version))
     if versions:
-        said.append(", ".join(f"{name} {' and '.join(sorted(versions[name]))}" for name in sorted(versions)))
+        parts.append(", ".join(f"{name} {' and '.join(sorted(versions[name]))}" for name in sorted(versions)))
     definition = results.study["systems"].get(system) if results.study else None
     if definition is not None:
-        said.append(f"definition {_digest(definition)}")
-    return "; ".join(said)
+        parts.append(f"definition {_digest(definition)}")
+    return "; ".join(parts)
 
 
 def _subject(subject: Any) -> list[tuple[str, str]]:
     """Return what the sequences were made from, as far as it is short enough to be read: study.json has all."""
     if not isinstance(subject, Mapping):
         return []
-    found = []
+    rows = []
     for key in ("preset_sha256", "seed", "render", "output", "versions"):
         value = subject.get(key)
         if isinstance(value, Mapping):
             value = ", ".join(f"{name} {_plain(value[name])}" for name in sorted(value) if value[name] is not None)
         if value is not None:
-            found.append(
+            rows.append(
                 (f"preset's {key}" if key in ("seed", "render", "output") else key.replace("_", " "), str(value))
             )
-    return found
+    return rows
 
 
 def _digest(definition: Any) -> str:

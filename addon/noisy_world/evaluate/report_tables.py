@@ -330,13 +330,13 @@ _MARKDOWN_LETTERS = re.compile(r"[\\`*_{}\[\]<>#|~!&$]")
 
 def latex(text: str) -> str:
     """Return a text as LaTeX shows it, in a document of UTF-8."""
-    shown = _LATEX_LETTERS.sub(lambda found: _LATEX[found[0]], _line(text))
+    shown = _LATEX_LETTERS.sub(lambda match: _LATEX[match[0]], _line(text))
     return f"{{}}{shown}" if shown.startswith(("[", "*")) else shown  # which would belong to the \\ of the row before
 
 
 def markdown(text: str) -> str:
     """Return a text as Markdown shows it, in a cell of a table too."""
-    return _MARKDOWN_LETTERS.sub(lambda found: f"\\{found[0]}", _line(text))
+    return _MARKDOWN_LETTERS.sub(lambda match: f"\\{match[0]}", _line(text))
 
 
 def _line(text: str) -> str:

@@ -108,9 +108,9 @@ def _strips(axes: "Axes", panel: TimePanel) -> None:
         known = values[np.isfinite(values)]
         low, high = (float(known.min()), float(known.max())) if len(known) else (0.0, 1.0)
         rows[row] = (values - low) / (high - low if high > low else 1.0)
-        said = f"{low:.4g}" if low == high else f"{low:.4g} to {high:.4g}"
+        label = f"{low:.4g}" if low == high else f"{low:.4g} to {high:.4g}"
         place = 1.0 - (row + 0.5) / count
-        axes.text(1.005, place, said, transform=axes.transAxes, va="center", fontsize=6)
+        axes.text(1.005, place, label, transform=axes.transAxes, va="center", fontsize=6)
     extent = (float(times_s[0]), end_s, float(count), 0.0)
     axes.imshow(rows, aspect="auto", interpolation="nearest", cmap="viridis", vmin=0.0, vmax=1.0, extent=extent)
     for row in range(1, count):
@@ -232,7 +232,7 @@ def time_picture(results: Results, missing: list[str]) -> Picture | None:
 
 def worst_frames(results: Results, missing: list[str]) -> list[FramePicture]:
     """Return pictures of frames, nearest to where systems were lost first or erred most, of the picked sequences."""
-    said: dict[Path, list[str]] = {}
+    captions: dict[Path, list[str]] = {}
     names: dict[Path, str] = {}
     for runs in picked_sequences(results)[1:]:
         pictures = _thumbs(results.sequence_folder(runs[0]))
@@ -243,10 +243,10 @@ def worst_frames(results: Results, missing: list[str]) -> list[FramePicture]:
             if worst := _worst(results, run, missing):
                 number, path = _nearest(pictures, worst[0])
                 names[path] = f"{_name(run)}, frame {number}"
-                said.setdefault(path, []).append(f"{run['system']} {worst[1]}")
+                captions.setdefault(path, []).append(f"{run['system']} {worst[1]}")
     return [
-        FramePicture(f"frame_{number:02d}", f"{names[path]}: {'; '.join(said[path])}", read_bytes(path))
-        for number, path in enumerate(list(said)[:MOST_FRAMES], start=1)
+        FramePicture(f"frame_{number:02d}", f"{names[path]}: {'; '.join(captions[path])}", read_bytes(path))
+        for number, path in enumerate(list(captions)[:MOST_FRAMES], start=1)
     ]
 
 
@@ -262,10 +262,10 @@ def _path(results: Results, pick: Pick, missing: list[str]) -> PathPanel | None:
         known = np.isfinite(errors["error_m"]) & np.isfinite(positions_m).all(axis=1)
         estimated, error_m = positions_m[known], errors["error_m"][known]
     ending = run["failure"] or run["outcome"]
-    said = ending if run["failed"] else f"ATE {cell_text(run.get(ERROR), 3)} m"
+    title = ending if run["failed"] else f"ATE {cell_text(run.get(ERROR), 3)} m"
     if run["incomplete"]:
-        said += f", {run['tracked_share']:.0%} tracked"
-    lines = (f"{run['system']}: {pick.why}", f"{run['scene']}/{run['setting']}", said)
+        title += f", {run['tracked_share']:.0%} tracked"
+    lines = (f"{run['system']}: {pick.why}", f"{run['scene']}/{run['setting']}", title)
     return PathPanel(lines, truth, estimated, error_m)
 
 
@@ -292,8 +292,8 @@ def _strip_values(path: Path, stamps_s: Floats, missing: list[str]) -> dict[str,
         return {}
     severities = [name for name in columns if name.startswith("severity")]
     chosen = [*severities, *(name for name in STRIPS if name in columns)]
-    found = {name: _held(columns[name]) for name in chosen}
-    known = [(name, values) for name, values in found.items() if name in severities or _varies(values)]
+    strips = {name: _held(columns[name]) for name in chosen}
+    known = [(name, values) for name, values in strips.items() if name in severities or _varies(values)]
     return dict(known[:MOST_STRIPS])
 
 

@@ -462,8 +462,8 @@ class GroupedRuns(NamedTuple):
 
         every = sorted(set(self.runs["scene"])) if scenes is None else scenes
         index = MultiIndex.from_product([range(len(self.names)), every])
-        found = table.reindex(index).to_numpy(dtype=np.float64)
-        return found.reshape(len(self.names), len(every), len(self.measures)).transpose(0, 2, 1)
+        values = table.reindex(index).to_numpy(dtype=np.float64)
+        return values.reshape(len(self.names), len(every), len(self.measures)).transpose(0, 2, 1)
 
 
 def _exp(values: Float64, logs: NDArray[np.bool_]) -> Float64:
@@ -676,13 +676,13 @@ def components_of(moments: Moments) -> dict[str, float]:
     NaN for one that nothing varied in: it is then a part of the one above it that is known, as seeds that were run once
     hold the system's own chance.
     """
-    found: dict[str, float] = dict.fromkeys(LEVELS, float("nan"))
+    components: dict[str, float] = dict.fromkeys(LEVELS, float("nan"))
     known = [place for place in range(3) if moments.freedom[place] > 0.0]
     if known:
         chosen = np.ix_(known, known)
         solved = np.linalg.solve(moments.times[chosen], moments.squares[known])
-        found |= {LEVELS[place]: float(value) for place, value in zip(known, solved, strict=True)}
-    return found
+        components |= {LEVELS[place]: float(value) for place, value in zip(known, solved, strict=True)}
+    return components
 
 
 def variance_table(runs: "DataFrame") -> "DataFrame":
@@ -730,7 +730,9 @@ def _row(settings: Sequence[Cells], moments: Moments) -> dict[str, Any]:
     bounded = {level: max(value, 0.0) for level, value in values.items() if np.isfinite(value)}
     whole = sum(bounded.values())
     row: dict[str, Any] = {
-        "n": sum(len(found) for cells in settings for seeds in cells.values() for found in seeds.values()),
+        "n": sum(
+            len(values_of_seed) for cells in settings for seeds in cells.values() for values_of_seed in seeds.values()
+        ),
         "n_scenes": len({scene for cells in settings for scene in cells}),
     }
     for level, freedom in zip(LEVELS, moments.freedom.tolist(), strict=True):

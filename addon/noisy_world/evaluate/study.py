@@ -56,9 +56,9 @@ def describe(results: ResultsFolder, case: Case, sequence: CaseSequence) -> None
     numbers = list(sequence.opened.frames)
     show(results, case, sequence, _evenly(len(numbers)))
     results.write(folder / TRUTH, tum_text(sequence.truth))
-    found = indicators_of(sequence.opened, sequence.clean)
-    results.write(folder / FRAMES, _frames_text({**found.per_frame, **severities(sequence.opened)}))
-    results.write_json(folder / INDICATORS, {**_plain(found.values), "frames": len(numbers)})
+    indicators = indicators_of(sequence.opened, sequence.clean)
+    results.write(folder / FRAMES, _frames_text({**indicators.per_frame, **severities(sequence.opened)}))
+    results.write_json(folder / INDICATORS, {**_plain(indicators.values), "frames": len(numbers)})
 
 
 def show(results: ResultsFolder, case: Case, sequence: CaseSequence, places: Iterable[int]) -> None:
@@ -73,20 +73,20 @@ def show(results: ResultsFolder, case: Case, sequence: CaseSequence, places: Ite
 def severities(frames: Iterable[Frame]) -> dict[str, NDArray[np.float64]]:
     """Return the severity of each frame (N,) by perturbation, as severity_NAME; NaN where it was not perturbed so."""
     done = [[step for kind in ("rgb", "depth") for step in frame.done.get(kind, ())] for frame in frames]
-    found: dict[str, NDArray[np.float64]] = {}
+    columns: dict[str, NDArray[np.float64]] = {}
     for place, steps in enumerate(done):
         for step in steps:
-            column = found.setdefault(f"severity_{step['name']}", np.full(len(done), np.nan))
+            column = columns.setdefault(f"severity_{step['name']}", np.full(len(done), np.nan))
             column[place] = step.get("severity", np.nan)
-    return {name: column for name, column in found.items() if np.isfinite(column).any()}
+    return {name: column for name, column in columns.items() if np.isfinite(column).any()}
 
 
 def worst_frames(errors: FrameErrors) -> list[int]:
     """Return the rows of the frame with the largest error, and of the first frame that is lost after a tracked one."""
-    found = [int(np.nanargmax(errors.error_m))] if np.isfinite(errors.error_m).any() else []
+    frames = [int(np.nanargmax(errors.error_m))] if np.isfinite(errors.error_m).any() else []
     begun = np.maximum.accumulate(errors.tracked) if len(errors) else errors.tracked
     lost = np.flatnonzero(begun & ~errors.tracked)
-    return [*found, *lost[:1].tolist()]
+    return [*frames, *lost[:1].tolist()]
 
 
 def _evenly(count: int) -> list[int]:
@@ -159,10 +159,10 @@ class MapsOfCase:
         if camera is None or not self.is_known:
             return {}
         frames = list(self._sequence.opened)
-        found = map_of_run(folder, scored.estimate, scored.by, frames, camera)
-        if found.problem and scored.by is not None:
-            progress.note(f"{folder}: has no map: {found.problem}")
-        return score_map(found.mesh, self._true()).values
+        mesh = map_of_run(folder, scored.estimate, scored.by, frames, camera)
+        if mesh.problem and scored.by is not None:
+            progress.note(f"{folder}: has no map: {mesh.problem}")
+        return score_map(mesh.mesh, self._true()).values
 
     def _true(self) -> TrueMap:
         if self._truth is None:
@@ -330,10 +330,10 @@ class Study:
         systems = {name: _described(system) for name, system in self.systems.items()}
         how: dict[str, Any] = {"maps": self.order.maps, "protocol": self.order.protocol, "definitions": DEFINITIONS}
         if brought := {
-            name: str(found)
+            name: str(distribution)
             for registry in (METRICS, MAP_METRICS)
             for name in registry
-            if (found := registry.distribution(name))
+            if (distribution := registry.distribution(name))
         }:
             how["metrics"] = brought
         return {**how, "subject": self.origin.identity, "systems": systems}
@@ -356,15 +356,15 @@ def _note_clean_run(
 ) -> None:
     """Say that a clean run is not as expected, before hours go into ratios to it; once for a system and scene."""
     if expected and (unmet := expected.unmet(scores.get("ate_rmse_m"), scores.get("scale"))):
-        said = f"{run.system} on {run.case.name}: {', '.join(unmet)} on clean frames; expected: {expected.text}"
-        progress.note(f"{said}. The report will mark its ratios", f"{run.system} {run.case.scene} {CLEAN}")
+        note = f"{run.system} on {run.case.name}: {', '.join(unmet)} on clean frames; expected: {expected.text}"
+        progress.note(f"{note}. The report will mark its ratios", f"{run.system} {run.case.scene} {CLEAN}")
     ratio = scores.get(CONDITIONING)
     if ratio is not None and ratio < WELL_CONDITIONED:
-        said = f"the path's second extent is {ratio:.2g} ATEs of {run.system} on {run.case.name}, below "
-        said += (
+        note = f"the path's second extent is {ratio:.2g} ATEs of {run.system} on {run.case.name}, below "
+        note += (
             f"{WELL_CONDITIONED:g}, so positions do not say how an estimate is turned; the report will mark the scene"
         )
-        progress.note(said, f"{run.case.scene} {CONDITIONING}")
+        progress.note(note, f"{run.case.scene} {CONDITIONING}")
 
 
 # A study: systems run on the sequences of a preset or a dataset, each made when it is needed, and scored.

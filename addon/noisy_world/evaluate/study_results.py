@@ -130,17 +130,17 @@ class ResultsFolder:
     def runs(self) -> Iterator[SystemRun]:
         """Yield the runs that are whole, sorted."""
         folder = self.folder / "runs"
-        found = [path.parent.relative_to(folder) for path in folder.glob(f"*/*/*/*/*/{SCORES}")]
+        folders = [path.parent.relative_to(folder) for path in folder.glob(f"*/*/*/*/*/{SCORES}")]
         yield from sorted(
             SystemRun(Case.parse("/".join(path.parts[:3])), path.parts[3], int(path.parts[4].removeprefix("repeat-")))
-            for path in found
+            for path in folders
         )
 
     def cases(self) -> Iterator[Case]:
         """Yield the cases whose frames are described, sorted."""
         folder = self.folder / "sequences"
-        found = [path.parent.relative_to(folder) for path in folder.glob(f"*/*/*/{INDICATORS}")]
-        yield from sorted(Case.parse(path.as_posix()) for path in found)
+        folders = [path.parent.relative_to(folder) for path in folder.glob(f"*/*/*/{INDICATORS}")]
+        yield from sorted(Case.parse(path.as_posix()) for path in folders)
 
 
 # A run of a system scored, by both protocols.
@@ -237,10 +237,10 @@ def read_scores(results: ResultsFolder, run: SystemRun) -> dict[str, Any]:
 def read_indicators(results: ResultsFolder, case: Case) -> dict[str, Any]:
     """Return what the frames of a case are like, numbers by name. Raises StorageError."""
     path = results.of_case(case) / INDICATORS
-    found = results.read_json(path)
-    if not _is_values(found):
+    values = results.read_json(path)
+    if not _is_values(values):
         raise _not_as_written(path)
-    return found
+    return values
 
 
 def _not_as_written(path: Path) -> StorageError:
@@ -335,8 +335,8 @@ def write_study_identity(results: ResultsFolder, identity: dict[str, Any], *, se
 
 def why_not(there: dict[str, Any], here: dict[str, Any]) -> str:
     """Return the first difference of two studies in what both name, or ""."""
-    if found := _run_or_scored_otherwise(there, here):
-        return found
+    if difference := _run_or_scored_otherwise(there, here):
+        return difference
     before, now = there["subject"], here["subject"]
     if of_any_processor(before) and of_any_processor(now):
         before, now = decisive(before), decisive(now)
@@ -347,8 +347,8 @@ def why_not(there: dict[str, Any], here: dict[str, Any]) -> str:
             left, right = ({name: part[name] for name in both} for part in (left, right))
         if key == "output":  # systems read the same pixels
             left, right = ({**(part or {}), HUFFMAN: None} for part in (left, right))
-        if found := first_difference(left, right, key):
-            return found
+        if difference := first_difference(left, right, key):
+            return difference
     return ""
 
 

@@ -440,15 +440,15 @@ class PresetOrigin:
 
     @cached_property
     def _frames(self) -> Mapping[Case, int]:
-        found: dict[Case, int] = {}
+        counts: dict[Case, int] = {}
         clean_first = sorted(self._settings.values(), key=lambda setting: bool(setting.steps))
         for scene in self._scenes.values():
             for seed in self.seeds:
                 for setting in clean_first:
                     if seed == self.seeds[0] or self._varies(setting, scene, seed):
                         laid = lay_out(setting, scene.name, scene.frame_count, (seed, scene.name, setting.name))
-                        found[Case(scene.name, setting.name, seed)] = len(laid.frames)
-        return found
+                        counts[Case(scene.name, setting.name, seed)] = len(laid.frames)
+        return counts
 
     def _varies(self, setting: Setting, scene: Scene, seed: int) -> bool:
         """Tell whether a sequence with a seed is another than that with the first one."""

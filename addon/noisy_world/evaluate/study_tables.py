@@ -352,8 +352,8 @@ class _Conditions:
 
     def columns(self, case: Case) -> Row:
         name = case.setting
-        found = self._found.get(name) or Condition.of_name(name)
-        condition = {"perturbation": found.perturbation, "mode": found.mode, "severity": found.severity}
+        known = self._found.get(name) or Condition.of_name(name)
+        condition = {"perturbation": known.perturbation, "mode": known.mode, "severity": known.severity}
         return {"scene": case.scene, "setting": name, **condition, "seed": case.seed}
 
 
@@ -388,8 +388,8 @@ def run_columns(rows: Sequence[Row], protocol: str) -> list[str]:
 
 
 def _sequence_row(results: ResultsFolder, case: Case, conditions: _Conditions) -> Row:
-    found = read_indicators(results, case)
-    return {**conditions.columns(case), **found}
+    indicators = read_indicators(results, case)
+    return {**conditions.columns(case), **indicators}
 
 
 def with_others(first: Iterable[str], rows: Iterable[Row]) -> list[str]:
@@ -520,16 +520,16 @@ def _run_of(row: Cells) -> SystemRun:
 
 def _versions(results: ResultsFolder) -> dict[str, dict[str, str]]:
     """Return by system the versions that its runs used."""
-    found: dict[str, dict[str, str]] = {}
+    of_systems: dict[str, dict[str, str]] = {}
     for run in results.runs():
         made = read_run_record(results.of_run(run))
-        said = {} if made is None else made.versions
-        known = found.setdefault(run.system, {})
-        if problem := _other_versions({run.system: known}, {run.system: said}):
+        versions = {} if made is None else made.versions
+        known = of_systems.setdefault(run.system, {})
+        if problem := _other_versions({run.system: known}, {run.system: versions}):
             remedy = "remove the runs of one, and run 'noisy-world evaluate' again"
             raise StorageError(problem, file=results.of_run(run), remedy=remedy)
-        known.update(said)
-    return found
+        known.update(versions)
+    return of_systems
 
 
 def _other_versions(there: Mapping[str, Any], here: Mapping[str, Any]) -> str:
@@ -557,11 +557,11 @@ def _twice(there: Mapping[Any, Cells], here: Mapping[Any, Cells], apart: Iterabl
 
 def _one(*processors: Any) -> list[Any]:
     """Return each kind of processor once; None, where none is known, is left out."""
-    found: list[Any] = []
+    kinds: list[Any] = []
     for each in processors:
-        if each is not None and each not in found:
-            found.append(each)
-    return found
+        if each is not None and each not in kinds:
+            kinds.append(each)
+    return kinds
 
 
 # A short table of a study for a terminal: what each system made of each perturbation.
@@ -606,9 +606,9 @@ def _median(of_setting: list[Cells], system: str, name: str) -> str:
     if not rows:
         return ""
     ended = [(sum(row["result"] == result for row in rows), result) for result in (FAILED, INCOMPLETE)]
-    said = ", ".join(f"{count} {result}" for count, result in ended if count)
+    endings = ", ".join(f"{count} {result}" for count, result in ended if count)
     if not values:
-        return said
+        return endings
     middle = statistics.median(values)
     text = f"{middle * 1000:.1f} mm" if name.endswith("_m") else f"{middle:.2f}"
-    return text if len(values) == len(rows) else f"{text} ({said or f'{len(values)} of {len(rows)}'})"
+    return text if len(values) == len(rows) else f"{text} ({endings or f'{len(values)} of {len(rows)}'})"

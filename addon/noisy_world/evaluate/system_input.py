@@ -296,11 +296,11 @@ def _check_plain(stored: StoredSequence, *, lens: bool) -> None:
         "its depth images mark void otherwise than by 0": ("", bool(stored.void_steps)),
         "its depth images are no PNG": ("", not stored.depth_is_png),
     }
-    found = {problem: key for problem, (key, is_so) in problems.items() if is_so}
-    if found:
-        keys = " and ".join(key for key in found.values() if key)
+    wrong = {problem: key for problem, (key, is_so) in problems.items() if is_so}
+    if wrong:
+        keys = " and ".join(key for key in wrong.values() if key)
         remedy = "make a dataset of it first" + (f", with {keys} for the scene" if keys else "")
-        raise InputError(stored.folder, ", and ".join(found), remedy=remedy)
+        raise InputError(stored.folder, ", and ".join(wrong), remedy=remedy)
 
 
 def _kind(data: bytes) -> Shown | None:

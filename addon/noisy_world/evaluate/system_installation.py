@@ -79,8 +79,8 @@ def descriptors(rgb: NDArray[np.uint8]) -> Bits:
     import cv2
 
     detector = cv2.ORB.create(nfeatures=FEATURES)
-    _, found = detector.detectAndCompute(cv2.cvtColor(rgb, cv2.COLOR_RGB2GRAY), None)
-    return np.unpackbits(np.asarray(found, np.uint8), axis=1)
+    _, descriptors = detector.detectAndCompute(cv2.cvtColor(rgb, cv2.COLOR_RGB2GRAY), None)
+    return np.unpackbits(np.asarray(descriptors, np.uint8), axis=1)
 
 
 def vocabulary_text(pictures: list[Bits]) -> str:
@@ -260,8 +260,8 @@ def run_step(command: list[str], folder: Path, problem: str) -> None:
     )
     if done.returncode != 0:
         lines = [line.strip() for line in done.stdout.splitlines() if line.strip()]
-        said = next((line for line in reversed(lines) if line.lower().startswith("error")), (lines or [""])[-1])
-        raise StorageError(f"{problem}: {said or f'status {done.returncode}'}", file=folder)
+        message = next((line for line in reversed(lines) if line.lower().startswith("error")), (lines or [""])[-1])
+        raise StorageError(f"{problem}: {message or f'status {done.returncode}'}", file=folder)
 
 
 # Building ORB-SLAM2 and ORB-SLAM3 from their authors' source, which the user has cloned, by Debian's libraries.
@@ -322,8 +322,8 @@ def build(published: AuthorsSource, source: Path, folder: Path, tell: Callable[[
     if f"namespace {published.name}".encode() not in read_bytes(source / "include/System.h"):
         raise InputError(source, f"is not {published.name}", where="--source", remedy=published.remedy)
     digest = _digest([source / name for name in _COMPILED])
-    said = {"source": f"sha256 {digest[:16]}, commit {_commit(source)}", "driver": _digest([DRIVER])[:16]}
-    if (folder / BUILT).is_file() and json.loads(read_bytes(folder / BUILT)) == said:
+    versions = {"source": f"sha256 {digest[:16]}, commit {_commit(source)}", "driver": _digest([DRIVER])[:16]}
+    if (folder / BUILT).is_file() and json.loads(read_bytes(folder / BUILT)) == versions:
         return False
     _check_tools(published)
     with storage_errors(folder):
@@ -334,7 +334,7 @@ def build(published: AuthorsSource, source: Path, folder: Path, tell: Callable[[
     _compile(published, source, folder, tell)
     tell("training the vocabulary on pictures of an embedded room")
     write_atomic(folder / VOCABULARY, train().encode(), folder)
-    write_atomic(folder / BUILT, json.dumps(said).encode(), folder)
+    write_atomic(folder / BUILT, json.dumps(versions).encode(), folder)
     return True
 
 

@@ -114,10 +114,10 @@ def _wait(process: subprocess.Popen[bytes], until_s: float, stop: threading.Even
             process.wait(POLL_S if stop is not None else until_s - time.monotonic())
 
 
-def _parsed(said: bytes | None) -> CommandOutcome | None:
+def _parsed(output: bytes | None) -> CommandOutcome | None:
     """Return what a guard said; None where that is not what a guard says."""
     try:
-        content: Any = json.loads(said or b"")
+        content: Any = json.loads(output or b"")
         return CommandOutcome(**content)
     except (ValueError, TypeError, RecursionError):
         return None
@@ -156,8 +156,8 @@ def isolation_problem() -> str:
         return f"{PROGRAM} cannot be run: {error}"
     if done.returncode == 0:
         return ""
-    said = done.stderr.decode(errors="replace").strip().splitlines()
-    why = said[-1] if said else f"it ended with {done.returncode}"
+    lines = done.stderr.decode(errors="replace").strip().splitlines()
+    why = lines[-1] if lines else f"it ended with {done.returncode}"
     return f"this machine does not permit it ({why}); permit user namespaces, or run inside a container without it"
 
 
@@ -185,8 +185,8 @@ def isolated_variables(variables: Mapping[str, str], own: Iterable[str]) -> dict
 
 def program_folders(program: str) -> list[Path]:
     """Return what has to be read so that a program can start: its file, and for a Python its installation."""
-    found = Path(shutil.which(program) or program)
-    needed = [found, found.resolve()]
+    program_file = Path(shutil.which(program) or program)
+    needed = [program_file, program_file.resolve()]
     for file in needed.copy():
         prefix = file.parent.parent
         if file.name.startswith("python") and ((prefix / "pyvenv.cfg").is_file() or list(prefix.glob("lib/python3*"))):
@@ -206,8 +206,8 @@ def existing(paths: Iterable[str | Path]) -> list[Path]:
 
 def outermost(paths: Iterable[Path]) -> list[Path]:
     """Return the paths that lie in none of the others, each once."""
-    found = list(dict.fromkeys(paths))
-    return [path for path in found if not _inside(path.parent, found)]
+    distinct = list(dict.fromkeys(paths))
+    return [path for path in distinct if not _inside(path.parent, distinct)]
 
 
 def _inside(path: Path, folders: list[Path]) -> bool:

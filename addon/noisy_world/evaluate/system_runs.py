@@ -230,19 +230,19 @@ def _asked_versions(system: System) -> dict[str, str]:
         for folder in ("out", "tmp", "given"):
             (work / folder).mkdir()
         started, variables = prepared(system, command, work)
-        said, errors = work / "said.txt", work / "errors.txt"
+        output, errors = work / "said.txt", work / "errors.txt"
         outcome = watched(
             started,
             variables,
             [work / "out", work / "tmp"],
-            said,
+            output,
             system.limits,
             limit_s=VERSIONS_LIMIT_S,
             grace_s=0.0,
             errors=errors,
         )
         try:
-            texts = [read_text(file, errors="replace") for file in (said, errors)]
+            texts = [read_text(file, errors="replace") for file in (output, errors)]
         except OSError:  # it has removed or replaced them, so it says nothing
             texts = ["", ""]
     if outcome.ended == "limit":
@@ -257,9 +257,9 @@ def _asked_versions(system: System) -> dict[str, str]:
     return _texts(system, texts[0])
 
 
-def _texts(system: System, said: str) -> dict[str, str]:
-    """Return the object of texts in the last line of what a command said: libraries may speak before it."""
-    lines = said.strip().splitlines()
+def _texts(system: System, output: str) -> dict[str, str]:
+    """Return the object of texts in the last line of what a command output: libraries may speak before it."""
+    lines = output.strip().splitlines()
     try:
         value: Any = parse_json(lines[-1] if lines else "")
     except ValueError:
@@ -424,10 +424,10 @@ def _record(
     """Write what the system estimated; return how the run ended."""
     outcome, detail = _how_it_ended(ended, system.time_limit.of(len(given)))
     if outcome is Outcome.FINISHED:
-        found = _estimated(system, given, written)
-        outcome, detail = found.outcome, found.detail
+        estimated = _estimated(system, given, written)
+        outcome, detail = estimated.outcome, estimated.detail
         if outcome is Outcome.FINISHED:
-            _write_estimate(out / ESTIMATE, found)
+            _write_estimate(out / ESTIMATE, estimated)
         detail = _sentences(detail, *_take_files(system, given, written, out, maps=maps))
     return RunRecord(
         system=system.name,
@@ -525,8 +525,8 @@ def _is_frame(text: str, frames: int) -> bool:
     return text.isascii() and text.isdecimal() and len(text.lstrip("0")) < 19 and int(text) < frames
 
 
-def _write_estimate(path: Path, found: Normalised) -> None:
-    write_atomic(path, estimate_text(found.estimate).encode(), path.parent)
+def _write_estimate(path: Path, estimated: Normalised) -> None:
+    write_atomic(path, estimate_text(estimated.estimate).encode(), path.parent)
 
 
 def _sentences(*parts: str) -> str:

@@ -191,10 +191,10 @@ class ExpectedClean:
 
     def unmet(self, ate_m: float | None, scale: float | None) -> list[str]:
         """Return what of a clean run is not as expected, in words. ate_m, scale: None where it has none."""
-        found = [f"ATE {_length(ate_m)}"] if ate_m is not None and ate_m > self.ate_m else []
+        differences = [f"ATE {_length(ate_m)}"] if ate_m is not None and ate_m > self.ate_m else []
         if self.scale_off is not None and scale is not None and abs(scale - 1.0) > self.scale_off:
-            found.append(f"scale {scale:.3f}")
-        return found
+            differences.append(f"scale {scale:.3f}")
+        return differences
 
 
 @dataclass(frozen=True)
@@ -342,8 +342,8 @@ def system_names() -> list[str]:
 
 def distribution_of(name: str) -> Distribution | None:
     """Return the installed package that brought a system; None for one that comes along, or of a file."""
-    found = _definitions().get(name)
-    return None if found is None else found.distribution
+    definition = _definitions().get(name)
+    return None if definition is None else definition.distribution
 
 
 def find_system(name: str, option: str = "--systems") -> System:
@@ -363,11 +363,11 @@ def find_system(name: str, option: str = "--systems") -> System:
 
 
 def _definitions() -> dict[str, Brought[_Definition]]:
-    found = {name: Brought(_Definition(name, SHIPPED / f"{name}.yaml"), None) for name in shipped_names()}
+    definitions = {name: Brought(_Definition(name, SHIPPED / f"{name}.yaml"), None) for name in shipped_names()}
     for entry in loaded_entries(GROUP):
         for definition in _brought_by(entry.found, entry.where):
-            add(found, definition.name, Brought(definition, entry.distribution), "system")
-    return found
+            add(definitions, definition.name, Brought(definition, entry.distribution), "system")
+    return definitions
 
 
 def _brought_by(package: object, where: str) -> Iterator[_Definition]:
@@ -400,11 +400,11 @@ def find_systems(names: Iterable[str], option: str = "--systems") -> list[System
 
     option: by which they are named.
     """
-    found: dict[str, System] = {}
+    systems: dict[str, System] = {}
     for system in (find_system(name, option) for name in names):
-        if found.setdefault(system.name, system) != system:
+        if systems.setdefault(system.name, system) != system:
             raise InputError(system.file, f"is a second system called {system.name}", where="name", remedy="rename one")
-    return list(found.values())
+    return list(systems.values())
 
 
 def isolating(systems: Iterable[System], isolate: str) -> list[System]:

@@ -82,8 +82,12 @@ class Axis:
 
     def tried(self) -> list[float]:
         """Return the values that may be tried, from the mildest to the worst, each once."""
-        found = [self.mild, *(self._rounded(self.value_at(k / (PLACES - 1))) for k in range(1, PLACES - 1)), self.worst]
-        return list(dict.fromkeys(found))
+        values = [
+            self.mild,
+            *(self._rounded(self.value_at(k / (PLACES - 1))) for k in range(1, PLACES - 1)),
+            self.worst,
+        ]
+        return list(dict.fromkeys(values))
 
     def text(self, value: float) -> str:
         """Return a value with its unit."""
@@ -156,8 +160,8 @@ def _ends(
     if mild == worst:
         raise NoisyWorldError(f"--from and --to are both {mild:g}", remedy="give two values between which to search")
     if steps and (worst - mild) * (table[-1] - table[0]) < 0:
-        said = f"{name} is worse the {'larger' if table[-1] > table[0] else 'smaller'} it is"
-        raise NoisyWorldError(f"--from {mild:g} --to {worst:g}: {said}", remedy="give the milder value with --from")
+        order = f"{name} is worse the {'larger' if table[-1] > table[0] else 'smaller'} it is"
+        raise NoisyWorldError(f"--from {mild:g} --to {worst:g}: {order}", remedy="give the milder value with --from")
     return mild, worst
 
 
@@ -204,8 +208,8 @@ def chances(places: tuple[float, ...]) -> Float64:
     """Return P (T, S, N) of each threshold, each of the S places, and each combination of rise and lapses."""
     rest = [(rise, fails, holds) for rise in RISES.tolist() for fails in LAPSES for holds in LAPSES]
     at = np.array(places)
-    found = [[chance_of_failure(at, threshold, *each) for each in rest] for threshold in THRESHOLDS.tolist()]
-    return np.ascontiguousarray(np.moveaxis(np.array(found), 2, 1))
+    table = [[chance_of_failure(at, threshold, *each) for each in rest] for threshold in THRESHOLDS.tolist()]
+    return np.ascontiguousarray(np.moveaxis(np.array(table), 2, 1))
 
 
 def prior(known: Float64) -> Float64:
@@ -216,8 +220,8 @@ def prior(known: Float64) -> Float64:
 
 def updated(posterior: Float64, chance: Float64, *, failed: bool) -> Float64:
     """Return the posterior (T, N) after a trial. chance: (T, N), of a failure at its place."""
-    found = posterior * (chance if failed else 1.0 - chance)
-    return found / found.sum()
+    product = posterior * (chance if failed else 1.0 - chance)
+    return product / product.sum()
 
 
 def next_place(posterior: Float64, known: Float64) -> int:
@@ -318,9 +322,9 @@ class SearchResult:
             return f"half or more fail at the mildest value too, {axis.text(axis.mild)}; no threshold ({runs})"
         ends = f"{100 * LEVEL:.0f} %: {self._end(self.mild, axis.mild, 'before')} to "
         ends += self._end(self.worst, axis.worst, "beyond")
-        found = "is not found" if self.threshold is None else f"is {axis.text(self.threshold)}"
+        ending = "is not found" if self.threshold is None else f"is {axis.text(self.threshold)}"
         wide = ", which is wider than asked for" if self.verdict is Verdict.ENDED else ""
-        return f"the threshold {found} ({ends}{wide}; {runs})"
+        return f"the threshold {ending} ({ends}{wide}; {runs})"
 
     def _end(self, value: float | None, end: float, side: str) -> str:
         return f"{side} {self.axis.text(end)}" if value is None else self.axis.text(value)
@@ -442,18 +446,18 @@ class SearchFile:
         content = self.read()
         if content is None:
             return []
-        if found := first_difference(content.get("identity"), identity, ""):
+        if difference := first_difference(content.get("identity"), identity, ""):
             remedy = "choose another folder with --out"
-            raise StorageError(f"holds another search: {found}", file=self.path, remedy=remedy)
+            raise StorageError(f"holds another search: {difference}", file=self.path, remedy=remedy)
         rows, names = content.get("trials"), {item.name for item in fields(Trial)}
         if not isinstance(rows, list) or not all(isinstance(row, dict) and set(row) == names for row in rows):
             raise StorageError("is not as it was written", file=self.path, remedy="remove it")
         return [Trial(**row) for row in rows]
 
-    def write(self, identity: Mapping[str, Any], trials: list[Trial], found: SearchResult | None = None) -> None:
+    def write(self, identity: Mapping[str, Any], trials: list[Trial], result: SearchResult | None = None) -> None:
         """Write it anew. Raises StorageError."""
         content = {"kind": KIND, "format": FORMAT, "identity": identity, "trials": [asdict(item) for item in trials]}
-        self.results.write_json(self.path, {**content, "found": None if found is None else asdict(found)})
+        self.results.write_json(self.path, {**content, "found": None if result is None else asdict(result)})
 
 
 @dataclass(frozen=True)
@@ -471,13 +475,13 @@ class Trials:
     def identity(self) -> dict[str, Any]:
         """What decides the trials, as plain JSON values."""
         kept = {key: part for key, part in self.origin.identity.items() if key not in FOR_PEOPLE}
-        found = {
+        content = {
             "axis": asdict(self.axis),
             "sequences": kept,
             "success": self.success,
             "system": {"name": self.system.name, "digest": self.system.digest},
         }
-        return json.loads(json.dumps(found))
+        return json.loads(json.dumps(content))
 
     def make(self, planned: Planned, progress: Progress) -> Trial:
         """Make the sequence of a trial, run the system on it, score it, and remove the sequence.
@@ -560,25 +564,25 @@ def _panel(panel: "Axes", bars: list[ThresholdBar], styles: dict[str, tuple[str,
         panel.invert_xaxis()
 
 
-def _row(panel: "Axes", row: int, found: SearchResult, colour: str, marker: str) -> None:
-    axis = found.axis
+def _row(panel: "Axes", row: int, result: SearchResult, colour: str, marker: str) -> None:
+    axis = result.axis
     panel.plot([axis.mild, axis.worst], [row, row], color=GREY, linewidth=0.5, alpha=0.6, zorder=1)
-    if found.verdict in (Verdict.HOLDS, Verdict.FAILS):
-        end = axis.worst if found.verdict is Verdict.HOLDS else axis.mild
-        _arrow(panel, row, end, colour, outward=_outward(found, end), hollow=True)
+    if result.verdict in (Verdict.HOLDS, Verdict.FAILS):
+        end = axis.worst if result.verdict is Verdict.HOLDS else axis.mild
+        _arrow(panel, row, end, colour, outward=_outward(result, end), hollow=True)
         return
-    ends = [axis.mild if found.mild is None else found.mild, axis.worst if found.worst is None else found.worst]
+    ends = [axis.mild if result.mild is None else result.mild, axis.worst if result.worst is None else result.worst]
     panel.plot(ends, [row, row], color=colour, linewidth=2.0, zorder=2, solid_capstyle="butt")
-    for value, end in ((found.mild, axis.mild), (found.worst, axis.worst)):
+    for value, end in ((result.mild, axis.mild), (result.worst, axis.worst)):
         if value is None:
-            _arrow(panel, row, end, colour, outward=_outward(found, end), hollow=False)
-    if found.threshold is not None:
-        panel.plot([found.threshold], [row], marker=marker, color=colour, markersize=5, linestyle="", zorder=3)
+            _arrow(panel, row, end, colour, outward=_outward(result, end), hollow=False)
+    if result.threshold is not None:
+        panel.plot([result.threshold], [row], marker=marker, color=colour, markersize=5, linestyle="", zorder=3)
 
 
-def _outward(found: SearchResult, end: float) -> str:
+def _outward(result: SearchResult, end: float) -> str:
     """Return the marker that points out of the range at one of its ends; to the right is worse."""
-    return ">" if end == found.axis.worst else "<"
+    return ">" if end == result.axis.worst else "<"
 
 
 def _arrow(panel: "Axes", row: int, at: float, colour: str, *, outward: str, hollow: bool) -> None:
@@ -604,25 +608,28 @@ class SystemThreshold:
 
 def read_thresholds(folder: Path) -> list[SystemThreshold]:
     """Return what the searches in a folder have found, by perturbation and system. Raises StorageError."""
-    found: list[SystemThreshold] = []
+    thresholds: list[SystemThreshold] = []
     for file in sorted(folder.glob(f"*/*{ENDING}")):
         content = SearchFile(ResultsFolder(file.parent), file.name.removesuffix(ENDING)).read()
         if content is not None and content["found"] is not None:
             identity, values = content["identity"], content["found"]
             at = {**values, "axis": Axis(**values["axis"]), "verdict": Verdict(values["verdict"])}
-            found.append(SystemThreshold(identity["system"]["name"], SearchResult(**at), identity["success"]))
-    return sorted(found, key=lambda item: (item.found.axis.name, item.system))
+            thresholds.append(SystemThreshold(identity["system"]["name"], SearchResult(**at), identity["success"]))
+    return sorted(thresholds, key=lambda item: (item.found.axis.name, item.system))
 
 
-def drawn(found: list[SystemThreshold]) -> Picture:
+def drawn(systems: list[SystemThreshold]) -> Picture:
     """Draw thresholds by system, a panel for each parameter."""
-    return thresholds([ThresholdBar(item.system, item.found) for item in found])
+    return thresholds([ThresholdBar(item.system, item.found) for item in systems])
 
 
 def write_thresholds(folder: Path) -> list[Path]:
     """Write thresholds.csv and thresholds.svg from the searches in a folder; return the files. Raises StorageError."""
-    found = read_thresholds(folder)
-    files = {"thresholds.csv": csv_text(map(row_of, found), COLUMNS).encode(), "thresholds.svg": drawn(found).svg}
+    thresholds = read_thresholds(folder)
+    files = {
+        "thresholds.csv": csv_text(map(row_of, thresholds), COLUMNS).encode(),
+        "thresholds.svg": drawn(thresholds).svg,
+    }
     for name, data in files.items():
         with storage_errors(folder / name):
             (folder / name).write_bytes(data)
@@ -631,17 +638,17 @@ def write_thresholds(folder: Path) -> list[Path]:
 
 def row_of(item: SystemThreshold) -> dict[str, Any]:
     """Return a row of the table, by COLUMNS."""
-    found, axis = item.found, item.found.axis
+    result, axis = item.found, item.found.axis
     return {
         "perturbation": axis.perturbation,
         "parameter": axis.parameter,
         "unit": axis.unit,
         "system": item.system,
-        "verdict": str(found.verdict),
-        "threshold": found.threshold,
-        "mild_end": found.mild,
-        "worst_end": found.worst,
-        "runs": found.runs,
+        "verdict": str(result.verdict),
+        "threshold": result.threshold,
+        "mild_end": result.mild,
+        "worst_end": result.worst,
+        "runs": result.runs,
         "success": item.success,
         "searched_from": axis.mild,
         "searched_to": axis.worst,
@@ -687,10 +694,10 @@ def threshold_section(results: Path) -> Section | None:
     """Return what the searches in a results folder have found; None where none has ended. Raises StorageError."""
     import pandas as pd
 
-    found = read_thresholds(results / FOLDER)
-    if not found:
+    thresholds = read_thresholds(results / FOLDER)
+    if not thresholds:
         return None
-    frame = pd.DataFrame(list(map(row_of, found)), columns=list(COLUMNS))
+    frame = pd.DataFrame(list(map(row_of, thresholds)), columns=list(COLUMNS))
     caption = "The value of a perturbation at which a system's success falls to one half, with its 95 % interval."
     table = Table(FOLDER, "Where each system breaks", caption, frame, COLUMNS_SHOWN)
-    return Section(FOLDER, "Thresholds", pictures=[drawn(found)], tables=[table])
+    return Section(FOLDER, "Thresholds", pictures=[drawn(thresholds)], tables=[table])

@@ -225,8 +225,8 @@ def score_trajectory(
     how = protocol.alignment(monocular=monocular) if alignment is None else alignment
     scored = keyframes if protocol.keyframes and keyframes is not None else estimate
     within_s = protocol.max_difference_s if max_difference_s is None else max_difference_s
-    found = frame_samples(scored.stamps_s, estimate.stamps_s, truth.stamps_s, frames_s, within_s)
-    matched = _compared(scored, truth, protocol, how, found)
+    samples = frame_samples(scored.stamps_s, estimate.stamps_s, truth.stamps_s, frames_s, within_s)
+    matched = _compared(scored, truth, protocol, how, samples)
     return Score(
         protocol=protocol.name,
         alignment=how,
@@ -238,8 +238,8 @@ def score_trajectory(
         frames=len(matched.truth),
         matched=len(matched.frames),
         max_difference_s=within_s,
-        frames_from=found.source,
-        rate_hz=found.rate_hz,
+        frames_from=samples.source,
+        rate_hz=samples.rate_hz,
         values={name: value_of(metric, matched) for name, metric in metrics_of(protocol).items()},
         truth=matched.truth,
         frame_errors=_frame_errors(matched),
@@ -259,14 +259,16 @@ def compare_poses(
     Each sample of the truth is a frame.
     """
     stamps_s = scored.stamps_s
-    found = frame_samples(stamps_s, stamps_s, truth.stamps_s, truth.stamps_s, within_s)
-    return _compared(scored, truth, protocol, how, found)
+    samples = frame_samples(stamps_s, stamps_s, truth.stamps_s, truth.stamps_s, within_s)
+    return _compared(scored, truth, protocol, how, samples)
 
 
-def _compared(scored: Estimate, truth: Trajectory, protocol: Protocol, how: Alignment, found: FrameSamples) -> Compared:
+def _compared(
+    scored: Estimate, truth: Trajectory, protocol: Protocol, how: Alignment, samples: FrameSamples
+) -> Compared:
     """Return the poses that belong to frames of the truth, laid over it."""
-    of_frames = truth if len(found.rows) == len(truth) else truth.at(found.rows, truth.stamps_s[found.rows])
-    matched = Compared(scored.c2w[found.poses], of_frames, found.frames, protocol)
+    of_frames = truth if len(samples.rows) == len(truth) else truth.at(samples.rows, truth.stamps_s[samples.rows])
+    matched = Compared(scored.c2w[samples.poses], of_frames, samples.frames, protocol)
     if failure := _failure(scored, matched, how):
         return replace(matched, failure=failure)
     by = _alignment(matched, how)
@@ -413,10 +415,10 @@ def read_poses_to_compare(
     reference_s = known.stamps_s if known is not None else true.stamps_s
     direction_given: Direction | Auto = "auto" if direction == "c2w" else direction
     asked = Asked(direction_given, axes or "auto")
-    found = read_poses(estimate, format, asked, reference_s)
-    notes = [*found.notes, *true.notes, *given.notes]
-    path, counted = _with_stamps(truth, true, found, known, rate_hz)
-    of_estimate, more = _estimate(estimate, found, path, known, rate_hz)
+    estimated = read_poses(estimate, format, asked, reference_s)
+    notes = [*estimated.notes, *true.notes, *given.notes]
+    path, counted = _with_stamps(truth, true, estimated, known, rate_hz)
+    of_estimate, more = _estimate(estimate, estimated, path, known, rate_hz)
     notes += [*counted, *more]
     of_keyframes = None
     if keyframes is not None:
@@ -444,10 +446,10 @@ def _read_truth(path: Path, rate_hz: float | None) -> tuple[ReadPoses, _KnownFra
         return ReadPoses("", poses.c2w, stamps_s=poses.stamps_s, notes=poses.notes), _KnownFrames(
             frames, _source_text(path)
         )
-    found = read_poses(path)
-    if not len(found):
+    read = read_poses(path)
+    if not len(read):
         raise InputError(path, "holds no pose", remedy="the true path needs one for each frame")
-    return found, _frames_near(path)
+    return read, _frames_near(path)
 
 
 def _frames_near(path: Path) -> _KnownFrames:
@@ -483,16 +485,16 @@ def _frames_of(path: Path) -> Frames:
 
 
 def _with_stamps(
-    path: Path, true: ReadPoses, found: ReadPoses, known: Frames | None, rate_hz: float | None
+    path: Path, true: ReadPoses, read: ReadPoses, known: Frames | None, rate_hz: float | None
 ) -> tuple[Trajectory, tuple[str, ...]]:
     """Return the true path with time stamps, and a note on where they come from."""
     if true.stamps_s is not None:
         return Trajectory(true.c2w, true.stamps_s), ()
-    if rate_hz is not None or (found.stamps_s is None and known is None):
+    if rate_hz is not None or (read.stamps_s is None and known is None):
         return _counted(path, true, rate_hz or RATE_HZ), (f"frames are counted at {rate_hz or RATE_HZ:g} Hz",)
     if known is None:
-        assert found.stamps_s is not None
-        frames, whose = Frames.of(np.unique(found.stamps_s)), "the estimate"
+        assert read.stamps_s is not None
+        frames, whose = Frames.of(np.unique(read.stamps_s)), "the estimate"
     else:
         frames, whose = known, "the frames"
     numbers = true.numbers
@@ -512,26 +514,26 @@ def _counted(path: Path, read: ReadPoses, rate_hz: float) -> Trajectory:
 
 
 def _estimate(
-    path: Path, found: ReadPoses, truth: Trajectory, known: Frames | None, rate_hz: float | None
+    path: Path, read: ReadPoses, truth: Trajectory, known: Frames | None, rate_hz: float | None
 ) -> tuple[Estimate, tuple[str, ...]]:
     """Return the estimate with time stamps, and notes on it."""
-    if found.stamps_s is not None:
-        return estimate_of(path, found, None), ()
-    if not len(found):
+    if read.stamps_s is not None:
+        return estimate_of(path, read, None), ()
+    if not len(read):
         return _NONE, ()
     if known is not None:
         return (
-            estimate_of(path, found, known),
+            estimate_of(path, read, known),
             (f"{path.name} has no time stamps: its poses get those of the frames",),
         )
     if rate_hz is not None:
-        counted = _counted(path, found, rate_hz)
+        counted = _counted(path, read, rate_hz)
         return Estimate(counted.stamps_s, counted.c2w), (f"{path.name}: frames are counted at {rate_hz:g} Hz",)
-    if found.numbers is not None:
-        frames = found.count or int(found.numbers.max()) + 1
+    if read.numbers is not None:
+        frames = read.count or int(read.numbers.max()) + 1
         if frames != len(truth):
             problem = f"has no time stamps, and counts {frames} frames, where the truth has {len(truth)} poses"
             remedy = "say which frames there are, --frames, or how many a second: --rate-hz"
             raise InputError(path, problem, remedy=remedy)
-    estimate = estimate_of(path, found, Frames.of(truth.stamps_s))
+    estimate = estimate_of(path, read, Frames.of(truth.stamps_s))
     return estimate, (f"{path.name} has no time stamps: its frames get those of the truth",)

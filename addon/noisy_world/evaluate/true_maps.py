@@ -218,15 +218,15 @@ class Seen:
 
     def covers(self, points_m: Points, margin_m: float) -> NDArray[np.bool_]:
         """Return which of the points (N, 3) count (N,): those at most so far behind what is seen."""
-        found = np.full(len(points_m), self.culling is Culling.NONE)
+        covered = np.full(len(points_m), self.culling is Culling.NONE)
         for first in range(0, len(points_m) if self._limits_m else 0, _AT_ONCE):
             some = points_m[first : first + _AT_ONCE]
             left = np.arange(first, first + len(some))
             for c2w, limit_m in zip(self._c2w, self._limits_m, strict=True):
                 seen = _in_view(points_m[left], c2w, self._camera, limit_m + np.float32(margin_m))
-                found[left[seen]] = True
+                covered[left[seen]] = True
                 left = left[~seen]
-        return found
+        return covered
 
 
 def _in_view(
@@ -289,7 +289,7 @@ class MapSurface:
 
     def distances_m(self, points_m: Points) -> NDArray[np.float64]:
         """Return the distances (N,) of points (N, 3)."""
-        found = np.empty(len(points_m))
+        distances = np.empty(len(points_m))
         for first in range(0, len(points_m), _DISTANCES_AT_ONCE):
             some = points_m[first : first + _DISTANCES_AT_ONCE]
             near = self._tree.query(some, k=self._candidates, workers=available_threads())[1].reshape(len(some), -1)
@@ -299,8 +299,8 @@ class MapSurface:
                 new = (triangles[:, :column] != triangles[:, column, None]).all(axis=1)
                 corners_m = self._corners_m[triangles[new, column]]
                 squares[new] = np.minimum(squares[new], squared_distances(some[new], corners_m))
-            found[first : first + _DISTANCES_AT_ONCE] = np.sqrt(squares)
-        return found
+            distances[first : first + _DISTANCES_AT_ONCE] = np.sqrt(squares)
+        return distances
 
 
 def squared_distances(points: Points, corners: Points) -> NDArray[np.float64]:

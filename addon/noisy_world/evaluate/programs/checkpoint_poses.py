@@ -46,10 +46,10 @@ def main(arguments: list[str]) -> None:
     path = last_checkpoint(kind, Path(checkpoints))
     held = loaded(path, trusted=bool(program))
     try:
-        found = {"nice_slam": of_nice_slam, "imap": of_imap, "co_slam": of_co_slam}[kind](held)
+        c2w = {"nice_slam": of_nice_slam, "imap": of_imap, "co_slam": of_co_slam}[kind](held)
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         sys.exit(f"{path}: holds no poses as {kind} saves them: {in_a_line(error)}")
-    for name, (frames, poses) in found.items():
+    for name, (frames, poses) in c2w.items():
         np.savez(Path(out) / name, frames=np.array(frames, np.int64), poses=poses)
 
 
@@ -58,10 +58,10 @@ def last_checkpoint(kind: str, path: Path) -> Path:
     if not path.is_dir():
         return path
     named = [(re.fullmatch(NAMES[kind], file.name, re.ASCII), file) for file in path.iterdir()]
-    found = sorted((int(number.group(1)), file) for number, file in named if number)
-    if not found:
+    checkpoints = sorted((int(number.group(1)), file) for number, file in named if number)
+    if not checkpoints:
         sys.exit(f"{path}: holds no checkpoint of {kind}")
-    return found[-1][1]
+    return checkpoints[-1][1]
 
 
 def loaded(path: Path, *, trusted: bool) -> Any:
@@ -98,10 +98,10 @@ def of_nice_slam(held: Any) -> dict[str, tuple[Any, np.ndarray]]:
 
 def of_imap(held: Any) -> dict[str, tuple[Any, np.ndarray]]:
     """Return the poses of iMAP by the file's name, in metres, as src/tools/eval_ate.py has them."""
-    found = of_nice_slam(held)
-    for _, poses in found.values():
+    scaled = of_nice_slam(held)
+    for _, poses in scaled.values():
         poses[:, :3, 3] /= IMAP_SCALE
-    return found
+    return scaled
 
 
 def of_co_slam(held: Any) -> dict[str, tuple[Any, np.ndarray]]:
@@ -125,10 +125,10 @@ def by_frame(poses: dict[Any, Any]) -> dict[int, np.ndarray]:
 
 def matrices(tensor: Any, axes: int) -> np.ndarray:
     """Return matrices (..., 4, 4) in float64. By lists, since a torch older than numpy does not know its arrays."""
-    found = np.array(tensor.tolist(), np.float64)
-    if found.ndim != axes or found.shape[-2:] != (4, 4):
-        raise ValueError(f"numbers of {found.shape}, which are no matrices of 4 x 4")
-    return found
+    values = np.array(tensor.tolist(), np.float64)
+    if values.ndim != axes or values.shape[-2:] != (4, 4):
+        raise ValueError(f"numbers of {values.shape}, which are no matrices of 4 x 4")
+    return values
 
 
 if __name__ == "__main__":

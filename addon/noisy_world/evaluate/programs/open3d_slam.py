@@ -98,15 +98,15 @@ class Dense:
     def _step(self) -> np.ndarray | None:
         """Return the motion from the frame before; None where it cannot be found or cannot be true."""
         try:
-            found = self._model.track_frame_to_model(self._seen, self._expected, self._scale, FARTHEST_M, APART_M)
+            result = self._model.track_frame_to_model(self._seen, self._expected, self._scale, FARTHEST_M, APART_M)
         except RuntimeError as error:  # too few points, or a system of equations without a solution
             print(f"lost: {error}")
             return None
-        step = found.transformation.numpy()
+        step = result.transformation.numpy()
         turn_deg = np.degrees(np.arccos(np.clip((np.trace(step[:3, :3]) - 1) / 2, -1, 1)))
         moved_m = np.linalg.norm(step[:3, 3])
-        if not (found.fitness >= LEAST_FITNESS and moved_m <= FARTHEST_STEP_M and turn_deg <= LARGEST_TURN_DEG):
-            print(f"lost: fitness {found.fitness:.3f}, {moved_m:.3f} m, {turn_deg:.1f} degrees")
+        if not (result.fitness >= LEAST_FITNESS and moved_m <= FARTHEST_STEP_M and turn_deg <= LARGEST_TURN_DEG):
+            print(f"lost: fitness {result.fitness:.3f}, {moved_m:.3f} m, {turn_deg:.1f} degrees")
             return None
         return step
 

@@ -44,8 +44,8 @@ def track(index: dict) -> dict[int, np.ndarray]:
     poses: dict[int, np.ndarray] = {}
     for frame in index["frames"]:
         now = read_view(frame, scale_per_m)
-        found, motion = (True, np.eye(4)) if before is None else odometry.compute(*before, *now)
-        if found:
+        solved, motion = (True, np.eye(4)) if before is None else odometry.compute(*before, *now)
+        if solved:
             # The motion takes points from the camera before to the one now.
             c2w = c2w @ np.linalg.inv(motion)
             poses[frame["index"]] = c2w
