@@ -15,8 +15,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..core.errors import InputError, Message, NotFiniteError, PresetKey
 from ..core.schema import quoted
-from ..core.trajectory import Axes, Direction, convert_convention
-from ..trajectories.formats import TRAJECTORY_FORMATS, Auto, format_of, read_file_poses
+from ..core.trajectory import Axes, Direction
+from ..trajectories.formats import TRAJECTORY_FORMATS, Auto, format_of, read_file_poses, upright_poses
 from ..trajectories.matrix_poses import AllLostError
 from ..trajectories.pose_columns import StampUnit, names_columns, split_cells
 from ..trajectories.pose_files import COLMAP_IMAGES, LARGEST_READ_BYTES, FilePoses, PoseFile, is_header, read_text
@@ -230,7 +230,7 @@ def _read_once(file: PoseFile, format_name: str, asked: Asked) -> ReadPoses:
         return no_pose(format_name, None if path.is_dir() else error.count or None)
     direction = poses.direction if asked.direction == "auto" else asked.direction
     axes = poses.axes if asked.axes == "auto" else asked.axes
-    read = ReadPoses(poses.format, convert_convention(poses.poses, direction=direction, axes=axes), notes=poses.notes)
+    read = ReadPoses(poses.format, upright_poses(poses.poses, direction, axes), notes=poses.notes)
     if asked.stamps == "none":
         return replace(read, numbers=np.arange(len(read)), count=len(read))
     if poses.names:

@@ -242,9 +242,10 @@ def metres(values: NDArray[Any], scale_per_m: float, void: Sequence[float] = ())
     void: values that say that nothing was measured, beside 0, what is below it and what is not finite.
     """
     if values.dtype == np.uint16:
+        depth_m = (values / np.float64(scale_per_m)).astype(np.float32)
         if void:
-            values = np.where(np.isin(values, [value for value in void if value in _STEPS]), np.uint16(0), values)
-        return (values / np.float64(scale_per_m)).astype(np.float32)
+            depth_m[np.isin(values, [value for value in void if value in _STEPS])] = 0
+        return depth_m
     known = np.isfinite(values) & (values > 0)
     if void:
         known &= ~np.isin(values, np.asarray(void, values.dtype))

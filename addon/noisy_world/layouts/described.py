@@ -22,16 +22,16 @@ from ..core.file_access import finite_number, parse_json_file
 from ..core.geometry import Intrinsics
 from ..core.lens import DepthCamera
 from ..core.schema import ConfigPath, key, key_of, quoted
-from ..core.trajectory import FrameStamps, Stamps, Trajectory, convert_convention
+from ..core.trajectory import FrameStamps, Stamps, Trajectory
 from ..images.image_files import read_header
 from ..trajectories.formats import (
-    UP_FROM_NED,
     PoseAxes,
     PoseDirection,
     PoseKeys,
     StampUnits,
     read_file_poses,
     read_trajectory_file,
+    upright_poses,
 )
 from ..trajectories.pose_files import PER_SECOND, text_rows
 from ..trajectories.pose_files import read_text as read_numbers
@@ -510,8 +510,7 @@ def _read_poses(
         return _Poses({}, read.trajectory, read.trajectory.notes)
     axes = found.axes if spec.axes == "auto" else spec.axes
     direction = found.direction if spec.pose == "auto" else spec.pose
-    c2w = convert_convention(found.poses, direction=direction, axes=axes)
-    c2w = UP_FROM_NED @ c2w + 0.0 if axes == "ned" else c2w
+    c2w = upright_poses(found.poses, direction, axes)
     assert found.numbers is not None, "poses have stamps or numbers"
     numbers = [round(number) for number in found.numbers.tolist()]
     listed = numbers if found.listed is None else [round(number) for number in found.listed.tolist()]

@@ -147,6 +147,12 @@ def read_trajectory(
     return found.trajectory
 
 
+def upright_poses(poses: NDArray[np.float64], direction: Direction, axes: Axes) -> NDArray[np.float64]:
+    """(N, 4, 4) poses as a file declares them -> c2w with OpenCV's camera axes; an aircraft's world is turned up."""
+    c2w = convert_convention(poses, direction=direction, axes=axes)
+    return UP_FROM_NED @ c2w + 0.0 if axes == "ned" else c2w  # + 0.0: no negative zeros
+
+
 def read_trajectory_file(
     path: str | Path,
     *,
@@ -164,9 +170,7 @@ def read_trajectory_file(
     poses = read_file_poses(path, format=format, stamp_unit=stamp_unit)
     own_axes = poses.axes if axes == "auto" else axes
     own_direction = poses.direction if direction == "auto" else direction
-    c2w = convert_convention(poses.poses, direction=own_direction, axes=own_axes)
-    if own_axes == "ned":
-        c2w = UP_FROM_NED @ c2w + 0.0  # + 0.0: no negative zeros
+    c2w = upright_poses(poses.poses, own_direction, own_axes)
     unit = None if stamp_unit == "auto" else stamp_unit
     trajectory = Trajectory(c2w, _stamps_s(path, poses, rate_hz, unit), poses.notes)
     return TrajectoryFile(poses.format, own_direction, own_axes, trajectory, poses.camera)

@@ -13,6 +13,7 @@ import zipfile
 from typing import get_args
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 from fuzz.mutation import NUMBERS, mutate_mixed, pick
 from fuzz.peers import poses_by_evo
 from fuzz.structure import OF_TABLES, PLAIN, as_cell, as_json, as_table, beside, changed, is_sound, note, whole
@@ -67,6 +68,12 @@ def _stamped(scale=1):
 
 def _tum():
     return "poses.txt", _stamped(), as_table
+
+
+def _tartanair():
+    turned = np.diag([1.0, -1.0, -1.0]) @ POSES[:, :3, :3] @ np.array([[0, 1, 0], [0, 0, 1], [1, 0, 0.0]])
+    places, quats = POSES[:, :3, 3] * [1, -1, -1], Rotation.from_matrix(turned).as_quat()
+    return "pose_left.txt", _rows(np.column_stack([places, quats])), as_table
 
 
 def _euroc():
@@ -226,6 +233,7 @@ WRITERS = {
     "euroc": (_euroc, _vins, _semicolons),
     "kitti360": (_kitti360, _cam0_to_world),
     "open3d": (_open3d, _pose_graph),
+    "tartanair": (_tartanair,),
     "kitti": (_kitti,),
     "replica": (_replica,),
     "matrices": (_matrices,),
