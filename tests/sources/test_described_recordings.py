@@ -247,3 +247,14 @@ def test_folders_of_colour_and_depth_are_found(tmp_path):
     assert find_sequence(tmp_path / "r").known_camera.fy_px == 29
     matrices(tmp_path / "r", name="scan-traj.txt")  # now it is Redwood's
     refused(find_sequence, tmp_path / "r", names="0 depth images")
+
+
+def test_lost_images_shift_no_pose(tmp_path):
+    matrices(written(tmp_path / "r"))
+    for name in ("shots/1.png", "depth/0.png"):
+        (tmp_path / "r" / name).unlink()
+    found = stored_of(tmp_path / "r", PLAIN)
+    assert [path.stem for path in found.rgb_files] == ["2", "3"]
+    np.testing.assert_allclose(found.trajectory.c2w, C2W[[2, 3]], rtol=0, atol=1e-12)
+    matrices(tmp_path / "r", C2W[:2])  # as many as pairs: whose they are is not told otherwise
+    np.testing.assert_allclose(stored_of(tmp_path / "r", PLAIN).trajectory.c2w, C2W[:2], rtol=0, atol=1e-12)

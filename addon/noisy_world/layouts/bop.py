@@ -47,8 +47,12 @@ class BopLayout(DescribedLayout):
         """Return cameras, depth scale and poses by the numbers of the images."""
         path = folder / SCENE_CAMERA
         document = parse_json_file(recorded_text(path), path)
-        if not isinstance(document, dict) or not all(
-            number.isdecimal() and len(number) < 10 and isinstance(said, dict) for number, said in document.items()
+        if (
+            not isinstance(document, dict)
+            or not document
+            or not all(
+                number.isdecimal() and len(number) < 10 and isinstance(said, dict) for number, said in document.items()
+            )
         ):
             raise InputError(path, "has to hold a camera by the number of each image", remedy="as BOP has it")
         size_px = size_of(images[0])
@@ -56,10 +60,10 @@ class BopLayout(DescribedLayout):
             intrinsics_of_matrix(path, matrix_in(path, said.get("cam_K"), f"{number}.cam_K"), size_px)
             for number, said in document.items()
         ]
-        scales = {said.get("depth_scale", 1.0) for said in document.values()}
+        scales = {finite_number(said.get("depth_scale", 1.0)) for said in document.values()}
         if len(scales) > 1:
             raise InputError(path, "has several depth_scale", remedy="a recording has one: take images of one apart")
-        mm = finite_number(scales.pop()) if scales else None
+        mm = next(iter(scales), None)
         scale_per_m = checked_depth_scale(path, "depth_scale", MILLIMETRES / mm if mm else mm)
         camera, note = median_camera(path, cameras)
         by_number = {int(number): _pose(path, number, said) for number, said in document.items()}

@@ -37,7 +37,7 @@ from ..trajectories.pose_files import PER_SECOND, text_rows
 from ..trajectories.pose_files import read_text as read_numbers
 from .asl import imu_beside
 from .layout import MILLIMETRES, RECORDED_HZ, RecordedLayout, counted_note, intrinsics_of_matrix
-from .numbered import LARGEST_NUMBER, Cameras, CountedPoses, poses_of_images
+from .numbered import LARGEST_NUMBER, Cameras
 from .stored_recording import (
     PAIRING_S,
     SCALES_PER_M,
@@ -528,10 +528,11 @@ def _rows_of(
     for rows in (range(len(rgb.files)), pairs):
         if count == len(rows):
             return {row: poses[place] for place, row in enumerate(rows) if place in poses}
-    if numbers is not None:
-        counted = CountedPoses(file, poses, listed)
-        by_number = poses_of_images(counted, set(numbers), {numbers[row] for row in pairs}, (0,)).c2w
-        return {row: by_number[number] for row, number in enumerate(numbers) if number in by_number}
+    if numbers is not None:  # images are lost, and their numbers say which
+        fitting = {begin for begin in (0, 1, numbers[0]) if begin <= numbers[0] and begin + count - 1 == numbers[-1]}
+        if len(fitting) == 1:
+            (begin,) = fitting
+            return {row: poses[number - begin] for row, number in enumerate(numbers) if number - begin in poses}
     problem = f"has poses of {count} frames, but there are {len(rgb.files)} images"
     raise InputError(file, problem, remedy="a pose for each image, in their order")
 

@@ -11,6 +11,8 @@ which colour is resized. nerf_helpers.py: rays go through (i + 0.5 - W / 2) / fo
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
 from ..core.errors import InputError
 from ..core.geometry import Intrinsics
 from ..trajectories.pose_files import read_text as read_numbers
@@ -49,7 +51,7 @@ class NeuralRgbdLayout(DescribedLayout):
         """Return the camera: the focal length is that of images of depth's size."""
         path = folder / FOCAL
         numbers = text_rows(path, read_numbers(path)).numbers
-        if numbers.size != 1 or not numbers[0] > 0:
+        if numbers.size != 1 or not 0 < numbers[0] < np.inf:
             raise InputError(path, "has to be one number above 0, the focal length in pixels")
         width_px, height_px = size_of(images[0])
         depth = next((files[0] for name in DEPTHS if (files := sorted((folder / name).glob("depth*.png")))), images[0])

@@ -363,7 +363,9 @@ def sha256_of_path(path: Path) -> str | None:
     """Return the hash of a file of poses; of a folder's files, that of their names and hashes."""
     if path.is_file():
         return sha256_of_file(path)
-    listed = "".join(f"{sha256_of_file(file)} {file.name}\n" for file in numbered_files(path))
+    texts = any(path.glob("*.txt"))  # else others, such as a JSON for each image
+    files = numbered_files(path) if texts else sorted(file for file in path.iterdir() if file.is_file())
+    listed = "".join(f"{sha256_of_file(file)} {file.name}\n" for file in files)
     return hashlib.sha256(listed.encode(errors="surrogateescape")).hexdigest()
 
 

@@ -11,6 +11,8 @@ from refusals import refused
 from recorded_layouts import FRAMES, HALF_M, WRITERS, WRITTEN, image, kitti, poses, scannet, text_of
 
 from noisy_world.layouts import LAYOUTS, RECORDED, find_sequence
+from noisy_world.core.schema import ConfigPath
+from noisy_world.sources.recording import read_recording
 from noisy_world.core.lens import Distortion
 
 
@@ -452,3 +454,38 @@ def test_files_that_are_numbered_from_another_number_on_are_refused(name, shifte
         digits = re.search("[0-9]+", path.name)[0]
         path.rename(path.with_name(path.name.replace(digits, f"{int(digits) + 1:0{len(digits)}d}")))
     refused(find_sequence, tmp_path, names=("colour images 0 to 3 ", " 1 to 4"))
+
+
+@pytest.mark.parametrize(
+    ("name", "file", "text", "told"),
+    [
+        (
+            "tartanair",
+            "pose_left.txt",
+            "0 0 0 0 0 0 1\n" * 3,
+            ("pose_left.txt", "poses of 3 frames", "4 images", "a pose for each image"),
+        ),
+        ("tartanair", "pose_left.txt", "0 0 0 0 0 0 2\n" * 4, ("line 1", "length 2, not 1", "tx ty tz qx qy qz qw")),
+        ("neural_rgbd", "focal.txt", "inf\n", ("focal.txt", "above 0, the focal length")),
+        ("neural_rgbd", "focal.txt", "500 500\n", ("focal.txt", "one number")),
+        ("neural_rgbd", "poses.txt", "nan nan nan nan\n" * 16, ("poses.txt", "no pose")),
+        ("bop", "scene_camera.json", "{}", ("scene_camera.json", "by the number of each image")),
+        ("bop", "scene_camera.json", '{"3": {"cam_K": [1, 2]}}', ("3.cam_K", "3 x 3")),
+        ("record3d", "metadata.json", "[]", ("metadata.json", "no mapping")),
+        ("record3d", "metadata.json", '{"poses": [[0, 0, 0, 1, 0, 0]]}', ("poses", "7 numbers")),
+        ("polycam", "keyframes/cameras/113906155183.json", "{}", ("113906155183.json", "width")),
+        ("openloris", "sensors.yaml", "%YAML:1.0\nx: 1\n", ("sensors.yaml", "d400_color_optical_frame", "missing")),
+        ("openloris", "trans_matrix.yaml", "trans_matrix: []\n", ("trans_matrix.yaml", "base_link")),
+    ],
+)
+def test_what_is_wrong_with_what_tools_write_is_one_line(name, file, text, told, tmp_path):
+    WRITERS[name](tmp_path)
+    (tmp_path / file).write_text(text)
+    refused(find_sequence, tmp_path, names=told)
+
+
+@pytest.mark.parametrize("name", sorted(WRITERS))
+def test_what_decides_each_is_hashed(name, tmp_path):
+    WRITERS[name](tmp_path)
+    found = read_recording(tmp_path, ConfigPath("preset")).hashes()
+    assert len(found["trajectory_sha256"]) == len(found["sequence_sha256"]) == 64
