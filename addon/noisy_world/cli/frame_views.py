@@ -13,8 +13,9 @@ from ..channels import COLOUR_AND_DEPTH
 from ..core.geometry import Intrinsics, invert_pose, pose, rotation_from_quat_wxyz
 from ..core.srgb import encoded
 from ..core.trajectory import NS_PER_S
-from ..dataset.completion import BACKGROUND, INK, LABEL_PX, colour_depth, spread
+from ..dataset.completion import BACKGROUND, INK, LABEL_PX, colour_depth
 from ..dataset.loader import Frame, Opened, OpenedSequence, SequenceOfFiles
+from ..dataset.sequence import spread
 from ..images.pixels import rgb_bytes
 from ..layouts.asl import read_samples
 from ..layouts.euroc import IMU

@@ -150,7 +150,7 @@ def _write_sheet(opened: "Opened", parts: dict[str, list[int]], count: int, out:
     import numpy as np
 
     from ..core.atomic_files import made_beside
-    from ..dataset.completion import spread
+    from ..dataset.sequence import spread
     from .frame_views import DepthScale, colour_and_depth_of, fitted, lettered, panes, stacked, words_of
 
     held = colour_and_depth_of(opened)

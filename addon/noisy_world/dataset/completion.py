@@ -29,7 +29,7 @@ from .folder_state import OVERVIEW
 from .frame import motion_of_frames
 from .identity import cameras_agree, cameras_of, manifest, optics_of
 from .plan import Plan, Render
-from .sequence import PlannedSequence, written_paths
+from .sequence import PlannedSequence, spread, written_paths
 
 # A contact sheet of a dataset: a few frames of each sequence, colour above depth, without repeating what is equal.
 #
@@ -122,12 +122,6 @@ def _scene(folder: str) -> str:
 
 def _same_bytes(path: Path, other: Path) -> bool:
     return other.exists() and (path.samefile(other) or read_bytes(path) == read_bytes(other))
-
-
-def spread(numbers: Sequence[int], count: int) -> list[int]:
-    """Return so many of the numbers, evenly apart, the first and the last among them; all where there are fewer."""
-    chosen = np.unique(np.linspace(0, len(numbers) - 1, min(count, len(numbers))).round().astype(int))
-    return [numbers[index] for index in chosen]
 
 
 def _read_rgb(path: Path) -> NDArray[np.uint8]:

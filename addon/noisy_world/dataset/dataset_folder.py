@@ -48,7 +48,7 @@ from ..core.frame_table import (
     records_in,
 )
 from ..layouts import FrameNames, Modality, OutputFormat
-from .estimate import image_bytes
+from .estimate import image_bytes, parts_made
 from .folder_state import (
     IDENTITY,
     MANIFEST,
@@ -71,7 +71,7 @@ from .folder_state import (
 )
 from .frame import PlannedFrame
 from .plan import Plan, Render
-from .sequence import PlannedSequence, ShownSources, parts_made
+from .sequence import PlannedSequence, ShownSources
 from .shards import (
     Gathered,
     Shard,

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A rough estimate of a plan's time and disk space, for --dry-run and the warning of a disk that is too small."""
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,9 +18,10 @@ from ..perturbations.execution import split_motion
 from ..perturbations.kinds import SEQUENCE_KINDS, ColourPerturbation, DepthPerturbation
 from ..perturbations.parsing import Registry, parse_steps
 from ..perturbations.steps import Setting
+from .frame import PlannedFrame
 from .identity import Described, RecordedSetting, RecordedStep
 from .plan import Plan, Render
-from .sequence import Numbers, array_of, lay_out
+from .sequence import Numbers, PlannedSequence, array_of, lay_out, spread
 
 # Measured on two cores at 1200 x 680 (docs/cost.md), and rounded.
 SECONDS_PER_SAMPLE = 2.4e-7  # a ray in Cycles: 0.20 s for a frame of one sample
@@ -31,6 +32,7 @@ SECONDS_PER_RENDER = 4.0  # loading a scene
 SECONDS_PER_LINK = 1e-4  # an image that is there already under another name
 SECONDS_PER_PERTURBED_PIXEL = 1.2e-8  # perturbing, encoding and writing an image: 0.01 s, the mean of the benchmark's
 SECONDS_PER_COMPOSITED_PIXEL = 6.5e-8  # in Blender's compositor, in addition: 0.05 s an image
+ASKED = 8  # frames of a sequence whose severity varies, by which the others are guessed; chosen
 
 
 @dataclass(frozen=True)
@@ -44,6 +46,33 @@ class CostEstimate:
     seconds: float
     least_bytes: int
     most_bytes: int
+
+
+def parts_made(sequences: Iterable[PlannedSequence], modality: Modality) -> dict[str, float]:
+    """Return for sequences of one render, by folder, which part of their images of a modality is made, from 0 to 1.
+
+    The rest is clean, as severity 0 leaves it, or made for a sequence before it, which does the same to the frame: some
+    frames are asked, one where no severity varies. Sequences that do nothing to the modality are left
+    out.
+    """
+    working = [sequence for sequence in sequences if sequence.setting.on(modality) and sequence.frames]
+    varies = any(step.levels is not None for sequence in working for step in sequence.setting.on(modality))
+    count = ASKED if varies else 1
+    found: dict[str, float] = {}
+    made: set[Hashable] = set()
+    for sequence in working:
+        keys = [PlannedFrame(sequence, frame).key(modality) for frame in spread(sequence.frames, count)]
+        new = {key for key in keys if key[-1] is not None} - made
+        found[sequence.folder] = len(new) / len(keys)
+        made |= new
+    return found
+
+
+def _parts_made_of(plan: Plan, render: Render, modality: Modality) -> dict[str, float]:
+    """Return it of a render, for which it is found once."""
+    if (render.name, modality) not in plan.parts_made:
+        plan.parts_made[render.name, modality] = parts_made(render.sequences, modality)
+    return plan.parts_made[render.name, modality]
 
 
 def image_bytes(plan: Plan, render: Render, modality: Modality) -> int:
@@ -83,7 +112,7 @@ def frame_seconds(plan: Plan, render: Render, frames: Sequence[int]) -> NDArray[
         each_s = rays_s if engine == "embree" else each_s + rays_s
     images_s: dict[Numbers, float] = {}  # of all images that show the same source frames one after another
     for modality in plan.format.modalities:
-        made = plan.parts_made.of(render.name, render.sequences, modality)
+        made = _parts_made_of(plan, render, modality)
         for sequence in render.sequences:
             pixel_s = SECONDS_PER_PERTURBED_PIXEL
             if CHANNELS[modality].steps == "rgb" and plan.composites and sequence.setting.composited:
@@ -119,7 +148,7 @@ def _bytes_of(plan: Plan, render: Render) -> float:
     clean = len(render.frames) * sum(size.usual for size in sizes.values())
     perturbed = 0.0
     for modality, size in sizes.items():
-        made = plan.parts_made.of(render.name, render.sequences, modality)
+        made = _parts_made_of(plan, render, modality)
         images = sum(made.get(sequence.folder, 0.0) * len(sequence.frames) for sequence in render.sequences)
         perturbed += size.perturbed * images
     return pixels * (clean + perturbed)
@@ -131,7 +160,7 @@ def _byte_bounds(plan: Plan, render: Render) -> NDArray[np.float64]:
     for modality in plan.format.modalities:
         size, pixels = CHANNELS[modality].pixel_bytes(plan.format), _pixels(render, modality)
         bounds += pixels * len(render.frames) * np.array(size.clean)
-        made = plan.parts_made.of(render.name, render.sequences, modality)
+        made = _parts_made_of(plan, render, modality)
         for sequence in render.sequences:
             images = made.get(sequence.folder, 0.0) * len(sequence.frames)
             bounds += pixels * images * np.array(_bytes_per_pixel(sequence.setting, modality, size))

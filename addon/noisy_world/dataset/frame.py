@@ -154,7 +154,7 @@ class PlannedFrame:
         """Return the source frames that the image of a channel is made of."""
         return self.sequence.shows(channel, self.index)
 
-    def key(self, channel: Modality) -> Hashable:
+    def key(self, channel: Modality) -> tuple[Modality, ShownSources, Hashable]:
         """Return what makes equal images of a channel, whatever the sequence: the clean image, and what is done to it.
 
         Node groups that serve more than by default give other images, too.

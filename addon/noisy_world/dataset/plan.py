@@ -41,7 +41,7 @@ from ..scenes.polygon_mesh import Mesh
 from ..sources import find_scenes
 from ..sources.scene_kinds import Scene
 from ..trajectories.rig import MOST_SAMPLES, Imu, Rig, Sensor, sensor_from_extrinsics
-from .sequence import Numbers, PartsMade, PlannedSequence, lay_out, union
+from .sequence import Numbers, PlannedSequence, lay_out, union
 
 # The sensors of a robot in a plan: where they sit, what measures depth and when, and what cannot be combined.
 
@@ -646,9 +646,9 @@ class Plan:
         return self.renders_in_blender or self.composites
 
     @cached_property
-    def parts_made(self) -> PartsMade:
-        """Which part of each render's perturbed images is made, and not linked."""
-        return PartsMade()
+    def parts_made(self) -> dict[tuple[str, Modality], dict[str, float]]:
+        """What `estimate` has found of `parts_made`, by the render's name and the channel."""
+        return {}
 
     def only(self, render: Render) -> "Plan":
         """Return the plan of one of the renders alone, with the settings of its sequences."""

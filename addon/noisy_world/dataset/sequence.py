@@ -6,12 +6,9 @@ that is rendered or recorded. Motion twice as fast shows every second source fra
 of one frame with the depth of another.
 """
 
-from collections import Counter
-from collections.abc import Hashable, Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import product
-from math import prod
 from typing import TypeAlias, overload
 
 import numpy as np
@@ -20,8 +17,8 @@ from numpy.typing import NDArray
 from ..channels import CHANNELS
 from ..core.frame_request import SensorPaths
 from ..layouts import Modality
-from ..perturbations.execution import chosen_poses, paired_depth, split_motion, take_poses, work_key
-from ..perturbations.kinds import FrameContext, Identifiers
+from ..perturbations.execution import chosen_poses, paired_depth, split_motion, take_poses
+from ..perturbations.kinds import Identifiers
 from ..perturbations.steps import Setting
 
 # Sequences of whole numbers, kept as a range where they are one.
@@ -104,6 +101,12 @@ def taken(numbers: Numbers, places: Numbers) -> Numbers:
     if isinstance(places, range):
         return numbers[places.start : places.stop : places.step]
     return numbers_of(array_of(numbers)[places.values])
+
+
+def spread(numbers: Sequence[int], count: int) -> list[int]:
+    """Return so many of the numbers, evenly apart, the first and the last among them; all where there are fewer."""
+    chosen = np.unique(np.linspace(0, len(numbers) - 1, min(count, len(numbers))).round().astype(int))
+    return [numbers[index] for index in chosen]
 
 
 def union(several: Sequence[Numbers]) -> Numbers:
@@ -288,76 +291,3 @@ def written_paths(sequence: PlannedSequence, paths: SensorPaths) -> SensorPaths:
     """
     rows = array_of(sequence.source_frames)
     return paths.each(lambda path: take_poses(path, rows))
-
-
-# How many of a render's perturbed images are made, and how many are links to another sequence's.
-
-
-MOST_COMBINATIONS = 1000  # of the severities of a setting's steps; beyond, nothing is taken to be shared
-
-
-Works: TypeAlias = dict[tuple[str, Modality], tuple[tuple[Hashable, float], ...]]
-"""By setting and modality, what a setting does to a frame, but for nothing at all, and how probable each is."""
-
-
-def parts_made(
-    sequences: Iterable[PlannedSequence], modality: Modality, works: Works | None = None
-) -> dict[str, float]:
-    """Return for sequences of one render, by folder, which part of their images of a modality is made, from 0 to 1.
-
-    The rest is clean, as severity 0 leaves it, or made for a sequence before it, which does the same to the frame. That
-    is what is expected before severities are drawn: each sequence draws its own, independently. Sequences that do
-    nothing to the modality are left out; those that show frames in another order share nothing here.
-
-    works: what the settings of a plan do, which is found once for all scenes and kept here.
-    """
-    works = {} if works is None else works
-    found: dict[str, float] = {}
-    not_yet: dict[Hashable, float] = {}  # the probability that no sequence so far does this to a frame
-    orders: dict[Hashable, int] = {}
-    for sequence in sequences:
-        if not sequence.setting.on(modality):
-            continue
-        order = orders.setdefault((sequence.source_frames, sequence.depth_frames), len(orders))
-        made = 0.0
-        name = sequence.setting.name
-        if (name, modality) not in works:
-            works[name, modality] = tuple(_works(sequence.setting, modality))
-        for work, chance in works[name, modality]:
-            left = not_yet.get((order, work), 1.0)
-            made += chance * left
-            not_yet[order, work] = left * (1.0 - chance)
-        found[sequence.folder] = made
-    return found
-
-
-class PartsMade:
-    """What `parts_made` says of a plan's renders: found once for each, and what its settings do once for all scenes."""
-
-    def __init__(self) -> None:
-        """Begin with nothing found."""
-        self._works: Works = {}
-        self._found: dict[tuple[str, Modality], dict[str, float]] = {}
-
-    def of(self, render: str, sequences: Iterable[PlannedSequence], modality: Modality) -> dict[str, float]:
-        """Return it for a render's sequences, by its name."""
-        if (render, modality) not in self._found:
-            self._found[render, modality] = parts_made(sequences, modality, self._works)
-        return self._found[render, modality]
-
-
-def _works(setting: Setting, modality: Modality) -> Iterator[tuple[Hashable, float]]:
-    """Yield what a setting does to a frame, but for nothing at all, and how probable that is."""
-    steps = setting.on(modality)
-    drawn = [Counter((step.severity,) if step.levels is None else step.levels) for step in steps]
-    if prod(map(len, drawn)) > MOST_COMBINATIONS:
-        yield setting.name, 1.0
-        return
-    backend = setting.backend if CHANNELS[modality].steps == "rgb" else ""
-    contexts = [step.context(FrameContext(0, (setting.name,))) for step in steps]
-    for severities in product(*drawn):
-        active = zip(steps, contexts, severities, strict=True)
-        key = work_key(tuple(item for item in active if item[2] != 0))
-        if key:
-            chances = (counted[severity] / counted.total() for counted, severity in zip(drawn, severities, strict=True))
-            yield (backend, key), prod(chances)
