@@ -17,7 +17,7 @@ import numpy as np
 from noisy_world.core.trajectory import Trajectory
 from noisy_world.evaluate import analyses, report
 from noisy_world.evaluate.estimates import Estimate
-from noisy_world.evaluate.metrics import frame_errors_text
+from noisy_world.evaluate.pose_errors import frame_errors_text
 from noisy_world.evaluate.trajectory_scores import score_trajectory
 
 SYSTEMS = {"rgbd_odometry": 0.002, "my_system": 0.02, "orb_slam3": 0.01}

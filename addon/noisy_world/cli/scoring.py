@@ -91,7 +91,7 @@ def _score_options(parser: Parser) -> None:
 def _score_path(options: argparse.Namespace, _: Entry) -> int:
     """Score, print and write what is asked for; return 0 for a run that failed too, as that is a result."""
     from ..core.atomic_files import ELSEWHERE, storage_errors, write_atomic
-    from ..evaluate.metrics import Alignment, frame_errors_text
+    from ..evaluate.pose_errors import Alignment, frame_errors_text
     from ..evaluate.trajectory_scores import read_poses_to_compare, score_trajectory
     from ..trajectories.formats import TRAJECTORY_FORMATS as FORMATS
 
@@ -174,7 +174,8 @@ _SPOKEN = {"none": "no alignment", "first_pose": "aligned at the first pose", "s
 
 def format_score(score: "Score", frames_from: str) -> str:
     """Return a score as text: what was compared, how, and a row for each metric."""
-    from ..evaluate.metrics import INCOMPLETE, IS_INCOMPLETE, PROTOCOLS, metrics_of
+    from ..evaluate.metrics import INCOMPLETE, IS_INCOMPLETE, metrics_of
+    from ..evaluate.pose_errors import PROTOCOLS
     from ..evaluate.trajectory_scores import FAILURES
 
     protocol = PROTOCOLS[score.protocol]

@@ -190,7 +190,7 @@ def read_poses(
     not declared, it is the one in which they are those of frames; ORB-SLAM3 writes nanoseconds into TUM's columns.
     A file without a pose, a table's header alone among them, is the estimate of a system that tracked no frame. Raises
     NotFiniteError where a pose holds NaN or infinity and is no lost frame, InputError, of which it is one, where the
-    file is not of its format, and ValueError for an unknown format and what it does not leave open.
+    file is not of its format, or what is asked is not left open by that, and ValueError for an unknown format.
     """
     asked = asked or Asked()
     if format not in ("auto", *TRAJECTORY_FORMATS):
@@ -202,7 +202,8 @@ def read_poses(
     known = format_of(file, format)
     given = [name for name in ("direction", "axes") if getattr(asked, name) != "auto"]
     if given and known.one_convention:
-        raise ValueError(f"the poses of {known.name} have one convention, so {' and '.join(given)} cannot be given")
+        problem = f"is {known.name}, whose poses have one convention"
+        raise InputError(path, problem, remedy=f"leave {' and '.join(given)} out")
     if text is not None and known.name != "colmap":
         check_whole(path, text)
     if not known.stamped or asked.stamp_unit != "auto" or asked.stamps != "time" or frames_s is None:

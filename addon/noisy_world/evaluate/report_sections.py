@@ -12,8 +12,8 @@ from ..core.errors import one_line
 from .analyses import CAPTIONS
 from .cases import CLEAN, RUN
 from .figures import ENDS, HERE_ENDS, LINE, Picture, correlation_matrices, curves
-from .metrics import IS_INCOMPLETE, LEAST_TRACKED, PROTOCOLS
-from .pose_errors import CONDITIONING, WELL_CONDITIONED, WRONG_DEG
+from .metrics import IS_INCOMPLETE, LEAST_TRACKED
+from .pose_errors import CONDITIONING, PROTOCOLS, WELL_CONDITIONED, WRONG_DEG
 from .report_tables import KEY, NOTHING, SHARED, Column, Results, Table, cell_text, column_of, read_object, records
 from .run_figures import FramePicture
 from .study_results import VERSIONS

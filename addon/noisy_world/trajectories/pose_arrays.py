@@ -86,6 +86,7 @@ STAMPS = ("stamps_s", "timestamps", "stamps", "times", "tstamps")
 NUMBERS = ("frames", "indices", "numbers")
 ROTATIONS = "cam_unnorm_rots"
 TRANSLATIONS = "cam_trans"
+_NO_ARRAY = (ValueError, TypeError, EOFError, zipfile.BadZipFile, KeyError, NotImplementedError)
 _NUMPY = b"\x93NUMPY"
 _ARCHIVE = b"PK\x03\x04"
 
@@ -152,7 +153,7 @@ def load_arrays(
     except OSError as error:
         raise InputError(path, f"cannot be read: {error.strerror or error}") from error
     # What numpy and zipfile raise for bytes that are no array, an archive that is cut off or packed in an unknown way.
-    except (ValueError, EOFError, zipfile.BadZipFile, KeyError, NotImplementedError, zlib.error, RuntimeError) as error:
+    except (*_NO_ARRAY, zlib.error, RuntimeError) as error:
         raise InputError(path, "is no array of numbers as numpy writes it", remedy="a .npy or .npz file") from error
 
 
@@ -260,7 +261,7 @@ def _is_splatam(file: PoseFile) -> bool:
     try:
         with open_regular(file.path) as stream, open_archive(stream) as archive:
             return f"{ROTATIONS}.npy" in archive.namelist()
-    except (OSError, ValueError, EOFError, zipfile.BadZipFile, NotImplementedError):
+    except (OSError, *_NO_ARRAY):
         return False
 
 

@@ -125,7 +125,10 @@ def _quaternions(names: list[str]) -> dict[str, dict[str, int]]:
     found: dict[str, dict[str, int]] = {}
     for index, name in enumerate(names):
         if match := _QUATERNION.fullmatch(_bare(name)):
-            found.setdefault(match["of"], {}).setdefault(match["axis"], index)
+            axes = found.setdefault(match["of"], {})
+            if match["axis"] in axes:  # a header that was cut and joined, say
+                return {}
+            axes[match["axis"]] = index
     return {of: axes for of, axes in found.items() if len(axes) == 4}
 
 

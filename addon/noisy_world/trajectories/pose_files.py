@@ -188,9 +188,9 @@ class PoseFile:
         if not self._is_table:
             return None
         columns = named_columns(self.lines.headers)
-        if columns is None or (columns.names and columns.names < len(split_cells(self.lines.texts[0]))):
-            return None
-        return columns
+        # OpenVINS names its covariances in the header of a table without them.
+        widths = (columns.names, max(columns.used) + 1) if columns is not None else ()
+        return columns if columns and (not columns.names or len(split_cells(self.lines.texts[0])) in widths) else None
 
     @cached_property
     def first_widths(self) -> tuple[int, ...]:
@@ -388,13 +388,10 @@ class TextLines:
         for number, text in zip(self.numbers, self.texts, strict=True):
             cells = split_cells(text)
             if len(cells) != width or width <= most:
-                where = f"line {number}"
-                if len(cells) == width:
-                    problem, remedy = f"{width} columns, but its header names {columns.names}", "mend the header"
-                else:
-                    problem, remedy = _other_width(len(cells), self.numbers[0], width), _ONE_FORMAT
-                raise InputError(self.path, problem, where=where, remedy=remedy)
-            numbers.fromlist(_parse_line(self.path, number, ";".join([cells[column] for column in used])))
+                problem = _other_width(len(cells), self.numbers[0], width)
+                raise InputError(self.path, problem, where=f"line {number}", remedy=_ONE_FORMAT)
+            picked = [cells[column] for column in used]
+            numbers.fromlist(_floats(self.path, number, picked, "".join(picked)))
             stamps.append(cells[columns.stamp])
         return PoseRows(self.path, np.array(numbers).reshape(-1, 8), np.array(self.numbers)), stamps
 
@@ -478,7 +475,11 @@ def all_finite(rows: PoseRows, remedy: str = "leave out the frames without a pos
 
 
 def _parse_line(path: Path, line_number: int, data: str) -> list[float]:
-    cells = split_cells(data)
+    return _floats(path, line_number, split_cells(data), data)
+
+
+def _floats(path: Path, line_number: int, cells: list[str], data: str) -> list[float]:
+    """Return the numbers of cells. data: their text. Raises InputError."""
     try:
         row = list(map(float, cells))
     except ValueError:

@@ -53,6 +53,7 @@ _DAY_S = 86_400.0
 _SHORTEST_GAP_S = 1e-4  # the preset's highest rate is 10 kHz: what is closer was not meant as nanoseconds
 _QUAT_NORM_TOLERANCE = 1e-2  # chosen: three digits are mended, other mistakes refused
 
+_GRAPHS = ("VERTEX", "EDGE")  # of g2o and TORO
 _VSLAMLAB_HEAD = b"ts (ns)"
 _WHOLE = re.compile(r"-?[0-9]+")
 
@@ -89,6 +90,9 @@ def _stamped_table(file: PoseFile, declared: StampedFormat | None) -> tuple[Pose
     lines = file.lines
     if not lines.texts:
         raise InputError(file.path, "holds no pose", remedy=WAYS)
+    if lines.texts[0].startswith(_GRAPHS):
+        remedy = "export its poses with their time stamps, as RTAB-Map does in RGBD-SLAM's format"
+        raise InputError(file.path, "is a graph, whose poses have no time stamps", remedy=remedy)
     columns = file.columns
     if columns is None:
         columns = _columns_by_width(file, declared)

@@ -91,9 +91,11 @@ def test_nanoseconds_by_magnitude_are_said(write):
         (rows(STAMPS, "pxyzw", ",", [1.0, 2.0, 3.0]), ["11 numbers", "names of its columns"]),
         ("# t x y z qx qy qz qw\n" + rows(STAMPS, "pxyzw", " ", [1.0]), ["line 2", "9", "header names 8"]),
         ("t,x,y,z,qx,qy,qz,qw,id\n" + rows(STAMPS, "pxyzw", ","), None),
-        ("t,x,y,z,qx,qy,qz,qw,id\n" + rows(STAMPS, "pxy", ","), ["line 2", "6 columns", "header names 9"]),
+        ("t,x,y,z,qx,qy,qz,qw,id\n" + cells(STAMPS, [], "pxyzw", ",", ["1", "2"]), ["10 numbers"]),
+        ("t,x,y,z,qw,qx,qx,qy,qz\n" + cells(STAMPS, [], "pxyzw", ",", ["1"]), ["9 numbers"]),
+        ("t,x,y,z,qx,qy,qz,qw,id\n" + rows(STAMPS, "pxy", ","), ["line 2", "6 numbers", "header names 9"]),
         ("t;x;y;z;qx;qy;qz;qw\n" + rows(STAMPS, "pxyzw", ";").replace(".", ","), ["line 2", "is not a number"]),
-        ("VERTEX_SE3:QUAT 1 0 0 0 0 0 0 1\n", ["'VERTEX_SE3:QUAT' is not a number"]),
+        ("VERTEX_SE3:QUAT 1 0 0 0 0 0 0 1\n", ["graph", "with their time stamps"]),
     ],
 )
 def test_what_is_ambiguous_is_refused_with_what_to_add(write, refused, text, words):

@@ -9,7 +9,7 @@ import trajectory_pairs
 
 from noisy_world.core.trajectory import Trajectory
 from noisy_world.evaluate.estimates import Estimate
-from noisy_world.evaluate.metrics import Alignment
+from noisy_world.evaluate.pose_errors import Alignment
 from noisy_world.evaluate.trajectory_scores import score_trajectory
 from noisy_world.evaluate.pose_errors import aligned_poses
 from noisy_world.evaluate.estimates import associate_poses

@@ -12,7 +12,8 @@ from worlds import ROOT
 
 from noisy_world.core.trajectory import Trajectory
 from noisy_world.evaluate.estimates import Estimate
-from noisy_world.evaluate.metrics import METRICS, PAPER_METRICS, PROTOCOLS, Alignment
+from noisy_world.evaluate.metrics import METRICS, PAPER_METRICS
+from noisy_world.evaluate.pose_errors import PROTOCOLS, Alignment
 from noisy_world.evaluate.trajectory_scores import FAILURES, score_trajectory
 from noisy_world.evaluate.estimates import associate_poses
 from noisy_world.evaluate.pose_errors import pairs_apart

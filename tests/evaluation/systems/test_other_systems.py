@@ -49,7 +49,7 @@ def test_a_result_that_exists_is_a_system_that_copies_it(tmp_path, sequence):
     [
         (HEAD, Outcome.FINISHED, ""),
         (HEAD + "0,nan,2,3,0,0,0,1\n", Outcome.NOT_FINITE, "r.csv: line 2: holds nan"),
-        (HEAD + "0,1,2,3\n", Outcome.UNREADABLE, "r.csv: line 2: 4 columns"),
+        (HEAD + "0,1,2,3\n", Outcome.UNREADABLE, "r.csv: line 2: 4 numbers"),
         (
             HEAD + "0,1,2,3,0,0,0,1\n60000000,1,2,3,0,0,0,1\n75000001,1,2,3,0,0,0,1\n",
             Outcome.FINISHED,
