@@ -4,12 +4,13 @@
 import json
 import struct
 
+import cv2
 import numpy as np
 import pytest
 import yaml
 from cases import cases
 from inertial_paths import GRAVITY_M_S2
-from made_bags import walk
+from made_bags import K, SIZE, START_NS, STEP_NS, compressed_depth, depth_mm, walk
 from runs import run
 from written import RIG, rows_of, world
 
@@ -180,7 +181,7 @@ def perturbed(folder, source, layout="tum"):
     """Make a dataset of a bag, brighter; return its sequence's folder."""
     preset = {
         "seed": 3,
-        "scenes": [{"name": "walk", "sequence": str(source)}],
+        "scenes": [{"name": "walk", "sequence": source if isinstance(source, dict) else str(source)}],
         "settings": [{"name": "bright", "perturb": [{"brightness": {"offset": 0.25}}]}],
         "render": {"backend": "reference"},
         "output": {"layout": layout, "image": "png"},
@@ -233,6 +234,72 @@ def test_what_cannot_be_is_refused_in_a_line(tmp_path, capsys):
         assert command.run("bag", list(words), ENTRY) != 0
         assert told in capsys.readouterr().err
     assert sorted(item.name for item in tmp_path.iterdir()) == ["in", "there"]
+
+
+SLOPE, SHIFT = 100.0 * 101.0, 1.0 - 100.0 * 101.0 / 10.0  # of inverse depth, as its codec has them by default
+
+
+def others(bag):
+    """Add colour and depth as other transports send them, and colour of which some frames are lost."""
+    ros, smooth = bag.ros, np.full((6, 8, 3), 90, np.uint8)
+    payload = cv2.imencode(".jpg", smooth)[1].tobytes()
+    for number in range(4):
+        stamp_ns = START_NS + number * STEP_NS
+        depth_m = depth_mm(number) / 1000
+        inverse = np.where(depth_m > 0, SLOPE / np.maximum(depth_m, 0.1) + SHIFT, 0).astype(np.uint16)
+        packed = compressed_depth(inverse, (SLOPE, SHIFT))
+        bag.add(stamp_ns + 5, "/jpeg/image/compressed", ros.compressed(stamp_ns, payload, "rgb8; jpeg compressed bgr8"))
+        bag.add(stamp_ns + 5, "/jpeg/camera_info", ros.camera_info(stamp_ns, SIZE, K))
+        bag.add(stamp_ns + 6, "/deep/image/compressedDepth", ros.compressed(stamp_ns, packed, "32FC1; compressedDepth"))
+
+
+def test_other_encodings_are_written_as_they_were(tmp_path):
+    source = walk(tmp_path, "ros1", change=others)
+    topics = {"bag": str(source), "rgb": "/jpeg/image/compressed", "depth": "/deep/image/compressedDepth"}
+    folder = perturbed(tmp_path / "made", topics, layout="replica")  # which has stamps in seconds alone
+    out = tmp_path / "bright.bag"
+    words = ["--rgb", "/jpeg/image/compressed", "--depth", "/deep/image/compressedDepth"]
+    assert command.run("bag", [str(folder), "--out", str(out), "--over", str(source), *words], ENTRY) == 0
+    found, was = messages(out), messages(source)
+    for topic in found:
+        assert [stamp_ns for stamp_ns, _ in found[topic]] == [stamp_ns for stamp_ns, _ in was[topic]]
+    for number in range(4):
+        (_, image), (_, image_was) = found["/jpeg/image/compressed"][number], was["/jpeg/image/compressed"][number]
+        assert (repr(image.header), image.format) == (repr(image_was.header), image_was.format)
+        assert cv2.imdecode(image.data, cv2.IMREAD_COLOR).mean() > 120
+        (_, depth), (_, depth_was) = (bag["/deep/image/compressedDepth"][number] for bag in (found, was))
+        steps = [cv2.imdecode(item.data[12:], cv2.IMREAD_UNCHANGED).astype(int) for item in (depth, depth_was)]
+        assert depth.data[:12].tobytes() == depth_was.data[:12].tobytes()
+        step = (
+            0.5 * 10.0 / 65535 * SLOPE / (depth_mm(number) / 1000 + 1e-9) ** 2 + 1
+        )  # of the dataset, in those of the bag
+        assert (np.abs(steps[0] - steps[1]) <= np.where(steps[1] > 0, step, 0)).all()
+
+
+def test_lost_frames_are_left_out_and_another_camera_is_told(tmp_path):
+    source = walk(tmp_path, "mcap", change=lambda bag: None)
+    folder = perturbed(tmp_path / "made", source)
+    lists = {name: (folder / f"{name}.txt") for name in ("rgb", "depth", "groundtruth")}
+    for file in lists.values():
+        rows = file.read_text().splitlines()
+        file.write_text("\n".join(row for number, row in enumerate(rows) if number != len(rows) - 2) + "\n")
+    for name in ("frames.jsonl",):
+        (folder / name).unlink(missing_ok=True)
+    params = next(
+        place / "cam_params.json" for place in (folder, folder.parent) if (place / "cam_params.json").exists()
+    )
+    params.write_text(params.read_text().replace("9.5", "9.75"))
+    out = tmp_path / "copy"
+    assert command.run("bag", [str(folder), "--out", str(out), "--over", str(source)], ENTRY) == 0
+    found, was = messages(out), messages(source)
+    assert [stamp for stamp, _ in found["/camera/color/image_raw"]] == [
+        stamp for number, (stamp, _) in enumerate(was["/camera/color/image_raw"]) if number != 2
+    ]
+    assert len(found["/chatter"]) == 4
+    assert {info.k[4] for _, info in found["/camera/color/camera_info"]} == {9.75}
+    assert [info.header.stamp.nanosec for _, info in found["/camera/color/camera_info"]] == [
+        info.header.stamp.nanosec for _, info in was["/camera/color/camera_info"]
+    ]
 
 
 def _records(path):

@@ -469,6 +469,40 @@ def test_chunks_are_not_decompressed_beyond_what_they_say():
     assert bag_files.decompressed(zeros, "lz4", 1000, None) == bytes(1000)
 
 
+def bare_mcap(path, ros, kind, encoding, definitions=True):
+    """Write an MCAP file without chunks, indexes and summary, as a recorder that is in a hurry does, by hand."""
+
+    def record(kind, content):
+        return struct.pack("<BQ", kind, len(content)) + content
+
+    def text(value):
+        return struct.pack("<I", len(value)) + value.encode()
+
+    parts = [record(1, text("") + text("by hand"))]
+    if definitions:
+        parts += [record(3, struct.pack("<H", 1) + text(kind) + text("ros2msg") + text(""))]
+        parts += [record(4, struct.pack("<HH", 5, 1) + text("/cam/image") + text(encoding) + text(""))]
+    for number in range(3):
+        stamp_ns = START_NS + number * STEP_NS
+        data = ros.serialised(ros.image(stamp_ns, made.colour(number), "rgb8"))
+        parts.append(record(5, struct.pack("<HIQQ", 5, number, stamp_ns, stamp_ns) + data))
+    end = record(15, bytes(4)) + record(2, bytes(20))
+    path.write_bytes(b"\x89MCAP0\r\n" + b"".join(parts) + end + b"\x89MCAP0\r\n")
+    return path
+
+
+@cases("form, kind, encoding", [("mcap", "sensor_msgs/msg/Image", "cdr"), ("ros1", "sensor_msgs/Image", "ros1")])
+def test_mcap_without_chunks_and_summary(tmp_path, form, kind, encoding):
+    path = bare_mcap(tmp_path / f"{form}.mcap", made.ros_of(form), kind, encoding)
+    stored = read_bag_sequence(path, NO_POSES)
+    assert [stored.frame(number).rgb.tolist() for number in range(3)] == [made.colour(n).tolist() for n in range(3)]
+
+
+def test_messages_of_no_topic_are_refused(tmp_path):
+    path = bare_mcap(tmp_path / "none.mcap", made.ros_of("mcap"), "sensor_msgs/msg/Image", "cdr", definitions=False)
+    refused(_whole, path, names=["a message is of no topic", str(path)])
+
+
 def _message(ros, at, change):
     message = ros.image(at, RGB, "rgb8")
     for name, value in change.items():

@@ -664,7 +664,9 @@ class _Assembly:
         if (named := next((topic for topic in infos if topic.name == beside), None)) is not None:
             return named, self._read_info(named)
         same = [(topic, info) for topic in infos if (info := self._read_info(topic)).frame == frame and frame]
-        if len(same) > 1:
+        if any(info != same[0][1] for _, info in same):
+            if role == "depth":
+                return None  # then depth has colour's camera, if it has its size
             raise self.chooser.several("intrinsics", [topic.name for topic, _ in same])
         return same[0] if same else None
 

@@ -49,6 +49,7 @@ TOPICS = {
     "/tf_static": ros.TRANSFORMS[0],
     "/tf": ros.TRANSFORMS[0],
 }
+_SAME_NS = 500  # float64 holds seconds since 1970 to 238 ns, and some layouts have no other stamps
 WORLD, CAMERA, DEPTH_CAMERA, BODY = "world", "cam0", "depth0", "imu0"
 Float64: TypeAlias = NDArray[np.float64]
 
@@ -338,17 +339,21 @@ class Overlay:
     def _images(self, topic: Topic, stamps_ns: tuple[int, ...], make: Any, found: Replaced) -> None:
         """Put the frames in the place of a topic's images by their stamps."""
         heads = [topic.image_head(row) for row in range(len(topic.rows))]
-        numbers = self._numbers(topic)
-        of_stamp = {head.stamp_ns: row for row, head in reversed(list(enumerate(heads)))}
-        lag_ns = int(np.median([int(topic.rows.log_ns[row]) - head.stamp_ns for row, head in enumerate(heads)]))
+        numbers, log_ns = self._numbers(topic), topic.rows.log_ns
+        taken_ns = np.array([head.stamp_ns for head in heads], np.int64)
+        if not taken_ns.any():  # headers say no time: those of recording count, as where the bag is read
+            taken_ns = log_ns
+        order = np.argsort(taken_ns, kind="stable")
         found.rows.update(dict.fromkeys(numbers))
         for frame, stamp_ns in enumerate(stamps_ns):
-            if (row := of_stamp.get(stamp_ns)) is not None:
+            row = _nearest(taken_ns, order, stamp_ns)
+            if row is not None:
                 found.rows[numbers[row]] = lambda frame=frame, row=row: make(topic, frame, row, heads[row])
             else:
                 head = replace(heads[0], stamp_ns=stamp_ns)
                 made = lambda frame=frame, head=head: make(topic, frame, 0, head)  # noqa: E731
-                found.added.append((stamp_ns + lag_ns, int(topic.rows.connection[0]), made))
+                late_ns = stamp_ns + int(np.median(log_ns - taken_ns))
+                found.added.append((late_ns, int(topic.rows.connection[0]), made))
 
     def _numbers(self, topic: Topic) -> list[int]:
         """Return the numbers of a topic's messages among all of the bag."""
@@ -415,6 +420,14 @@ class Overlay:
     def _camera(self, topic: Topic, row: int, camera: Intrinsics, lens: Distortion | None) -> memoryview:
         stamp_ns, frame = topic.read(row, lambda data: ros.Fields(data, topic.encoding).header())
         return self.ros.serialised(self.ros.camera(self._header(topic, row, stamp_ns, frame), camera, lens))
+
+
+def _nearest(stamps_ns: NDArray[np.int64], order: NDArray[np.intp], stamp_ns: int) -> int | None:
+    """Return the first row with the nearest stamp; None where none is as near as seconds in float64 are rounded."""
+    at = int(np.searchsorted(stamps_ns[order], stamp_ns))
+    near = [int(order[place]) for place in (at - 1, at) if 0 <= place < len(order)]
+    best = min(near, key=lambda row: abs(int(stamps_ns[row]) - stamp_ns))
+    return best if abs(int(stamps_ns[best]) - stamp_ns) <= _SAME_NS else None
 
 
 def _as_encoded(rgb: NDArray[np.uint8], encoding: str) -> tuple[NDArray[Any], str]:
