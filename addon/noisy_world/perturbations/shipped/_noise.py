@@ -79,6 +79,7 @@ Draws: TypeAlias = NDArray[np.uint16] | NDArray[np.float32]
 """Random numbers (H, W): uniform codes where each pixel has its own, or standard normal ones that neighbours share."""
 
 _REACH = 2.5  # deviations of the Gaussian: what is left out holds 1 % of its weights; chosen
+_FARTHEST = 16  # times the image's longer side: farther correlation looks the same, within 1 %; chosen
 _COARSE_PX = 1.75  # of correlation that a grid resolves: farther correlation is drawn on a coarser grid; chosen
 
 
@@ -104,8 +105,10 @@ def drawn(
     if shared.share <= 0 or (shared.px <= 0 and frames == 1):
         generator = context.pattern_stream(purpose)
         return tuple(uniform_codes(generator, shape) for _ in range(count))
-    grid = max(int(shared.px / _COARSE_PX), 1)
-    weights = _gaussian_weights(shared.px / grid, interpolated=grid > 1)
+    longest = max(shape)
+    px = min(shared.px, _FARTHEST * longest)
+    grid = max(min(int(px / _COARSE_PX), longest // 8), 1)
+    weights = _gaussian_weights(px / grid, interpolated=grid > 1)
     rim = len(weights) // 2
     coarse = shape if grid == 1 else (-(-shape[0] // grid) + 2, -(-shape[1] // grid) + 2)
     white = _white(context, purpose, (coarse[0] + 2 * rim, coarse[1] + 2 * rim), frames, count)
