@@ -378,9 +378,9 @@ def test_shared_numbers_are_standard_normal_up_to_the_edges_and_correlated_as_to
 
 
 def test_what_goes_farther_than_the_image_is_one_number_and_takes_no_more_memory():
-    fields = np.stack([drawn(context_of(k), "x", (48, 64), Shared(1e9))[0] for k in range(200)])
+    fields = np.stack([drawn(context_of(k), "x", (48, 64), Shared(1e9))[0] for k in range(60)])
     assert np.ptp(fields, axis=(1, 2)).max() < 0.5
-    assert fields.std() == pytest.approx(1, abs=0.15)
+    assert fields.std() == pytest.approx(1, abs=0.25)
 
 
 def test_fields_of_one_purpose_are_independent_and_a_fixed_pattern_stays():

@@ -235,6 +235,7 @@ def test_without_an_imu_the_body_is_the_robot_as_before(tmp_path):
     ("override", "names"),
     [
         (f"settings=[{json.dumps(SHAKY)}]", "rig.imu: shaky: motion_deviation "),
+        ("rig.imu.bandwidth_hz=0.1", ["rig.imu.bandwidth_hz: ", "0.1 Hz"]),
         ("rig.imu.time_offset_s=-0.01", ["rig.imu.time_offset_s: ", "box", "-0.01 s"]),
         ("rig.imu.device=adis16449", ["rig.imu.device: ", "'adis16449'", "'adis16448'"]),
         ("rig.imu.rate_hz=0", "rig.imu.rate_hz: "),

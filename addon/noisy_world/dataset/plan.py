@@ -40,7 +40,7 @@ from ..render.source import (
 from ..scenes.polygon_mesh import Mesh
 from ..sources import find_scenes
 from ..sources.scene_kinds import Scene
-from ..trajectories.rig import MOST_SAMPLES, Imu, Rig, Sensor, sensor_from_extrinsics
+from ..trajectories.rig import LEAST_BANDWIDTH_HZ, MOST_SAMPLES, Imu, Rig, Sensor, sensor_from_extrinsics
 from .sequence import Numbers, PlannedSequence, lay_out, union
 
 # The sensors of a robot in a plan: where they sit, what measures depth and when, and what cannot be combined.
@@ -126,6 +126,11 @@ def check_imu(rig: Rig, settings: tuple[Setting, ...], scenes: Many[Scene], pres
 
 
 def _imu(spec: ImuSpec, robot_axes: Axes, place: ConfigPath) -> Imu:
+    if 0 < spec.model.bandwidth_hz < LEAST_BANDWIDTH_HZ:
+        problem = (
+            f"is {spec.model.bandwidth_hz:g} Hz, less than {LEAST_BANDWIDTH_HZ:g}, and a sample would last seconds"
+        )
+        raise place.at("bandwidth_hz").error(problem, "use a higher one; 0 is no low-pass")
     turned = spec.quat_wxyz or spec.rotation_euler_deg or spec.matrix
     with_axes = spec if turned else replace(spec, quat_wxyz=(1.0, 0.0, 0.0, 0.0))  # the robot's
     return Imu(

@@ -234,6 +234,7 @@ def _mixing(scale_error: Triple, misalignment_deg: Triple) -> NDArray[np.float64
 Float64: TypeAlias = NDArray[np.float64]
 
 IMU_STREAM = "rig.imu"  # what an IMU draws by, whatever the setting
+LEAST_BANDWIDTH_HZ = 1.0  # of a low-pass, whose weights reach over 6 s then; chosen
 MOST_SAMPLES = 20_000_000
 """Of one sequence: 28 hours at 200 Hz; as numbers they take 5 GB."""
 _SAME_NS = 1000  # samples that are nearer to a frame than this have its time: the rest is rounding
