@@ -48,6 +48,7 @@ if TYPE_CHECKING:
         numbered_images,
     )
     from .layouts.stored_recording import MatchedFrames, PosePolicy, StoredSequence, read_frame_times, truth_file
+    from .layouts.with_reader import LayoutWithReader
     from .perturbations.groups import Canvas
     from .perturbations.kinds import (
         About,
@@ -98,6 +99,7 @@ __all__ = [
     "Intrinsics",
     "IntrinsicsSpec",
     "Layout",
+    "LayoutWithReader",
     "MapMetric",
     "MatchedFrames",
     "MotionPerturbation",
@@ -165,6 +167,7 @@ _NAMES = {
     "layouts.layout": "Layout RecordedLayout SequenceFacts lines numbered",
     "layouts.numbered": "Cameras ImageFiles NumberedLayout NumberedPoses folder_of_poses "
     "numbered_frames numbered_images",
+    "layouts.with_reader": "LayoutWithReader",
     "layouts.stored_recording": "MatchedFrames PosePolicy StoredSequence read_frame_times truth_file",
     "perturbations.groups": "Canvas",
     "perturbations.kinds": "About Automatic ColourPerturbation DepthPerturbation ExposurePerturbation "

@@ -32,8 +32,8 @@ from noisy_world.evaluate.map_metrics import MAP_METRICS
 from noisy_world.evaluate.metrics import METRICS, Metric
 from noisy_world.evaluate.systems import find_system, shipped_names
 from noisy_world.layouts import EVERY, Layout, RecordedLayout
-from noisy_world.layouts.borrowed import BorrowedLayout
 from noisy_world.layouts.described import SequenceSpec
+from noisy_world.layouts.with_reader import LayoutWithReader
 from noisy_world.perturbations import registry
 from noisy_world.perturbations.kinds import STAGES, Perturbation
 from noisy_world.preset.camera_devices import CAMERA_DEVICES, CameraDevice
@@ -237,9 +237,8 @@ def layout_table() -> str:
 
 def recorded_layout_table() -> str:
     """Return the table of the layouts of others' recordings; some are written too."""
-    own = sorted(
-        (item for item in ours(EVERY) if isinstance(item, RecordedLayout | BorrowedLayout)), key=lambda item: item.order
-    )
+    own = (item for item in ours(EVERY) if isinstance(item, RecordedLayout | LayoutWithReader))
+    own = sorted(own, key=lambda item: item.order)
     return table(
         ("layout", "what it is", "its files"), ((item.label, item.meaning, quoted(item.files)) for item in own)
     )

@@ -68,9 +68,9 @@ def known_recordings() -> str:
 
 def recognising(folder: Path) -> list[Layout | RecordedLayout]:
     """Return the layouts that recognise a folder: those that are ours to write or, if none does, those of others."""
-    from .borrowed import BorrowedLayout  # only recordings are read by it
+    from .with_reader import LayoutWithReader  # only recordings are read by it
 
-    of_others = (RecordedLayout, BorrowedLayout)
+    of_others = (RecordedLayout, LayoutWithReader)
     found = [layout for layout in EVERY.values() if layout.recognises(folder)]
     return [layout for layout in found if not isinstance(layout, of_others)] or found
 

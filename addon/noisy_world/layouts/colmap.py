@@ -20,11 +20,11 @@ from ..core.errors import InputError
 from ..core.geometry import Intrinsics, invert_pose, quat_wxyz_from_rotation
 from ..core.lens import Distortion, Optics, distortion_of
 from ..trajectories.formats import read_file_poses
-from .borrowed import BorrowedLayout
-from .layout import MILLIMETRES, RECORDED_HZ, Image, RecordedLayout, SequenceFacts, counted_note, lines, numbered
+from .layout import MILLIMETRES, RECORDED_HZ, RecordedLayout, SequenceFacts, counted_note, lines
 from .nerfstudio import TRANSFORMS, by_number
 from .numbered import NumberedPoses, numbered_frames
 from .stored_recording import PosePolicy, StoredSequence, check_files, checked_intrinsics, recorded_text
+from .with_reader import LayoutWithReader
 
 IMAGES, DEPTH, MODEL = "images", "depth", "sparse/0"
 _BINARY = "cameras.bin"
@@ -181,30 +181,16 @@ def _numbers(path: Path, where: str, words: list[str]) -> list[float]:
     return numbers
 
 
-class ColmapLayout(BorrowedLayout):
+class ColmapLayout(LayoutWithReader):
     """`images/000000.png`, `depth/000000.png`, and a model without points in `sparse/0`."""
 
     reader = ColmapRecordings()
-    name, order, label, meaning, files = reader.name, reader.order, reader.label, reader.meaning, reader.files
     images = ("png", "jpg")
     colours = ("rgb", "grey")
     depth_scale_per_m = MILLIMETRES
-    patterns = (
-        *numbered(f"{IMAGES}/{{}}.png"),
-        *numbered(f"{IMAGES}/{{}}.jpg"),
-        *numbered(f"{DEPTH}/{{}}.png"),
-        *(f"{MODEL}/{name}.txt" for name in ("cameras", "images", "points3D")),
-    )
-
-    def rgb_name(self, frame: int, stamp_ns: int, image: Image) -> str:
-        """Return the name of a frame's colour image."""
-        del stamp_ns
-        return f"{IMAGES}/{frame:06d}.{image}"
-
-    def depth_name(self, frame: int, stamp_ns: int) -> str:
-        """Return the name of a frame's depth image."""
-        del stamp_ns
-        return f"{DEPTH}/{frame:06d}.png"
+    rgb_file = f"{IMAGES}/{{frame:06d}}.{{image}}"
+    depth_file = f"{DEPTH}/{{frame:06d}}.png"
+    patterns = tuple(f"{MODEL}/{name}.txt" for name in ("cameras", "images", "points3D"))
 
     def says_lens(self, lens: Distortion) -> bool:
         """Tell that each lens has a model there."""

@@ -35,7 +35,7 @@ from .asl import (
 from .estimator_settings import FOLDER as SETTINGS
 from .estimator_settings import NAMES as SETTINGS_NAMES
 from .estimator_settings import settings_texts
-from .layout import Image, Layout, SequenceFacts, StampsLike, lines, poses_at
+from .layout import Layout, SequenceFacts, StampsLike, lines, poses_at
 from .stored_recording import PosePolicy, StoredSequence, associate_frames, check_files, same_camera, truth_file
 
 MAV = "mav0"
@@ -73,8 +73,9 @@ class EurocLayout(Layout):
         "(OpenCV); metres; world z up",
         "time": "nanoseconds",
     }
+    rgb_file = f"{COLOUR}/data/{{stamp_ns:0{STAMP_DIGITS}d}}.{{image}}"
+    depth_file = f"{DEPTH}/data/{{stamp_ns:0{STAMP_DIGITS}d}}.png"
     patterns = (
-        *(f"{folder}/data/{'[0-9]' * STAMP_DIGITS}.png" for folder in (COLOUR, DEPTH)),
         *(
             f"{folder}/{name}"
             for folder in (COLOUR, DEPTH, IMU, TRUE_STATE, NOMINAL_STATE)
@@ -84,16 +85,6 @@ class EurocLayout(Layout):
         f"{MAV}/body.yaml",
         *(f"{SETTINGS}/{name}" for name in SETTINGS_NAMES),
     )
-
-    def rgb_name(self, frame: int, stamp_ns: int, image: Image) -> str:
-        """Return the name of a frame's colour image."""
-        del frame
-        return f"{COLOUR}/data/{stamp_text(stamp_ns)}.{image}"
-
-    def depth_name(self, frame: int, stamp_ns: int) -> str:
-        """Return the name of a frame's depth image."""
-        del frame
-        return f"{DEPTH}/data/{stamp_text(stamp_ns)}.png"
 
     def channel_name(self, channel: str, frame: int, stamps: FrameStamps, suffix: str) -> str:
         """Return the name of an image of another channel: beside the cameras, with colour's stamp."""

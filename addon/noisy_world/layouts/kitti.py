@@ -14,17 +14,16 @@ from decimal import Decimal
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..core.errors import InputError
 from ..core.trajectory import NS_PER_S, Stamps
-from ..trajectories.formats import read_file_poses, read_trajectory
+from ..trajectories.formats import read_file_poses
 from ..trajectories.matrix_poses import row_text
 from ..trajectories.pose_files import read_text
-from .borrowed import BorrowedLayout
-from .layout import PATH_SUFFIXES, Image, SequenceFacts, intrinsics_of_matrix, lines, numbered, path_suffix
+from .layout import PATH_SUFFIXES, SequenceFacts, intrinsics_of_matrix, lines, path_suffix
 from .numbered import Cameras, ImageFiles, NumberedLayout, NumberedPoses
 from .stored_recording import MatchedFrames, PosePolicy, size_of
+from .with_reader import LayoutWithReader
 
 IMAGES = ("image_2", "image_0")  # colour, and grey where there is none
 DEPTH = "depth_2"
@@ -103,32 +102,17 @@ def _camera_of(folder: Path) -> str:
     return next(name for name in IMAGES if (folder / name).is_dir())
 
 
-class KittiLayout(BorrowedLayout):
+class KittiLayout(LayoutWithReader):
     """`image_2/000000.png`, `depth_2/000000.png`, `times.txt`, `calib.txt` and `poses.txt`."""
 
     reader = KittiRecordings()
-    name, order, label, meaning, files = reader.name, reader.order, reader.label, reader.meaning, reader.files
     images = ("png",)
     colours = ("rgb",)
     depth_scale_per_m = KittiRecordings.depth_scale_per_m
-    patterns = (
-        *numbered(f"{IMAGES[0]}/{{}}.png"),
-        *numbered(f"{DEPTH}/{{}}.png"),
-        *(f"poses{suffix}.txt" for suffix in PATH_SUFFIXES),
-        TIMES,
-        CALIBRATION,
-    )
+    rgb_file = f"{IMAGES[0]}/{{frame:06d}}.{{image}}"
+    depth_file = f"{DEPTH}/{{frame:06d}}.png"
+    patterns = (*(f"poses{suffix}.txt" for suffix in PATH_SUFFIXES), TIMES, CALIBRATION)
     gaps = False  # poses.txt has a line for each frame
-
-    def rgb_name(self, frame: int, stamp_ns: int, image: Image) -> str:
-        """Return the name of a frame's colour image."""
-        del stamp_ns
-        return f"{IMAGES[0]}/{frame:06d}.{image}"
-
-    def depth_name(self, frame: int, stamp_ns: int) -> str:
-        """Return the name of a frame's depth image."""
-        del stamp_ns
-        return f"{DEPTH}/{frame:06d}.png"
 
     def sequence_texts(self, facts: SequenceFacts) -> dict[str, str]:
         """Return times, a calibration of four cameras in one place, and a file of poses for each path that is known."""
@@ -143,10 +127,6 @@ class KittiLayout(BorrowedLayout):
         return texts | {
             f"poses{path_suffix(name)}.txt": row_text(path.c2w[:, :3].reshape(-1, 12)) for name, path in paths.items()
         }
-
-    def poses_file(self, folder: Path) -> tuple[Path, NDArray[np.float64]]:
-        """Return poses.txt and its poses."""
-        return folder / POSES, read_trajectory(folder / POSES, format="kitti").c2w
 
 
 LAYOUT = KittiLayout()

@@ -2,7 +2,7 @@
 """What a dataset layout is: one that is written and read, or read alone."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path, PurePosixPath
@@ -54,11 +54,13 @@ class Layout(ABC):
     name: in presets. order: in lists, ours first. label, meaning: for people. images: the image kinds that colour may
     be stored as. colours: "rgb", "grey" or both. The first of each is the default. depth_scale_per_m: steps of the
     depth images per metre, unless a preset gives another. conventions: those that differ from the manifest's for all
-    layouts. patterns: glob patterns of all files that a sequence's folder may hold. setting_files: the names of those
-    that a setting's folder may hold. Patterns and setting_files say what to remove when a dataset is replaced. gaps:
-    whether frames may lack a pose. optics: whether its files can say that depth has a camera of its own, and how a lens
-    distorts. lists_depth: whether each depth image stands in a list under a time stamp of its own. holds_imu: whether
-    sequence_texts has an IMU's files; else they lie beside the images (IMU_FILES).
+    layouts. rgb_file, depth_file: the names of the images, of {frame:06d}, {frame} or {stamp_ns:019d} and, of colour's
+    kind, {image}; a layout may override rgb_name and depth_name instead. patterns: glob patterns of all other files
+    that a sequence's folder may hold. setting_files: the names of those that a setting's folder may hold. These say
+    what to remove when a dataset is replaced. gaps: whether frames may lack a pose. optics: whether its files can say
+    that depth has a camera of its own, and how a lens distorts. lists_depth: whether each depth image stands in a list
+    under a time stamp of its own. holds_imu: whether sequence_texts has an IMU's files; else they lie beside the images
+    (IMU_FILES).
 
     All names have forward slashes and are relative to the sequence's (or setting's) folder.
     """
@@ -71,6 +73,8 @@ class Layout(ABC):
     colours: ClassVar[tuple[Colour, ...]]
     depth_scale_per_m: ClassVar[float]
     conventions: ClassVar[dict[str, str]] = {}
+    rgb_file: ClassVar[str] = ""
+    depth_file: ClassVar[str] = ""
     patterns: ClassVar[tuple[str, ...]]
     setting_files: ClassVar[tuple[str, ...]] = ()
     gaps: ClassVar[bool] = True
@@ -85,13 +89,13 @@ class Layout(ABC):
         kinds = f"{', '.join(first)} or {last}" if first else last
         return f"{self.meaning[0].upper()}{self.meaning[1:]}; {kinds}"
 
-    @abstractmethod
     def rgb_name(self, frame: int, stamp_ns: int, image: Image) -> str:
         """Return the name of a frame's colour image; stamp_ns: when it was taken, nanoseconds."""
+        return self.rgb_file.format(frame=frame, stamp_ns=stamp_ns, image=image)
 
-    @abstractmethod
     def depth_name(self, frame: int, stamp_ns: int) -> str:
         """Return the name of a frame's depth image; stamp_ns: when it was taken, nanoseconds."""
+        return self.depth_file.format(frame=frame, stamp_ns=stamp_ns)
 
     def channel_name(self, channel: str, frame: int, stamps: FrameStamps, suffix: str) -> str:
         """Return the name of an image of a channel that the layout knows nothing of: a folder of the channel's name."""
@@ -106,7 +110,9 @@ class Layout(ABC):
     def all_patterns(self) -> tuple[str, ...]:
         """Glob patterns of all files that a sequence's folder may hold, those of other channels too."""
         others = [name for name in CHANNELS if name not in COLOUR_AND_DEPTH]
-        return (*self.patterns, *IMU_FILES, *(pattern for name in others for pattern in self.channel_patterns(name)))
+        channels = (pattern for name in others for pattern in self.channel_patterns(name))
+        images = (pattern for name in (self.rgb_file, self.depth_file) for pattern in _patterns_of(name, self.images))
+        return (*images, *self.patterns, *IMU_FILES, *channels)
 
     def image_note(self, image: Image) -> str:
         """Return a sentence on who does not find colour images of this kind, or ""."""
@@ -341,6 +347,17 @@ def path_suffix(name: str) -> str:
 def numbered(name: str) -> tuple[str, ...]:
     """Return glob patterns of files named after their frame's number, of 6 digits or 7, which replaces {} in `name`."""
     return tuple(name.format("[0-9]" * digits) for digits in (6, 7))
+
+
+_DIGITS = {"{frame:06d}": (6, 7), "{frame}": range(1, 8), "{stamp_ns:019d}": (19,)}
+
+
+def _patterns_of(name: str, images: Sequence[Image]) -> Iterator[str]:
+    """Yield glob patterns of the files whose names a layout describes."""
+    for image in images if "{image}" in name else ("",):
+        for field, counts in _DIGITS.items():
+            if field in name:
+                yield from (name.replace(field, "[0-9]" * count).replace("{image}", image) for count in counts)
 
 
 def lines(rows: Sequence[str]) -> str:

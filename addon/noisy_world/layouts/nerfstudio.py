@@ -28,9 +28,8 @@ from ..core.lens import Distortion, Optics, distortion_of
 from ..core.schema import quoted
 from ..images.image_files import read_header, read_steps
 from ..trajectories.formats import read_file_poses
-from .borrowed import BorrowedLayout
 from .described import median_camera, seen_by_depth
-from .layout import MILLIMETRES, RECORDED_HZ, Image, RecordedLayout, SequenceFacts, counted_note, numbered
+from .layout import MILLIMETRES, RECORDED_HZ, RecordedLayout, SequenceFacts, counted_note
 from .numbered import NumberedPoses, numbered_frames
 from .stored_recording import (
     SCALES_PER_M,
@@ -42,6 +41,7 @@ from .stored_recording import (
     recorded_text,
     size_of,
 )
+from .with_reader import LayoutWithReader
 
 TRANSFORMS = "transforms.json"
 DEPTH_KEYS = ("depth_file_path", "depth_path")
@@ -231,7 +231,7 @@ def _distortion(path: Path, document: Mapping[str, Any], frames: list[Any]) -> D
     )
 
 
-class NerfstudioLayout(BorrowedLayout):
+class NerfstudioLayout(LayoutWithReader):
     """`images/000000.png`, `depth/000000.png` and `transforms.json`, which names them.
 
     Instant NGP and SplaTAM read depth by `depth_path` and `integer_depth_scale`, metres a step; nerfstudio by
@@ -239,22 +239,12 @@ class NerfstudioLayout(BorrowedLayout):
     """
 
     reader = NerfstudioRecordings()
-    name, order, label, meaning, files = reader.name, reader.order, reader.label, reader.meaning, reader.files
     images = ("png", "jpg")
     colours = ("rgb",)
     depth_scale_per_m = MILLIMETRES
-    patterns = (*numbered("images/{}.png"), *numbered("images/{}.jpg"), *numbered("depth/{}.png"), TRANSFORMS)
+    rgb_file, depth_file = "images/{frame:06d}.{image}", "depth/{frame:06d}.png"
+    patterns = (TRANSFORMS,)
     gaps = False  # each of its frames has a transform_matrix
-
-    def rgb_name(self, frame: int, stamp_ns: int, image: Image) -> str:
-        """Return the name of a frame's colour image."""
-        del stamp_ns
-        return f"images/{frame:06d}.{image}"
-
-    def depth_name(self, frame: int, stamp_ns: int) -> str:
-        """Return the name of a frame's depth image."""
-        del stamp_ns
-        return f"depth/{frame:06d}.png"
 
     def says_lens(self, lens: Distortion) -> bool:
         """Tell whether the file can say how a lens distorts: not by the rational model."""

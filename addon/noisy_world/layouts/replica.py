@@ -16,7 +16,7 @@ from ..core.trajectory import FrameStamps
 from ..trajectories.formats import TRAJECTORY_FORMATS, read_trajectory, read_trajectory_file
 from ..trajectories.matrix_poses import replica_text
 from .cam_params import CAM_PARAMS, cam_params_text, read_cam_params
-from .layout import PATH_SUFFIXES, Image, Layout, SequenceFacts, counted_note, numbered, path_suffix
+from .layout import PATH_SUFFIXES, Image, Layout, SequenceFacts, counted_note, path_suffix
 from .stored_recording import RATE_HZ, PosePolicy, StoredSequence, chosen_by_pose, read_frame_times, truth_file, unposed
 
 RESULTS = "results"
@@ -33,27 +33,12 @@ class ReplicaLayout(Layout):
     images = ("jpg", "png", "exr")
     colours = ("rgb", "grey")
     depth_scale_per_m = 6553.5  # 16 bits are 10 m
-    patterns = (
-        *numbered(f"{RESULTS}/frame{{}}.jpg"),
-        *numbered(f"{RESULTS}/frame{{}}.png"),
-        *numbered(f"{RESULTS}/frame{{}}.exr"),
-        *numbered(f"{RESULTS}/depth{{}}.png"),
-        *(f"traj{suffix}.txt" for suffix in PATH_SUFFIXES),
-        CAM_PARAMS,
-    )
+    rgb_file = f"{RESULTS}/frame{{frame:06d}}.{{image}}"
+    depth_file = f"{RESULTS}/depth{{frame:06d}}.png"
+    patterns = (*(f"traj{suffix}.txt" for suffix in PATH_SUFFIXES), CAM_PARAMS)
     setting_files = (CAM_PARAMS,)
     optics = True  # in cam_params.json
     gaps = False  # traj.txt has a line for each frame
-
-    def rgb_name(self, frame: int, stamp_ns: int, image: Image) -> str:
-        """Return the name of a frame's colour image."""
-        del stamp_ns
-        return f"{RESULTS}/frame{frame:06d}.{image}"
-
-    def depth_name(self, frame: int, stamp_ns: int) -> str:
-        """Return the name of a frame's depth image."""
-        del stamp_ns
-        return f"{RESULTS}/depth{frame:06d}.png"
 
     def image_note(self, image: Image) -> str:
         """Say that PNG and EXR are not found: NICE-SLAM and its successors list results/frame*.jpg."""

@@ -14,14 +14,13 @@ from numpy.typing import NDArray
 from ..core.errors import InputError
 from ..core.geometry import Intrinsics
 from ..core.lens import DepthCamera, Optics
-from ..trajectories.formats import read_trajectory
 from ..trajectories.matrix_poses import row_text
 from ..trajectories.pose_files import read_text as read_numbers
 from ..trajectories.pose_files import text_rows
-from .borrowed import BorrowedLayout, unpadded
-from .layout import MILLIMETRES, Image, SequenceFacts, intrinsics_of_matrix
+from .layout import MILLIMETRES, SequenceFacts, intrinsics_of_matrix
 from .numbered import Cameras, ImageFiles, NumberedLayout
 from .stored_recording import MatchedFrames, same_camera, size_of
+from .with_reader import LayoutWithReader, unpadded
 
 
 class ScanNetRecordings(NumberedLayout):
@@ -78,31 +77,18 @@ def _matrix(path: Path) -> NDArray[np.float64]:
     return rows.numbers.reshape(4, 4)
 
 
-class ScanNetLayout(BorrowedLayout):
+class ScanNetLayout(LayoutWithReader):
     """`color/0.jpg`, `depth/0.png`, `pose/0.txt`, and four matrices in `intrinsic`. A lost pose is -inf."""
 
     reader = ScanNetRecordings()
-    name, order, label, meaning, files = reader.name, reader.order, reader.label, reader.meaning, reader.files
     images = ("jpg", "png")
     colours = ("rgb",)
     depth_scale_per_m = MILLIMETRES
+    rgb_file, depth_file = "color/{frame}.{image}", "depth/{frame}.png"
     patterns = (
-        *unpadded("color/{}.jpg"),
-        *unpadded("color/{}.png"),
-        *unpadded("depth/{}.png"),
         *unpadded("pose/{}.txt"),
         *(f"intrinsic/{what}_{kind}.txt" for what in ("intrinsic", "extrinsic") for kind in ("color", "depth")),
     )
-
-    def rgb_name(self, frame: int, stamp_ns: int, image: Image) -> str:
-        """Return the name of a frame's colour image."""
-        del stamp_ns
-        return f"color/{frame}.{image}"
-
-    def depth_name(self, frame: int, stamp_ns: int) -> str:
-        """Return the name of a frame's depth image."""
-        del stamp_ns
-        return f"depth/{frame}.png"
 
     def sequence_texts(self, facts: SequenceFacts) -> dict[str, str]:
         """Return a file for each pose, and the matrices of both cameras, which are in one place."""
@@ -115,11 +101,6 @@ class ScanNetLayout(BorrowedLayout):
             return texts
         found = np.where(path.known[:, None, None], path.c2w, -np.inf)
         return texts | {f"pose/{frame}.txt": row_text(c2w) for frame, c2w in zip(facts.frames, found, strict=True)}
-
-    def poses_file(self, folder: Path) -> tuple[Path, NDArray[np.float64]]:
-        """Return the folder of poses and these."""
-        poses = folder / ScanNetRecordings.pose_folder
-        return poses, read_trajectory(poses, format="matrices").c2w
 
 
 LAYOUT = ScanNetLayout()

@@ -16,7 +16,7 @@ from ..core.trajectory import NS_PER_S, Stamps
 from ..trajectories.formats import read_trajectory
 from ..trajectories.stamped_poses import tum_text
 from .cam_params import CAM_PARAMS, cam_params_text, read_cam_params
-from .layout import PATH_SUFFIXES, Image, Layout, SequenceFacts, lines, numbered, path_suffix, poses_at
+from .layout import PATH_SUFFIXES, Layout, SequenceFacts, lines, path_suffix, poses_at
 from .stored_recording import (
     PosePolicy,
     StampedFiles,
@@ -64,9 +64,8 @@ class TumLayout(Layout):
     images = ("png",)
     colours = ("rgb", "grey")
     depth_scale_per_m = 5000.0  # the benchmark's own
+    rgb_file, depth_file = "rgb/{frame:06d}.{image}", "depth/{frame:06d}.png"
     patterns = (
-        *numbered("rgb/{}.png"),
-        *numbered("depth/{}.png"),
         *(f"groundtruth{suffix}.txt" for suffix in PATH_SUFFIXES),
         "rgb.txt",
         "depth.txt",
@@ -76,16 +75,6 @@ class TumLayout(Layout):
     setting_files = (CAM_PARAMS,)
     lists_depth = True
     optics = True  # in cam_params.json
-
-    def rgb_name(self, frame: int, stamp_ns: int, image: Image) -> str:
-        """Return the name of a frame's colour image."""
-        del stamp_ns
-        return f"rgb/{frame:06d}.{image}"
-
-    def depth_name(self, frame: int, stamp_ns: int) -> str:
-        """Return the name of a frame's depth image."""
-        del stamp_ns
-        return f"depth/{frame:06d}.png"
 
     def sequence_texts(self, facts: SequenceFacts) -> dict[str, str]:
         """Return a file of poses for each path, a list of colour and of depth, and the pairs if there are both.

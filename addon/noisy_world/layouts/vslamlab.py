@@ -24,7 +24,7 @@ from ..trajectories.formats import read_trajectory
 from ..trajectories.rig import Imu, ImuSamples
 from .asl import LARGEST_NS, exact_stamps
 from .estimator_settings import LEAST
-from .layout import PATH_SUFFIXES, Image, Layout, SequenceFacts, StampsLike, lines, numbered, path_suffix, poses_at
+from .layout import PATH_SUFFIXES, Layout, SequenceFacts, StampsLike, lines, path_suffix, poses_at
 from .stored_recording import (
     PosePolicy,
     StampedFiles,
@@ -121,25 +121,9 @@ class VslamLabLayout(Layout):
     colours = ("rgb", "grey")
     depth_scale_per_m = DEPTH_SCALE_PER_M
     conventions: ClassVar[dict[str, str]] = {"time": "nanoseconds"}
-    patterns = (
-        *numbered(f"{CAMERA}/{{}}.png"),
-        *numbered(f"{CAMERA}/{{}}.jpg"),
-        *numbered(f"{DEPTH}/{{}}.png"),
-        LISTED,
-        CALIBRATION,
-        SAMPLES,
-        *(f"groundtruth{suffix}.csv" for suffix in PATH_SUFFIXES),
-    )
-
-    def rgb_name(self, frame: int, stamp_ns: int, image: Image) -> str:
-        """Return the name of a frame's colour image."""
-        del stamp_ns
-        return f"{CAMERA}/{frame:06d}.{image}"
-
-    def depth_name(self, frame: int, stamp_ns: int) -> str:
-        """Return the name of a frame's depth image."""
-        del stamp_ns
-        return f"{DEPTH}/{frame:06d}.png"
+    rgb_file = f"{CAMERA}/{{frame:06d}}.{{image}}"
+    depth_file = f"{DEPTH}/{{frame:06d}}.png"
+    patterns = (LISTED, CALIBRATION, SAMPLES, *(f"groundtruth{suffix}.csv" for suffix in PATH_SUFFIXES))
 
     def stamps_problem(self, stamps: StampsLike) -> str:
         """Return which stamp a row cannot have, or "". Rows are told apart by the stamps of colour, poses by theirs."""

@@ -375,7 +375,7 @@ def _check_place(layout: Layout, name: str) -> None:
     inside = PurePosixPath(name)
     require("\\" not in name and not inside.is_absolute(), layout.name, f"{name!r} is no name with forward slashes")
     require(".." not in inside.parts, layout.name, f"{name!r} leads out of the sequence's folder")
-    matched = any(_matches(inside, pattern) for pattern in layout.patterns)
+    matched = any(_matches(inside, pattern) for pattern in layout.all_patterns)
     require(matched, layout.name, f"writes {name}, which none of its patterns matches: it would never be removed")
 
 

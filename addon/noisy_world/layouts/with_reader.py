@@ -1,12 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Layouts of others' recordings that are written too.
+"""Layouts of recordings that are written too, beside a reader of these.
 
-Their readers know what others put there. Beside that lies what such a layout has no place for, in files of ours:
+The reader knows what others put there. Beside that lies what such a layout has no place for, in files of ours:
 `frames.jsonl` has the stamps, `cam_params.json` the depth scale, the lens and the depth's camera.
 """
 
 import re
-from abc import abstractmethod
 from dataclasses import replace
 from pathlib import Path
 from typing import ClassVar
@@ -21,17 +20,32 @@ from ..core.lens import PINHOLE, Optics
 from ..core.trajectory import FrameStamps
 from .cam_params import CAM_PARAMS, cam_params_text, read_cam_params
 from .layout import Layout, RecordedLayout, counted_note
+from .numbered import NumberedLayout
 from .stored_recording import PosePolicy, StoredSequence, read_frame_times
 
 _DIGITS = range(1, 8)
 
 
-class BorrowedLayout(Layout):
-    """A layout that others' recordings have, with a reader of these. files: how it is told, in words."""
+class LayoutWithReader(Layout):
+    """A layout with a reader of recordings, which gives it its name, order, label, meaning and files, if it says none.
+
+    written_poses are by a `NumberedLayout`'s own account; with another reader a subclass says poses_file.
+    """
 
     reader: ClassVar[RecordedLayout]
     files: ClassVar[str]
     setting_files = (CAM_PARAMS,)
+
+    def __init_subclass__(cls) -> None:
+        super().__init_subclass__()
+        for name in ("name", "order", "label", "meaning", "files") if "reader" in cls.__dict__ else ():
+            if name not in cls.__dict__ and hasattr(cls.reader, name):
+                setattr(cls, name, getattr(cls.reader, name))
+
+    @property
+    def all_patterns(self) -> tuple[str, ...]:
+        """Glob patterns of all files that a sequence's folder may hold, its own cam_params.json too."""
+        return (*super().all_patterns, CAM_PARAMS)
 
     def recognises(self, folder: Path) -> bool:
         """Tell whether a folder looks like a recording of this layout."""
@@ -41,9 +55,13 @@ class BorrowedLayout(Layout):
         """Return cam_params.json, which says the depth scale."""
         return {CAM_PARAMS: cam_params_text(camera, depth_scale_per_m, optics)}
 
-    @abstractmethod
     def poses_file(self, folder: Path) -> tuple[Path, NDArray[np.float64]]:
-        """Return the file of the poses of all frames, and these (N, 4, 4), c2w. Raises InputError."""
+        """Return the file of the poses of all frames, and these (N, 4, 4), c2w, in their order. Raises InputError."""
+        assert isinstance(self.reader, NumberedLayout), "another says where its poses are"
+        path = self.reader.poses_path(folder, "require")
+        assert path is not None, "it is required"
+        found = self.reader.poses(path, (), None).c2w
+        return path, np.array([found[number] for number in sorted(found)]).reshape(-1, 4, 4)
 
     def written_poses(self, folder: Path, time_s: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the poses, one for each frame in their order."""
@@ -83,6 +101,6 @@ def _with_our_files(found: StoredSequence, rate_hz: float | None) -> StoredSeque
 
 
 def _frame_times(found: StoredSequence) -> FrameStamps | None:
-    numbers = [re.search(r"([0-9]{1,18})$", file.stem) for file in found.rgb_files]
+    numbers = [re.search(r"([0-9]{1,18})[^0-9]*$", file.stem) for file in found.rgb_files]
     frames = [int(number[1]) for number in numbers if number is not None]
     return read_frame_times(found.folder, frames) if len(frames) == len(numbers) else None
