@@ -72,6 +72,11 @@ def _matrices(file: PoseFile, options: ReadOptions) -> FilePoses:
     return replace(poses, stamps_s=poses.numbers / PER_SECOND[options.stamp_unit])
 
 
+def _is_block(file: PoseFile) -> bool:
+    """Tell whether the first row is one of a matrix: four numbers, which semicolons do not part."""
+    return file.first_widths[:1] == (4,) and ";" not in file.lines.texts[0]
+
+
 def _block_poses(rows: TextRows) -> FilePoses:
     """Read blocks of four lines, or a line for each pose; those that are not finite are left out."""
     if int(rows.widths[0]) in (12, 16):
@@ -264,7 +269,7 @@ MATRICES = TrajectoryFormat(
     "matrices",
     "Matrices",
     "Four lines a pose, in one file or in a folder with a file for each pose",
-    lambda file: _holds_poses(file.path) if file.is_folder else file.first_widths[:1] == (4,),
+    lambda file: _holds_poses(file.path) if file.is_folder else _is_block(file),
     _matrices,
     reads_folders=True,
     looks_like="four lines of four numbers a pose, in one file, or in a folder of `0.txt`, `1.txt` or "
