@@ -425,16 +425,17 @@ def _check_gaps(written: OutputFormat, sequence: Path) -> None:
 
 
 def _check_damage(layout: Layout, sequence: Path) -> None:
-    """Check that a sequence without its depth is refused."""
+    """Check that a sequence without its depth is refused, or read as one that has none."""
     copy = sequence.parent.parent / "damaged" / sequence.name
     shutil.copytree(sequence.parent, copy.parent)
     for file in layout.read(copy).depth_files:
         file.unlink()
     try:
-        layout.read(copy)
+        found = layout.read(copy)
     except InputError:
         return
-    require(False, layout.name, "reads a sequence whose depth images are gone; raise InputError that names one")
+    rule = "reads depth of a sequence whose depth images are gone; raise InputError that names one, or read none"
+    require(not found.depth_files, layout.name, rule)
 
 
 # --- trajectory formats ---
