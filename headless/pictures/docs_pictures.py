@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Draw pictures of the docs and the panel: the rooms, what real cameras see, weather on the street, three lenses.
+"""Draw pictures of the docs and the panel: rooms, what real cameras see, weather, three lenses, noise of depth.
 
 python headless/pictures/docs_pictures.py rooms docs/rooms.jpg
 python headless/pictures/docs_pictures.py cameras addon/noisy_world/panel/cameras docs/cameras.jpg
 python headless/pictures/docs_pictures.py weather FOLDER --frame FRAME.exr
 python headless/pictures/docs_pictures.py lens docs/lens.jpg
+python headless/pictures/docs_pictures.py depth docs/depth_noise.jpg
 """
 
 import argparse
@@ -27,6 +28,7 @@ from noisy_world.dataset.frame import CleanFrame
 from noisy_world.dataset.plan import make_plan
 from noisy_world.dataset.rendering import render_options, source_paths
 from noisy_world.images.pixels import rgb_bytes
+from noisy_world.perturb import apply
 from noisy_world.perturbations import registry
 from noisy_world.perturbations.kinds import ColourPerturbation
 from noisy_world.perturbations.parsing import parse_steps
@@ -75,6 +77,9 @@ def main(arguments: list[str]) -> int:
     lens = kinds.add_parser("lens", help="one view through a pinhole, a lens that distorts radially, and a fisheye")
     lens.add_argument("file", type=Path, help="the picture to write")
     lens.set_defaults(draw=draw_lenses)
+    depth = kinds.add_parser("depth", help="slopes of depth that is clean, noisy pixel by pixel, and noisy in patches")
+    depth.add_argument("file", type=Path, help="the picture to write")
+    depth.set_defaults(draw=draw_depth)
     options = parser.parse_args(arguments)
     options.draw(options)
     return 0
@@ -326,6 +331,37 @@ def through(focal_px: int, lens: str) -> NDArray[np.uint8]:
         frame = prepared.open(paths, render_options(plan, render), print).frame(paths.request(LENS_FRAME))
     assert frame.rgb is not None, "the preset has colour"
     return rgb_bytes(np.asarray(frame.rgb, np.float32))
+
+
+# --- noise of depth ---
+
+
+DEPTH_SIZE = ["camera.width=640", "camera.height=480", "camera.fx=585.5", "camera.fy=585.5"]
+DEPTH_SIZE += ["camera.cx=319.5", "camera.cy=239.5"]
+DEPTH_FRAME = 12  # by eye
+KINECTS = ("kinect_v1", "kinect_v1_measured")
+STEEP = 30.0  # shades of grey to an eighth of a pixel of disparity
+
+
+def draw_depth(options: argparse.Namespace) -> None:
+    """Draw the slopes of a frame's depth, clean and by two models of the first Kinect."""
+    plan = make_plan(read_preset(DEMO, [*DEPTH_SIZE, "settings=[{name: clean}]"]))
+    (render,) = plan.renders
+    paths = source_paths(plan, render)
+    with render.scene.source.prepare(render.camera, print) as prepared:
+        frame = prepared.open(paths, render_options(plan, render), print).frame(paths.request(DEPTH_FRAME))
+    clean_m = CleanFrame(DEPTH_FRAME, frame).depth_m
+    depths = [apply(clean_m, "structured_light", seed=1, device=each, intrinsics=render.camera) for each in KINECTS]
+    gallery.save(options.file, np.hstack([sloping(each) for each in (clean_m, *depths)]), gallery.QUALITY)
+
+
+def sloping(depth_m: NDArray[np.float32]) -> Image:
+    """Return depth (H, W) as if lit from the upper left: the slope of the first Kinect's disparity; void is black."""
+    known = depth_m > 0
+    eighths = np.divide(351.3, depth_m, out=np.zeros_like(depth_m), where=known)
+    slope = (cv2.Sobel(eighths, cv2.CV_32F, 1, 0) + cv2.Sobel(eighths, cv2.CV_32F, 0, 1)) / 8
+    grey = np.where(known, np.clip(128 + STEEP * slope, 60, 235), 0).astype(np.uint8)
+    return cv2.cvtColor(grey, cv2.COLOR_GRAY2RGB)
 
 
 if __name__ == "__main__":
