@@ -377,6 +377,9 @@ def add(found: dict[str, Brought[T]], name: str, new: Brought[T], word: str) -> 
 _NAMED = re.compile(r'\bname(?:: .+)? ?= ?"([\w-]+)"|^[A-Z]\w+(?:: .+)? = \w+\(\s*"([\w-]+)"', re.MULTILINE)
 
 
+LONGEST_NAME = 100  # of a module here; what a user writes may be longer than any file's name
+
+
 class Registry(Mapping[str, T]):
     """Things of one kind by name: our own in their order, and then those of installed packages.
 
@@ -434,7 +437,11 @@ class Registry(Mapping[str, T]):
         """Yield the modules that may hold what has a name: the one that is called so, and then those that say it."""
         if not isinstance(name, str):
             return  # such as a key of a document that is a number
-        if name.isidentifier() and any((folder / f"{name}.py").is_file() for folder in self._folders):
+        if (
+            len(name) <= LONGEST_NAME
+            and name.isidentifier()
+            and any((folder / f"{name}.py").is_file() for folder in self._folders)
+        ):
             yield name
         yield from (module for module, names in self._modules.items() if name in names)
 

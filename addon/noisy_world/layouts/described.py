@@ -7,6 +7,7 @@ what the * of their patterns stand for, or by their times.
 
 import glob
 import itertools
+import os
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
@@ -20,7 +21,7 @@ from numpy.typing import NDArray
 from ..core.errors import InputError
 from ..core.file_access import finite_number, parse_json_file
 from ..core.geometry import Intrinsics
-from ..core.lens import DepthCamera
+from ..core.lens import DepthCamera, Optics
 from ..core.schema import ConfigPath, key, key_of, quoted
 from ..core.trajectory import FrameStamps, Stamps, Trajectory
 from ..images.image_files import read_header
@@ -339,7 +340,10 @@ def _found(folder: Path, spec: ImageFilesSpec, stamps: StampFilesSpec | None, pl
     pattern, place = (spec.files or "").replace("\\", "/"), place.at("files")
     if "**" in pattern:
         raise place.error("has **, but a pattern has one * for each part of a name", "name the folders")
-    matcher = _matcher(pattern)
+    try:
+        matcher = _matcher(pattern)
+    except re.error:
+        raise place.error(f"{quoted(pattern)} is no pattern", "[ and ] hold letters, as in [0-9]") from None
     found: dict[Key, Path] = {}
     texts: dict[Key, str] = {}
     for name in glob.glob(pattern, root_dir=folder):  # noqa: PTH207 - takes absolute patterns too
@@ -368,7 +372,7 @@ def _matcher(pattern: str) -> re.Pattern[str]:
         name, suffix = pattern, ""
     wild = r"(\*|\?|\[[^\]]+\])"
     told, ending = ("".join(map(_expression, re.split(wild, text))) for text in (name, dot + suffix))
-    return re.compile(told + re.sub(r"(?<!\\)\(", "(?:", ending))
+    return re.compile(told + re.sub(r"(?<!\\)\(", "(?:", ending))  # raises re.error for a set that holds nothing
 
 
 def _expression(part: str) -> str:
@@ -401,7 +405,7 @@ def _seconds(value: Decimal, unit: StampUnits) -> Decimal:
 
 def _listed(folder: Path, name: str, place: ConfigPath) -> _Images:
     """Return the images of a file with a time stamp and a name on each line."""
-    path = folder / name
+    path = _inside(folder, name, place)
     images: list[tuple[Decimal, Path]] = []
     for number, line in enumerate(recorded_text(path).split("\n"), 1):
         words = re.split(r"[\s,;]+", line.partition("#")[0].strip())
@@ -416,7 +420,7 @@ def _listed(folder: Path, name: str, place: ConfigPath) -> _Images:
                 path, "is no time stamp and file name", where=f"line {number}", remedy="as in TUM's rgb.txt"
             )
         image = path.parent / words[1].replace("\\", "/")
-        if not image.is_file():
+        if not os.path.isfile(image):  # noqa: PTH113 - Path.is_file raises for a name that no file can have
             problem = f"names {quoted(words[1])}, which is not there"
             raise InputError(path, problem, where=f"line {number}", remedy=f"looked in {image.parent}")
         images.append((_seconds(stamp, "auto"), image))
@@ -663,19 +667,21 @@ def read_described(
     assert spec.rgb is not None, "this has been checked"
     rgb = _found(folder, spec.rgb, spec.stamps, place.at("rgb"))
     told = telling(folder, rgb.files)
+    counted_by = rate_hz or told.rate_hz
+    used_hz = counted_by or RECORDED_HZ
+    told = replace(told, rate_hz=used_hz)
     if spec.poses is None and told.poses is None:
         if policy == "require":
             raise place.at("poses").error("is missing, and poses: require asks for it", "name the file of poses")
         policy = "none"
-    times_path, stamps, used_hz = _image_times(folder, spec, rgb, told, rate_hz)
+    times_path, stamps = _image_times(folder, spec, rgb, told, place.at("stamps"))
     rows, depth, notes = _depth_of(folder, spec, rgb, stamps, place)
     path, given = told.path, _Poses({})
     if policy != "none" and told.poses is not None:
         given = _Poses({row: c2w for row, c2w in enumerate(told.poses) if c2w is not None})
     elif policy != "none" and spec.poses is not None and spec.poses.file is not None:
-        path = truth_file(folder / spec.poses.file.replace("\\", "/"), policy)
-        if path is not None and not path.exists():
-            raise InputError(path, "does not exist", remedy="poses: none uses the images without ground truth")
+        at = place.at("poses").at("file")
+        path = truth_file(_inside(folder, spec.poses.file, at, must=policy != "keep"), policy)
         if path is not None:
             given = _read_poses(path, spec.poses, rgb, rows, None if times_path else place.at("poses"))
     colour = StampedFiles(stamps.take(rows), tuple(rgb.files[row] for row in rows))
@@ -685,18 +691,14 @@ def read_described(
         frames = _with_poses(path or folder, colour, depth, [given.by_row.get(row) for row in rows], policy)
     cameras = told.cameras or _told_camera(folder, spec, frames.rgb_files[0], place)
     scale_per_m, void = _values_of(spec, frames.depth_files, cameras)
-    size_px = size_of(frames.depth_files[0]) if frames.depth_files else None
-    optics, size_note = cameras.optics, ""
-    if optics.depth is None and size_px is not None and cameras.camera is not None:
-        optics = replace(optics, depth=seen_by_depth(cameras.camera, size_px))
-        if optics.depth is not None:
-            size_note = f"depth is {size_px[0]} x {size_px[1]}: it is taken to show colour's view in other pixels"
+    optics, size_note = _optics_of(cameras, frames.depth_files)
     imu, imu_note = None, ""
     if spec.imu is not None:
-        imu, imu_note = imu_beside(folder / spec.imu.replace("\\", "/"))
+        imu, imu_note = imu_beside(_inside(folder, spec.imu, place.at("imu")))
     trajectory = frames.trajectory
     if cameras.posed_from_camera is not None:
-        trajectory = replace(trajectory, c2w=trajectory.c2w @ cameras.posed_from_camera, curve=None)
+        c2w = _checked_poses(path or folder, trajectory.c2w @ cameras.posed_from_camera)
+        trajectory = replace(trajectory, c2w=c2w, curve=None)
     return StoredSequence(
         folder,
         frames.rgb_files,
@@ -711,7 +713,7 @@ def read_described(
         tuple(
             note
             for note in (*notes, *frames.notes, *given.notes, *told.notes, size_note, imu_note)
-            + (counted_note(rate_hz or told.rate_hz, used_hz) if times_path is None else ())
+            + (counted_note(counted_by, used_hz) if times_path is None else ())
             if note
         ),
         None if times_path else used_hz,
@@ -722,21 +724,48 @@ def read_described(
     )
 
 
+def _inside(folder: Path, name: str, place: ConfigPath, *, must: bool = True) -> Path:
+    """Return a file or folder that the description names. must: whether it has to be there. Raises InputError."""
+    path = folder / name.replace("\\", "/")
+    if must and not os.path.exists(path):  # noqa: PTH110 - Path.exists raises for a name that no file can have
+        remedy = "; poses: none uses the images without ground truth" if ".poses." in f".{place.path}" else ""
+        raise place.error(f"{quoted(name)} does not exist", f"looked in {folder}{remedy}")
+    return path
+
+
+def _checked_poses(path: Path, c2w: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return poses (N, 4, 4). Raises InputError for the first that is not finite."""
+    wrong = np.flatnonzero(~np.isfinite(c2w).all(axis=(1, 2)))
+    if wrong.size:
+        raise InputError(path, f"the pose of frame {wrong[0]} is not finite", remedy="leave it out")
+    return c2w
+
+
+def _optics_of(cameras: Cameras, depth_files: tuple[Path, ...]) -> tuple[Optics, str]:
+    """Return what cameras have beyond one pinhole, and a note where depth is of another size than colour."""
+    if cameras.optics.depth is not None or cameras.camera is None or not depth_files:
+        return cameras.optics, ""
+    size_px = size_of(depth_files[0])
+    seen = seen_by_depth(cameras.camera, size_px)
+    note = f"depth is {size_px[0]} x {size_px[1]}: it is taken to show colour's view in other pixels"
+    return replace(cameras.optics, depth=seen), "" if seen is None else note
+
+
 def _image_times(
-    folder: Path, spec: SequenceSpec, rgb: _Images, told: Told, rate_hz: float | None
-) -> tuple[Path | None, Stamps, float]:
-    """Return what says the images' times, these, and the rate that they are counted by where nothing does."""
-    used_hz = rate_hz or told.rate_hz or RECORDED_HZ
+    folder: Path, spec: SequenceSpec, rgb: _Images, told: Told, place: ConfigPath
+) -> tuple[Path | None, Stamps]:
+    """Return what says the images' times, and these; counted by the rate that is told where nothing does."""
+    assert told.rate_hz is not None, "this has been filled in"
     if rgb.stamps is not None:
         assert spec.rgb is not None, "this has been checked"
-        return folder / (spec.rgb.list or Path(spec.rgb.files or "").parent), rgb.stamps, used_hz
+        return folder / (spec.rgb.list or Path(spec.rgb.files or "").parent), rgb.stamps
     if spec.stamps is not None and spec.stamps.file is not None:
-        path = folder / spec.stamps.file.replace("\\", "/")
-        return path, _times_in(path, len(rgb.files), spec.stamps.stamp_unit), used_hz
+        path = _inside(folder, spec.stamps.file, place.at("file"))
+        return path, _times_in(path, len(rgb.files), spec.stamps.stamp_unit)
     if told.stamps is not None:
-        return told.path, told.stamps, used_hz
+        return told.path, told.stamps
     counts = rgb.numbers or range(len(rgb.files))
-    return None, Stamps(np.array(counts, dtype=np.float64) / used_hz), used_hz
+    return None, Stamps(np.array(counts, dtype=np.float64) / told.rate_hz)
 
 
 def _depth_of(
@@ -748,7 +777,10 @@ def _depth_of(
         return everything, None, ()
     depth = _found(folder, spec.depth, spec.stamps, place.at("depth"))
     if depth.stamps is not None:
-        of_rgb, of_depth = associate(stamps.seconds, depth.stamps.seconds)
+        try:
+            of_rgb, of_depth = associate(stamps.seconds, depth.stamps.seconds)
+        except ValueError as error:
+            raise place.at("depth").error(str(error), "stamps are seconds: are these in another unit?") from None
         if not len(of_rgb):
             spans = [f"{item.seconds[0]:.6f} to {item.seconds[-1]:.6f} s" for item in (stamps, depth.stamps)]
             problem = f"no depth image is within {PAIRING_S} s of one of colour"
@@ -775,7 +807,7 @@ def _with_poses(
     known = np.array([each is not None for each in poses])
     chosen, note = chosen_by_pose(path, known, policy)
     rows = chosen.tolist()
-    c2w = np.array([np.eye(4) if (each := poses[row]) is None else each for row in rows])
+    c2w = _checked_poses(path, np.array([np.eye(4) if (each := poses[row]) is None else each for row in rows]))
     stamps = colour.stamps.take(rows)
     taken = stamps if depth is None else depth.stamps.take(rows)
     return MatchedFrames(
@@ -792,7 +824,7 @@ def _told_camera(folder: Path, spec: SequenceSpec, image: Path, place: ConfigPat
     if said is None:
         return Cameras()
     if said.file is not None:
-        path = folder / said.file.replace("\\", "/")
+        path = _inside(folder, said.file, place.at("intrinsics").at("file"))
         return Cameras(read_intrinsics(path, size_of(image)), path)
     assert None not in (said.fx, said.fy, said.cx, said.cy), "this has been checked"
     values = (float(getattr(said, name)) for name in ("fx", "fy", "cx", "cy"))

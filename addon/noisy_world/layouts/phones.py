@@ -80,6 +80,8 @@ class Record3DLayout(DescribedLayout):
                 raise InputError(path, "has to hold times, each later than the one before", where="frameTimestamps")
             stamps = Stamps(seconds)
         rate_hz = finite_number(said.get("fps"))
+        if rate_hz is not None and not 1e-3 <= rate_hz <= 1e4:
+            raise InputError(path, f"is {rate_hz:g}, but has to be frames a second", where="fps")
         return Told(Cameras(camera, path), _by_name(images, c2w), path, stamps, rate_hz or None, (note,))
 
 
