@@ -127,7 +127,7 @@ def grey_and_colour():
 
 @cases("name", names())
 def test_every_name_runs_on_every_kind_of_image(name):
-    for image in grey_and_colour():
+    for image in [image[:40, :50] for image in grey_and_colour()]:
         found = apply(image, name, 3)
         assert (found.shape, found.dtype) == (image.shape, image.dtype)
 

@@ -4,6 +4,7 @@
 import foreign_loaders
 import numpy as np
 import pytest
+from cases import cases
 from worlds import path_poses
 from runs import run
 from written import COUNT, RIG, SHAKY, fake_depth_m, fake_rgb, read, world, write_tum_path
@@ -19,18 +20,14 @@ LOADERS = {
     "nerfstudio": ("nerfstudio_parser",),
     "colmap": ("colmap_text",),
 }
-CASES = [(layout, name) for layout, names in LOADERS.items() for name in names]
+MILLIMETRES = {"depth_scale_per_m": 1000}
 BENCHMARK_STAMPS = ["1305031102.175304", "1305031102.211214", "1305031102.243211", "1305031102.275326"]
 
 
 pytestmark = pytest.mark.usefixtures("no_blender")
 
 
-def load(name, folder):
-    return getattr(foreign_loaders, name)(folder)
-
-
-def check(found, frames, poses, stamps_s, scale_per_m):
+def check(found, frames, poses, stamps_s):
     """Hold what a system has against frames of known content: source frame k shows k in blue and in depth."""
     assert len(found.rgb) == len(frames)
     for place, frame in enumerate(frames):
@@ -41,7 +38,7 @@ def check(found, frames, poses, stamps_s, scale_per_m):
             grey = 255 * fake_rgb(frame) @ [0.299, 0.587, 0.114]
             assert np.abs(pixels - grey).max() <= 0.51
         if found.depth is not None:
-            assert np.abs(read(found.depth[place]) / scale_per_m - fake_depth_m(frame)).max() <= 0.51 / scale_per_m
+            assert np.abs(read(found.depth[place]) / 1000 - fake_depth_m(frame)).max() <= 0.51 / 1000
     if found.stamps_s is not None:
         assert np.abs(np.array(found.stamps_s) - stamps_s).max() < 1e-6
     if found.c2w is not None:
@@ -50,38 +47,42 @@ def check(found, frames, poses, stamps_s, scale_per_m):
         assert found.camera == pytest.approx((4.0, 4.0, 3.5, 2.5), abs=1e-12)
 
 
-@pytest.mark.parametrize(("layout", "name"), CASES)
-def test_every_frame_has_its_own_files_and_pose(tmp_path, layout, name):
-    preset = world(tmp_path / "w", layout, output={"depth_scale_per_m": 1000})
-    run(preset, tmp_path / "out")
-    found = load(name, tmp_path / "out/clean/box")
-    check(found, range(COUNT), path_poses(COUNT), np.arange(COUNT) / 20, 1000)
+def loaded(folder, layout):
+    """What each system that reads the layout has of a sequence, by its name."""
+    return {name: getattr(foreign_loaders, name)(folder) for name in LOADERS[layout]}
 
 
-@pytest.mark.parametrize(("layout", "name"), CASES)
-def test_stamps_that_a_trajectory_brings(tmp_path, layout, name):
-    preset = world(tmp_path / "w", layout, output={"depth_scale_per_m": 1000})
-    run(preset, tmp_path / "out", overrides=[write_tum_path(tmp_path / "w", BENCHMARK_STAMPS)])
+@cases("layout", LOADERS)
+def test_every_frame_has_its_own_files_and_pose(tmp_path, layout):
+    run(world(tmp_path / layout, layout, output=MILLIMETRES), tmp_path / f"{layout}_out")
+    for found in loaded(tmp_path / f"{layout}_out/clean/box", layout).values():
+        check(found, range(COUNT), path_poses(COUNT), np.arange(COUNT) / 20)
+
+
+@cases("layout", LOADERS)
+def test_stamps_that_a_trajectory_brings(tmp_path, layout):
+    preset = world(tmp_path / layout, layout, output=MILLIMETRES)
+    run(preset, tmp_path / f"{layout}_out", overrides=[write_tum_path(tmp_path / layout, BENCHMARK_STAMPS)])
     poses = np.stack([np.eye(4)] * COUNT)
     poses[:, :3, 3] = [[0.1 * k, 0.0, 1.2] for k in range(COUNT)]
-    found = load(name, tmp_path / "out/clean/box")
     stamps_s = np.array([float(stamp) for stamp in BENCHMARK_STAMPS])
-    kept = list(range(COUNT))
-    if name == "slam_tum":  # it leaves out frames that follow within 1/32 s, of our sequences as of the benchmark's
-        kept = [0]
-        for k in range(1, COUNT):
-            if stamps_s[k] - stamps_s[kept[-1]] > 1 / 32:
-                kept.append(k)
-    check(found, kept, poses[kept], stamps_s[kept], 1000)
+    for name, found in loaded(tmp_path / f"{layout}_out/clean/box", layout).items():
+        kept = list(range(COUNT))
+        if name == "slam_tum":  # it leaves out frames that follow within 1/32 s, of our sequences as of the benchmark's
+            kept = [0]
+            for k in range(1, COUNT):
+                if stamps_s[k] - stamps_s[kept[-1]] > 1 / 32:
+                    kept.append(k)
+        check(found, kept, poses[kept], stamps_s[kept])
 
 
-@pytest.mark.parametrize(("layout", "name"), CASES)
-def test_selected_frames_of_a_faster_sequence(tmp_path, layout, name):
+@cases("layout", LOADERS)
+def test_selected_frames_of_a_faster_sequence(tmp_path, layout):
     fast = {"name": "fast", "perturb": [{"faster_motion": {"factor": 2}}]}
-    preset = world(tmp_path / "w", layout, frames=9, output={"depth_scale_per_m": 1000}, settings=[fast])
-    run(preset, tmp_path / "out", frames=slice(1, 4))
-    found = load(name, tmp_path / "out/fast/box")
-    check(found, [2, 4, 6], path_poses(9)[[2, 4, 6]], np.array([1, 2, 3]) / 20, 1000)
+    preset = world(tmp_path / layout, layout, frames=9, output=MILLIMETRES, settings=[fast])
+    run(preset, tmp_path / f"{layout}_out", frames=slice(1, 4))
+    for found in loaded(tmp_path / f"{layout}_out/fast/box", layout).values():
+        check(found, [2, 4, 6], path_poses(9)[[2, 4, 6]], np.array([1, 2, 3]) / 20)
 
 
 def test_all_files_of_poses_have_the_benchmarks_lines(tmp_path):

@@ -7,7 +7,8 @@ import cv2
 import numpy as np
 import pytest
 from refusals import refused
-from stored_sequences import write_euroc, write_vslamlab
+from recorded_layouts import WRITTEN
+from stored_sequences import write_euroc
 
 from worlds import ROOT
 
@@ -28,22 +29,6 @@ REPLICA_POSE = "1 0 0 {} 0 1 0 0 0 0 1 0 0 0 0 1"
 def image(path, value, shape=(6, 8, 3), dtype=np.uint8):
     path.parent.mkdir(parents=True, exist_ok=True)
     assert cv2.imwrite(str(path), np.full(shape, value, dtype))
-
-
-def write_replica(folder, count=2):
-    for k in range(count):
-        image(folder / f"results/frame{k:06d}.png", 10 * k)
-        image(folder / f"results/depth{k:06d}.png", 1000, (6, 8), np.uint16)
-    (folder / "traj.txt").write_text("".join(REPLICA_POSE.format(k) + "\n" for k in range(count)))
-
-
-def write_tum(folder, stamps=("0.0", "0.05")):
-    for k in range(len(stamps)):
-        image(folder / f"rgb/{k:06d}.png", 10 * k)
-        image(folder / f"depth/{k:06d}.png", 1000, (6, 8), np.uint16)
-    for kind in ("rgb", "depth"):
-        (folder / f"{kind}.txt").write_text("".join(f"{t} {kind}/{k:06d}.png\n" for k, t in enumerate(stamps)))
-    (folder / "groundtruth.txt").write_text("".join(f"{t} {k} 0 0 0 0 0 1\n" for k, t in enumerate(stamps)))
 
 
 # --- names ---
@@ -193,21 +178,6 @@ def test_choices_of_a_key():
 # --- which layout a folder has ---
 
 
-def test_layouts_are_told_apart(tmp_path):
-    def write_tum_vi(folder):
-        write_euroc(folder)
-        (folder / "mav0/state_groundtruth_estimate0").rename(folder / "mav0/mocap0")
-
-    writers = (
-        *(("replica", write_replica), ("tum", write_tum), ("euroc", write_euroc)),
-        *(("tum_vi", write_tum_vi), ("vslamlab", write_vslamlab)),
-    )
-    for name, write in writers:
-        write(tmp_path / name)
-        assert [layout.name for layout in LAYOUTS.values() if layout.recognises(tmp_path / name)] == [name]
-        assert len(find_sequence(tmp_path / name).trajectory) == 2
-
-
 def test_replica_counts_by_numbers_of_any_width(tmp_path):
     for number in (9, 10):
         image(tmp_path / f"results/frame{number}.png", number)
@@ -228,8 +198,8 @@ def test_none_or_several_layouts_are_one_line(tmp_path):
             " or Nerfstudio",
         ),
     )
-    write_replica(tmp_path)
-    write_tum(tmp_path)
+    WRITTEN["replica"](tmp_path)
+    WRITTEN["tum"](tmp_path)
     refused(find_sequence, tmp_path, names=("Replica and of TUM", "leave those of one"))
 
 
