@@ -361,7 +361,7 @@ def sloping(depth_m: NDArray[np.float32]) -> Image:
     eighths = np.divide(351.3, depth_m, out=np.zeros_like(depth_m), where=known)
     slope = (cv2.Sobel(eighths, cv2.CV_32F, 1, 0) + cv2.Sobel(eighths, cv2.CV_32F, 0, 1)) / 8
     grey = np.where(known, np.clip(128 + STEEP * slope, 60, 235), 0).astype(np.uint8)
-    return cv2.cvtColor(grey, cv2.COLOR_GRAY2RGB)
+    return np.repeat(grey[..., None], 3, axis=2)
 
 
 if __name__ == "__main__":
