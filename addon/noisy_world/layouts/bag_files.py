@@ -42,6 +42,7 @@ ROS1_MAGIC, MCAP_MAGIC, SQLITE_MAGIC = b"#ROSBAG V", b"\x89MCAP0\r\n", b"SQLite 
 LARGEST_CHUNK_BYTES = 2**28
 LARGEST_HEADER_BYTES = 2**24  # of a record but a message: definitions of messages are some kilobytes
 KEPT_BYTES = 2**26  # of chunks that are decompressed; one is kept whatever its size
+AHEAD_BYTES = 2**14  # read at once, as small messages follow one another
 MOST_PARTS = 10_000  # files of one bag
 
 Encoding: TypeAlias = Literal["ros1", "cdr"]
@@ -290,12 +291,21 @@ class _ChunkedPart(Part):
         self._kept: OrderedDict[int, bytes] = OrderedDict()
         self._lock = threading.Lock()
         self._file: BinaryIO | None = None
+        self._ahead = (0, b"")
         self.size_bytes = path.stat().st_size
 
     def at(self, start: int, count: int) -> bytes:
         """Return bytes of the file. Raises _CutError where it has not as many."""
         if count < 0 or start < 0 or start + count > self.size_bytes:
             raise _CutError(f"it ends at byte {self.size_bytes}, before what it says that it holds")
+        if count > AHEAD_BYTES // 4:
+            return self._read(start, count)
+        first, ahead = self._ahead
+        if not first <= start <= start + count <= first + len(ahead):
+            first, ahead = self._ahead = start, self._read(start, min(AHEAD_BYTES, self.size_bytes - start))
+        return ahead[start - first : start - first + count]
+
+    def _read(self, start: int, count: int) -> bytes:
         file = self._file
         if file is None:
             with self._lock:

@@ -120,7 +120,7 @@ _COMPRESSED_DEPTH = "compressedDepth"
 _DEPTH_HEADER = struct.Struct("<iff")  # of compressedDepth: the kind, and the parameters of inverse depth
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class ImageHead:
     """What a message with an image says before its pixels.
 
@@ -367,7 +367,7 @@ def _lens(model: str, coefficients: tuple[float, ...]) -> Distortion | None:
 # --- poses ---
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Moved:
     """A pose of one frame in another at a time.
 

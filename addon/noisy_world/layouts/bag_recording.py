@@ -6,6 +6,7 @@ are those of the messages' headers. The messages of the chosen topics are looked
 of images their heads alone.
 """
 
+from array import array
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -158,17 +159,35 @@ class Chooser:
 # --- frames and their poses ---
 
 
+class _Numbers:
+    """Numbers of many messages, with their stamps, in little memory."""
+
+    def __init__(self) -> None:
+        self.stamps = array("q")
+        self.values = array("d")
+
+    def add(self, stamp_ns: int, values: Sequence[float]) -> None:
+        """Add those of a message."""
+        self.stamps.append(stamp_ns)
+        self.values.extend(values)
+
+    @property
+    def arrays(self) -> tuple[Int64, Float64]:
+        """Stamps (N,) and values (N, ...), in the order in which they were added."""
+        stamps_ns = np.array(self.stamps, np.int64)
+        return stamps_ns, np.array(self.values, np.float64).reshape(len(stamps_ns), -1)
+
+
 @dataclass(eq=False)
 class _Edge:
     parent: str
-    stamps_ns: list[int] = field(default_factory=list)
-    values: list[tuple[float, ...]] = field(default_factory=list)
     static: bool = True
+    numbers: _Numbers = field(default_factory=_Numbers)
 
     @cached_property
     def series(self) -> tuple[Int64, Float64]:
         """Stamps (N,), which increase, and values (N, 7); of equal stamps the last."""
-        stamps_ns, values = np.array(self.stamps_ns, np.int64), np.array(self.values, np.float64)
+        stamps_ns, values = self.numbers.arrays
         order = np.argsort(stamps_ns, kind="stable")
         stamps_ns, values = stamps_ns[order], values[order]
         last = np.append(np.diff(stamps_ns) > 0, True)
@@ -197,11 +216,9 @@ class FrameTree:
         if static and not edge.static:
             return
         if (edge.static and not static) or static:
-            edge.stamps_ns.clear()
-            edge.values.clear()
+            edge.numbers = _Numbers()
         edge.static = static
-        edge.stamps_ns.append(moved.stamp_ns)
-        edge.values.append(moved.values)
+        edge.numbers.add(moved.stamp_ns, moved.values)
 
     def chain(self, frame: str) -> list[str]:
         """Return a frame and those above it, up to the root. Raises InputError where they go round."""
@@ -408,8 +425,10 @@ class _Seen:
 
     rgb: list[tuple[int, ImageHead]] = field(default_factory=list)
     depth: list[tuple[int, ImageHead]] = field(default_factory=list)
-    imu: list[tuple[int, str, tuple[float, ...]]] = field(default_factory=list)
-    poses: list[Moved] = field(default_factory=list)
+    imu: _Numbers = field(default_factory=_Numbers)
+    imu_frame: str = ""
+    poses: _Edge = field(default_factory=lambda: _Edge("", static=False))
+    bodies: set[str] = field(default_factory=set)
 
 
 def read_bag_sequence(
@@ -464,12 +483,20 @@ def _look(topics: dict[str, Topic], tree: FrameTree, chosen: dict[Role, Topic | 
         return read
 
     def samples(topic: Topic) -> Callable[[int], None]:
-        return lambda row: seen.imu.append(topic.read(row, lambda data: ros.imu_sample(data, topic.encoding)))
+        def read(row: int) -> None:
+            stamp_ns, frame, values = topic.read(row, lambda data: ros.imu_sample(data, topic.encoding))
+            seen.imu.add(stamp_ns, values)
+            seen.imu_frame = seen.imu_frame or frame
+
+        return read
 
     def of_poses(topic: Topic) -> Callable[[int], None]:
-        return lambda row: seen.poses.append(
-            topic.read(row, lambda data: ros.stamped_pose(data, topic.kind, topic.encoding))
-        )
+        def read(row: int) -> None:
+            moved: Moved = topic.read(row, lambda data: ros.stamped_pose(data, topic.kind, topic.encoding))
+            seen.poses.numbers.add(moved.stamp_ns, moved.values)
+            seen.bodies.add(moved.child)
+
+        return read
 
     makers: dict[Role, Callable[[Topic], Callable[[int], None]]] = {
         "rgb": lambda topic: images(topic, seen.rgb),
@@ -629,15 +656,11 @@ class _Assembly:
         self, topic: Topic, frame: str, times_ns: Int64, notes: list[str]
     ) -> tuple[Float64, NDArray[np.bool_]]:
         """Return the camera's poses by a topic of poses, and where the camera sits on what the topic tells of."""
-        edge = _Edge(topic.name, static=False)
-        for moved in self.seen.poses:
-            edge.stamps_ns.append(moved.stamp_ns)
-            edge.values.append(moved.values)
-        children = {moved.child for moved in self.seen.poses}
+        children = self.seen.bodies
         if len(children) > 1 and self.chooser.asked.body is None:
             listed = ", ".join(sorted(children))
             raise InputError(self.path, f"tells of several frames: {listed[:400]}", where=topic.name, remedy="use /tf")
-        of_body, known = interpolated(*edge.series, times_ns)
+        of_body, known = interpolated(*self.seen.poses.series, times_ns)
         body = self.chooser.asked.body or next(iter(children))
         if not body:
             notes.append(f"{topic.name} names no frame that it is of: its poses are taken to be the camera's own")
@@ -719,16 +742,15 @@ class _Assembly:
     # --- the IMU ---
 
     def _imu(self, frame: str, notes: list[str]) -> RecordedImu | None:
-        if self.imu is None or not self.seen.imu:
+        if self.imu is None:
             return None
-        stamps_ns = np.array([sample[0] for sample in self.seen.imu], np.int64)
-        values = np.array([sample[2] for sample in self.seen.imu], np.float64)
+        stamps_ns, values = self.seen.imu.arrays
         if not np.isfinite(values).all():
             at = int(np.argmin(np.isfinite(values).all(axis=1)))
             raise InputError(self.path, f"message {at} holds what is no finite number", where=self.imu.name)
         steps_s = np.diff(stamps_ns) / NS_PER_S
         rate_hz = 1.0 / float(np.median(steps_s)) if len(steps_s) and np.median(steps_s) > 0 else Imu.rate_hz
-        own = self.seen.imu[0][1]
+        own = self.seen.imu_frame
         of_rgb, found = np.eye(4), self.tree.pose_of(frame, own, stamps_ns[:1])
         if found is not None and found[1].all():
             of_rgb = found[0][0]

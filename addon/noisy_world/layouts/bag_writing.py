@@ -11,7 +11,7 @@ from collections import Counter
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cache, cached_property
 from pathlib import Path
 from typing import Any, Literal, TypeAlias
 
@@ -141,6 +141,12 @@ class RosMessages:
         return self.types[ros.TRANSFORMS[0]](found)
 
 
+@cache
+def ros_messages(*, first: bool) -> RosMessages:
+    """Return the messages of ROS 1 or ROS 2; rosbags compiles what writes each kind once for them."""
+    return RosMessages(first=first)
+
+
 # --- a sequence as a bag of its own ---
 
 
@@ -252,7 +258,7 @@ def _matrix(path: Path, document: Any, keys: tuple[Any, ...]) -> Float64:
 
 def write_sequence(folder: Path, out: Path, form: Form) -> Counter[str]:
     """Write a sequence as a bag; return how many messages each topic has. Raises InputError."""
-    messages = BagMessages(folder, RosMessages(first=form == "ros1"))
+    messages = BagMessages(folder, ros_messages(first=form == "ros1"))
     counts: Counter[str] = Counter()
     with _writing(out, form, compressed=False) as writer:
         connections: dict[str, Any] = {}
@@ -318,7 +324,7 @@ class Overlay:
     def ros(self) -> RosMessages:
         """The messages of the bag's kind."""
         assert self.original.rgb is not None
-        return RosMessages(first=self.original.rgb.encoding == "ros1")
+        return ros_messages(first=self.original.rgb.encoding == "ros1")
 
     @property
     def bag(self) -> Bag:
