@@ -68,7 +68,7 @@ def test_the_lint_rules_would_catch_a_breach(tmp_path):
         "evaluate/report.py": "import pandas\n",
         "executors/jobs.py": "from ..evaluate.study import Study\n",
         "panel/runs.py": "from ..cli import generate\n",
-        "panel/generate.py": "from ..evaluate.metrics import score\n",
+        "panel/generating.py": "from ..evaluate.metrics import score\n",
         "cli/entry.py": "from ..panel import runs\n",
         "cli/command.py": "import bpy\n",
     }

@@ -17,7 +17,7 @@ from noisy_world.render.own_stills import read_metered
 from noisy_world.perturbations.groups import build_group
 from noisy_world.perturbations import registry
 from noisy_world.panel import bake_exposure, frame_preview, preview, runs
-from noisy_world.panel.generate import run_of
+from noisy_world.panel.generating import run_of
 
 pytestmark = pytest.mark.usefixtures("add_on")
 

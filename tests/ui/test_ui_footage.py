@@ -15,7 +15,7 @@ from recorded_layouts import WRITERS
 from noisy_world.layouts import EVERY
 from noisy_world.panel import source_views
 from noisy_world.panel import document, frame_preview, exclusions, loading
-from noisy_world.panel.generate import run_of
+from noisy_world.panel.generating import run_of
 from noisy_world.panel.source_views import PANEL_SOURCES, shown
 
 pytestmark = pytest.mark.usefixtures("add_on")

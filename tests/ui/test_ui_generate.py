@@ -16,7 +16,7 @@ bpy = pytest.importorskip("bpy", reason="bpy is not installed")
 
 from noisy_world import panel
 from noisy_world.core.progress import MARK
-from noisy_world.panel import generate as generating
+from noisy_world.panel import generating
 from noisy_world.panel import runs
 from noisy_world.panel.background import BackgroundRun
 from noisy_world.panel.document import to_document

@@ -20,7 +20,7 @@ from noisy_world.core.progress import MARK
 from noisy_world.core.errors import to_content
 from noisy_world.dataset.folder_state import other_dataset
 from noisy_world.perturbations import registry
-from noisy_world.panel import runs, shots, steps
+from noisy_world.panel import entries, runs, shots
 from noisy_world.panel.background import BackgroundRun
 from noisy_world.panel.background import BackgroundSeries, SeriesTask
 from noisy_world.panel.document import to_document
@@ -246,13 +246,13 @@ def test_what_falls_has_the_rate_of_the_frames_that_the_scene_shows(stage):
     stage.render.fps, stage.frame_step = 24, 2
     bpy.ops.noisy_world.add_step(perturbation="snow_depth")
     step = next(item for item in settings().steps if item.perturbation == "snow_depth")
-    assert (step.snow_depth.frame_rate_hz, steps.other_rate(settings(), step)) == (12.0, "")
+    assert (step.snow_depth.frame_rate_hz, entries.other_rate(settings(), step)) == (12.0, "")
     stage.frame_step = 1
-    assert steps.other_rate(settings(), step).startswith("Moves 2 times as fast as in the scene")
+    assert entries.other_rate(settings(), step).startswith("Moves 2 times as fast as in the scene")
     assert bpy.ops.noisy_world.take_rate() == {"FINISHED"}
     assert step.snow_depth.frame_rate_hz == 24.0
     step.temporal, step.snow_depth.frame_rate_hz = "fixed", 10.0
-    assert steps.other_rate(settings(), step) == ""  # nothing moves
+    assert entries.other_rate(settings(), step) == ""  # nothing moves
     single = ROOT / "presets/perturbations/rain_depth.yaml"
     bpy.ops.noisy_world.use_preset(filepath=str(single), part="PERTURBATIONS")
     rain = next(item for item in settings().steps if item.perturbation == "rain_depth")
@@ -264,4 +264,4 @@ def test_what_falls_has_the_rate_of_the_frames_that_the_scene_shows(stage):
     assert with_rate(settings(), given) == given
     assert with_rate(settings(), {"fog": {"severity": 1}}) == {"fog": {"severity": 1}}
     settings().mesh_source = "ROOM"
-    assert steps.own_rate_hz(settings()) is None
+    assert entries.own_rate_hz(settings()) is None

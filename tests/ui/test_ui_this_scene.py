@@ -26,7 +26,7 @@ from noisy_world.panel import (
     drawn_paths,
     loading,
 )
-from noisy_world.panel.generate import run_of
+from noisy_world.panel.generating import run_of
 
 pytestmark = pytest.mark.usefixtures("add_on")
 

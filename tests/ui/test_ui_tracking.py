@@ -17,7 +17,7 @@ import noisy_world
 from noisy_world import panel as ui
 from noisy_world.render.mesh_session import set_origin
 from noisy_world.core.progress import MARK
-from noisy_world.panel import drawn_paths, exclusions, runs, generate
+from noisy_world.panel import drawn_paths, exclusions, generating, runs
 from noisy_world.panel.drawn_paths import TrackedPath
 
 POSES = box_room.path(30, turn_deg=40.0)[:6]
@@ -117,11 +117,11 @@ def test_each_scene_has_its_own_paths(scene):
 def test_why_nothing_can_be_run(scene, dataset, tmp_path, monkeypatch):
     panel = prepare(scene, tmp_path / "none")
     assert not bpy.ops.noisy_world.track.poll()
-    assert generate._problem(scene).endswith("none: holds no frames of this scene yet; press Generate")
+    assert generating._problem(scene).endswith("none: holds no frames of this scene yet; press Generate")
     panel.output_folder = str(dataset)
     assert bpy.ops.noisy_world.track.poll()
     panel.output.modalities = {"rgb"}
-    assert generate._problem(scene) == "The embedded system needs color and depth"
+    assert generating._problem(scene) == "The embedded system needs color and depth"
     panel.output.modalities = {"rgb", "depth"}
     stand_in(monkeypatch, tmp_path, "tell(start={'label': 'tracking', 'total': 4, 'done': 0})\ntime.sleep(60)")
     run = runs.start_tracking(scene, dataset, ("clean/box",))

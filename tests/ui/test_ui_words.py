@@ -28,8 +28,8 @@ from noisy_world.nodes.datablocks import fcurves_of
 from noisy_world.panel import gallery, older_files, sections
 from noisy_world.panel.fields import SECTIONS, SHOWN
 from noisy_world.panel.document import PANEL, to_document
-from noisy_world.panel.generate import NoisyWorldGenerate, NoisyWorldGenerateAnew
-from noisy_world.panel.steps import LONG, parts_of
+from noisy_world.panel.generating import NoisyWorldGenerate, NoisyWorldGenerateAnew
+from noisy_world.panel.entries import LONG, parts_of
 from noisy_world.panel.tree import property_name, set_value, value_of
 from noisy_world.panel.wording import ACTIONS, field_of, noted, spoken
 

@@ -125,7 +125,7 @@ def given_lines(path: Path, remedy: str) -> Iterator[tuple[str, Any]]:
             yield where, parse_json_file(line, path, where=where, remedy=remedy)
 
 
-class FrameTable:
+class FrameLines:
     """The frames.jsonl of a finished sequence; a line is read when it is asked for: parsed, thousands take megabytes.
 
     frames: their numbers, in order.

@@ -26,7 +26,7 @@ from ..channels.rgb import CHANNEL as RGB
 from ..core.atomic_files import sha256_of_bytes
 from ..core.errors import InputError
 from ..core.file_access import read_bytes
-from ..core.frame_table import FRAMES, FrameRecord, FrameTable
+from ..core.frame_table import FRAMES, FrameLines, FrameRecord
 from ..core.geometry import Intrinsics
 from ..core.lens import DepthCamera, Distortion
 from ..core.machine import end_opencv_threads_before_forks
@@ -534,7 +534,7 @@ class _Records:
     def __init__(self, path: Path, count: int) -> None:
         """Find the lines. count: of the images. Raises InputError where they are not those of the images."""
         self.path = path
-        self._table = FrameTable(path) if path.is_file() else None
+        self._table = FrameLines(path) if path.is_file() else None
         frames = range(count) if self._table is None else self._table.frames
         if len(set(frames)) != count:
             raise InputError(path, f"tells of {len(frames)} frames, and there are {count} images", remedy=MEND)

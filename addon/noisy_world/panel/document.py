@@ -30,12 +30,12 @@ from ..preset.scene_keys import HandheldSpec, TrajectorySpec
 from ..scenes.polygon_mesh import is_embedded
 from ..sources import SOURCES, read_scenes
 from . import open_scene
+from .entries import in_order, put_entry, take_entry
 from .fields import is_offered, tell
 from .open_scene import absolute
 from .properties import parameters_of, perturbation_of
 from .source_views import PANEL_SOURCES, Footage, footage_of, shown, shown_as, shows_footage
 from .step_list import clear_entries, curve_ends, curve_of, levels_of
-from .steps import in_order, put_entry, take_entry
 from .tree import FileText, from_line, is_file, is_given, set_value, take, taking, to_line, value_of, with_files
 from .tree import to_document as said_by
 

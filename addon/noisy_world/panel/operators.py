@@ -14,12 +14,12 @@ from ..perturbations import registry
 from ..perturbations.kinds import SEQUENCE_KINDS
 from ..render.own_view import bound_cameras, has_several_cameras, key_motion, keyable
 from . import loading, source_views
+from .entries import add_own_step, take_rate
 from .fields import tell
 from .gallery import line_on
 from .own_objects import own_object
 from .properties import active_step, panel_of
 from .step_list import may_move, move_entry, remove_entry
-from .steps import add_own_step, take_rate
 from .wording import spoken
 
 if TYPE_CHECKING:

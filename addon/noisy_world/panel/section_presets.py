@@ -21,12 +21,12 @@ from ..perturbations.parsing import DEVICE, parse_steps
 from ..preset.camera_devices import CAMERA_DEVICES, with_device
 from ..preset.keys import CameraSpec
 from .document import INTRINSICS, PANEL, Part, can_apply
+from .entries import in_order, put_entry
 from .fields import EMBREE, notify_once, tell
 from .gallery import listed, own_folder, preset_label, shipped_folder
 from .operators import UNDOABLE, OnScene, guarded
 from .properties import panel_of
 from .source_views import shown
-from .steps import in_order, put_entry
 from .tree import set_value, take, taking
 
 LABELS: dict[str, str] = {

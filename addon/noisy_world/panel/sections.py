@@ -21,9 +21,10 @@ from ..perturbations.parsing import parse_steps
 from ..perturbations.steps import steps_of_kind
 from ..preset.keys import OutputSpec, PresetSpec, RenderSpec, RigSpec, SettingSpec
 from ..preset.scene_keys import HandheldSpec, TrajectorySpec
-from . import bake_exposure, gallery, generate, loading, operators, preview, section_presets, source_views, views
+from . import bake_exposure, gallery, generating, loading, operators, preview, section_presets, source_views, views
 from . import drawn_paths as paths
 from .document import APART, OF_FILES, PANEL, identifiers_of, values_of
+from .entries import draw_step, other_rate
 from .fields import CAMERA, DEVIATION, OUTPUT, PERTURBATIONS, SCENE, TRAJECTORY
 from .gallery import BENCHMARK, PACKAGES, PHYSICAL, Offered, line_on, offered, short_label
 from .own_objects import own_object
@@ -31,7 +32,6 @@ from .properties import active_step, own_step, panel_of, perturbation_of
 from .sidebar import write
 from .source_views import shown
 from .step_list import without_effect
-from .steps import draw_step, other_rate
 from .tree import draw_body, draw_distortion, draw_given, draw_imu, draw_keys, draw_lines
 
 # A small picture of what a perturbation of motion does: how it moves and turns the camera in time, and how often.
@@ -471,7 +471,7 @@ class NOISYWORLD_PT_output(PanelSection, bpy.types.Panel):
         draw_given(layout, panel.setting, SettingSpec, leave=("name", "perturb", "sweep", "include"))
         draw_lines(layout, panel, "other_settings")
         layout.prop(panel, "output_folder")
-        generate.draw(layout, context)
+        generating.draw(layout, context)
 
 
 class NOISYWORLD_PT_evaluation(PanelSection, bpy.types.Panel):
@@ -483,7 +483,7 @@ class NOISYWORLD_PT_evaluation(PanelSection, bpy.types.Panel):
         """Draw it."""
         layout = self.fields(context)
         layout.use_property_split = False
-        generate.draw_tracking(layout, context)
+        generating.draw_tracking(layout, context)
 
 
 OFFERED = (PHYSICAL, BENCHMARK, PACKAGES)

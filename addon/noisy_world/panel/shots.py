@@ -17,8 +17,9 @@ from ..preset.keys import Preset, check_document, read_preset
 from . import open_scene
 from .background import BackgroundRun, BackgroundSeries, SeriesTask
 from .document import CLEAN, PANEL, perturb_of, setting_name, setting_of, show_setting, to_document
+from .entries import RATE, own_rate_hz
 from .fields import notify_once
-from .generate import NoisyWorldGenerate, draw_progress, operators
+from .generating import NoisyWorldGenerate, draw_progress, operators
 from .open_scene import absolute, folder_of
 from .operators import CANCELLED, DONE, UNDOABLE, OnScene, guarded
 from .properties import OWN_LIST, PANEL_LIST, PRESET_LIST, active_shot, panel_of
@@ -36,7 +37,6 @@ from .runs import (
 from .sections import PanelSection
 from .sidebar import write
 from .step_list import curve_of
-from .steps import RATE, own_rate_hz
 from .wording import spoken
 
 if TYPE_CHECKING:

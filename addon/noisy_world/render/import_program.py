@@ -29,7 +29,7 @@ from ..scenes.imported_mesh import FACES_EXCLUDED, ImportedPart, ImportedScene, 
 from ..scenes.mesh_formats import check_no_pipe, is_inside, leads_out
 from ..scenes.polygon_mesh import Up
 from .imported_materials import (
-    ImageFiles,
+    ImportedImages,
     NonFiniteMeshError,
     UnusablePictureError,
     check_finite,
@@ -346,7 +346,7 @@ def _imported(wanted: dict[str, Any], path: Path, folder: Path) -> ImportedScene
         if problem := save_lit(Path(wanted["blend"]), inspected.up, wanted["asked"], path.parent):
             raise _RefusedError(problem)
         return ImportedScene((), (), (), inspected.up, beside, notes, numbered_objects(bpy.data.objects))
-    images = ImageFiles(folder, path.parent)
+    images = ImportedImages(folder, path.parent)
     materials = sorted(bpy.data.materials, key=lambda each: each.name)
     parts = imported_parts({material.name: number for number, material in enumerate(materials)})
     used = {number for part in parts for number in part.face_surfaces.tolist()}

@@ -347,7 +347,7 @@ def _data(image: bpy.types.Image, path: Path | None) -> bytes:
         ) from error
 
 
-class ImageFiles:
+class ImportedImages:
     """The images, numbered as they are asked for, with their files in a folder."""
 
     def __init__(self, folder: Path, mesh_folder: Path) -> None:

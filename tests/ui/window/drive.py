@@ -195,7 +195,7 @@ def save() -> at.Steps:
 
 def generate() -> at.Steps:
     """Generate, stop with Esc, generate again to the end, and copy the command."""
-    name = next(name for name in sys.modules if name.endswith("noisy_world.panel.generate"))
+    name = next(name for name in sys.modules if name.endswith("noisy_world.panel.generating"))
     generating = sys.modules[name]
 
     def phase() -> str:
@@ -226,7 +226,7 @@ def generate() -> at.Steps:
 
 def track() -> at.Steps:
     """Run SLAM on what was generated, hide one of the paths, undo and redo, and remove them."""
-    name = next(name for name in sys.modules if name.endswith("noisy_world.panel.generate"))
+    name = next(name for name in sys.modules if name.endswith("noisy_world.panel.generating"))
     tracking, drawn = sys.modules[name], sys.modules[name.replace("generate", "drawn_paths")]
 
     def phase() -> str:
@@ -277,7 +277,7 @@ def this_scene() -> at.Steps:
     yield from photograph("this_scene")
     assert bpy.ops.noisy_world.save_preset(filepath=str(FOLDER / "own.yaml")) == {"FINISHED"}
     assert (FOLDER / "own.blend").is_file()  # the copy of a file that was never saved
-    name = next(name for name in sys.modules if name.endswith("noisy_world.panel.generate"))
+    name = next(name for name in sys.modules if name.endswith("noisy_world.panel.generating"))
     generating = sys.modules[name]
     at.STATE["found"] = False
     yield from at.push("noisy_world.generate(")
