@@ -4,6 +4,7 @@
 import json
 import threading
 import time
+import weakref
 from contextlib import contextmanager
 
 import cv2
@@ -16,7 +17,7 @@ from shard_workers import workers_here
 from worlds import content, write_world
 
 from noisy_world.channels import COLOUR_AND_DEPTH
-from noisy_world.dataset.frame import PlannedFrame
+from noisy_world.dataset.frame import CleanFrame, PlannedFrame
 from noisy_world.images import pixels as images
 from noisy_world.images.pixels import encode_colour
 from noisy_world.perturbations.parsing import parse_steps
@@ -33,6 +34,23 @@ def test_each_frame_is_rendered_once_for_all(world, tmp_path):
     run(world, tmp_path / "out")
     # Once for all settings that leave the path alone, once for the one that does not.
     assert sorted(fake_session.Session.rendered) == sorted([*range(COUNT), *range(COUNT)])
+
+
+def test_an_image_is_let_go_when_it_is_written(tmp_path, monkeypatch):
+    settings = [{"name": f"s{k}", "perturb": [{"brightness": {"severity": k}}]} for k in range(1, 6)]
+    write_world(tmp_path, frames=1, settings=settings, render={"backend": "reference"})
+    made, alive, perturbed = [], [], CleanFrame.perturbed_rgb
+
+    def watched(self, work):
+        alive.append(sum(item() is not None for item in made))
+        pixels = perturbed(self, work)
+        made.append(weakref.ref(pixels))
+        return pixels
+
+    monkeypatch.setattr(CleanFrame, "perturbed_rgb", watched)
+    run(tmp_path / "preset.yaml", tmp_path / "out")
+    assert len(alive) == 5
+    assert max(alive) <= 1
 
 
 def test_what_is_left_alone_is_linked(out):

@@ -226,6 +226,13 @@ class PlannedFrame:
             self._changed[kind] = self._made(kind)
         return self._changed[kind]
 
+    def taken(self, channel: Modality) -> NDArray[Any] | None:
+        """Return what `changed` does, and keep it no longer: a clean frame is written in many settings, one by one."""
+        changed = self.changed(channel)
+        if (kind := CHANNELS[channel].steps) is not None:
+            self._changed.pop(kind, None)
+        return changed
+
     def _made(self, kind: str) -> NDArray[Any] | None:
         if kind == "depth":
             return self._clean_of("depth").perturbed_depth(self.depth)

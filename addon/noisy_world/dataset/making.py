@@ -323,7 +323,7 @@ class FrameFiles:
         if (there := self._perturbed.get(key)) is not None:
             return self._linked(there, folder, name)
         with self._timer.on(f"perturbing: {' + '.join(step.perturbation.name for step in steps)}"):
-            pixels = frame.changed(modality)
+            pixels = frame.taken(modality)
         if pixels is None:
             return self._put_clean(modality, folder, name)
         written = self._put_image(modality, pixels, CHANNELS[modality].encode, folder, name)
