@@ -16,7 +16,7 @@ from written import RIG, SHAKY, extrinsics, matrix_of, names_in, replica_poses, 
 from noisy_world.layouts import find_sequence
 from noisy_world.core.errors import StorageError
 from noisy_world.preset.keys import read_preset
-from noisy_world.dataset.plan import make_plan
+from noisy_world.dataset.plan import make_plan, plan_notes
 
 pytestmark = pytest.mark.usefixtures("no_blender")
 
@@ -246,6 +246,24 @@ def test_without_an_imu_the_body_is_the_robot_as_before(tmp_path):
 def test_what_cannot_be_is_refused_in_a_line(tmp_path, override, names):
     preset = felt(tmp_path, "euroc")
     refused(lambda: make_plan(read_preset(preset, [override])), names=names)
+
+
+@cases(
+    ("override", "aliases"),
+    [
+        ("rig.imu.rate_hz=200", True),
+        ("rig.imu.rate_hz=441", False),  # rotors shake at up to 220 Hz
+        ("rig.imu.bandwidth_hz=64", False),
+        ("rig.imu.bandwidth_hz=300", True),
+        ("settings.0.perturb.0.vibration.high_hz=99", False),
+        ("settings.0.perturb.0.vibration.severity=0", False),
+    ],
+)
+def test_a_plan_says_what_an_imu_aliases(tmp_path, override, aliases):
+    shaken = [{"name": "flown", "perturb": [{"vibration": {"source": "rotors", "high_hz": -1, "severity": 3}}]}]
+    preset = felt(tmp_path, "euroc", settings=shaken)
+    told = [text for text in plan_notes(make_plan(read_preset(preset, [override]))) if "rig.imu.bandwidth_hz" in text]
+    assert len(told) == aliases
 
 
 def test_another_imu_is_another_dataset(tmp_path):

@@ -909,7 +909,27 @@ MS_PER_S = 1000.0
 def plan_notes(plan: Plan) -> list[str]:
     """Return what is to be said of a plan beside its format: what is left out, exposures, what is seen too much."""
     refused = [f"{item.folder} is left out: {item.setting} {item.why}" for item in plan.refused]
-    return [*refused, *_long_exposures(plan), *_limits(plan), *_broken_depth(plan)]
+    return [*refused, *_long_exposures(plan), *_limits(plan), *_broken_depth(plan), *_aliased(plan)]
+
+
+def _aliased(plan: Plan) -> list[str]:
+    """Return a sentence for each setting that shakes faster than an IMU can tell, which has no low-pass against it."""
+    imu = None if plan.rig is None else plan.rig.imu
+    if imu is None or 0 < imu.model.bandwidth_hz < imu.rate_hz / 2:
+        return []
+    found: list[str] = []
+    for setting in plan.settings:
+        for step in setting.motion:
+            kind = step.perturbation
+            if kind.highest_hz is None or step.severity == 0:
+                continue
+            highest_hz = kind.highest_hz(step.parameters(step.severity))
+            if highest_hz > imu.rate_hz / 2:
+                found.append(
+                    f"{setting.name}: {kind.name} shakes at up to {highest_hz:g} Hz, more than half of the IMU's "
+                    f"{imu.rate_hz:g} samples a second, so it aliases; rig.imu.bandwidth_hz gives it a low-pass"
+                )
+    return found
 
 
 def _broken_depth(plan: Plan) -> list[str]:

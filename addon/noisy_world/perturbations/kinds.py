@@ -518,8 +518,9 @@ class MotionPerturbation(Perturbation):
 
     apply: returns other poses, from which frames are rendered again. continuous: whether there are poses between these,
     on the path that the trajectory says by `curve`, or else on the smooth one through them. choose: returns which poses
-    are shown; nothing is rendered again. drawn: beside `apply`, what it draws, to be recorded. Raises ValueError where
-    both or neither of apply and choose are given, drawn without apply, or temporals.
+    are shown; nothing is rendered again. drawn: beside `apply`, what it draws, to be recorded. highest_hz: parameters
+    -> the highest frequency that it moves with, where it tells. Raises ValueError where both or neither of apply and
+    choose are given, drawn without apply, or temporals.
     """
 
     stage: Stage = field(default="motion", init=False)
@@ -527,6 +528,7 @@ class MotionPerturbation(Perturbation):
     choose: MotionChoose | None = None
     drawn: MotionDrawn | None = None
     continuous: bool = False
+    highest_hz: Callable[[Any], float] | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -81,6 +81,16 @@ def signals(parameters: Vibration, context: SequenceContext) -> tuple[Sines, Sin
     return found[0], found[1]
 
 
+def highest_hz(parameters: Vibration) -> float:
+    """Return the highest frequency that it shakes with; 0 for none."""
+    if parameters.source == "band" and parameters.high_hz >= 0:
+        return parameters.high_hz
+    spectrum = SPECTRA[parameters.source]
+    axes = (*spectrum.translation_m, *spectrum.rotation_deg)
+    kept = (limited(axis, parameters.low_hz, parameters.high_hz).bands for axis in axes)
+    return max((high for bands in kept for _, high, _ in bands), default=0.0)
+
+
 def apply(trajectory: Trajectory, parameters: Vibration, context: SequenceContext) -> Trajectory:
     """Return the path of the body that shakes: sums of seeded sines, in its own axes, since the path's first stamp."""
     return deviated(trajectory, *signals(parameters, context))
@@ -114,4 +124,5 @@ PERTURBATION = MotionPerturbation(
     ),
     apply=apply,
     continuous=True,
+    highest_hz=highest_hz,
 )
