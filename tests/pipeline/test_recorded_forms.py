@@ -47,8 +47,13 @@ def recording(tmp_path, name):
     return folder, WRITERS[name](folder)
 
 
-@pytest.mark.parametrize("name", ["bundlefusion", "nerfstudio", "open3d"])
-@pytest.mark.parametrize("layout", ["replica", "tum", "euroc"])
+@pytest.mark.parametrize(
+    ("name", "layout"),
+    [
+        *(("bundlefusion", "replica"), ("nerfstudio", "tum"), ("open3d", "euroc"), ("bop", "replica")),
+        *(("record3d", "tum"), ("polycam", "euroc"), ("openloris", "replica"), ("neural_rgbd", "tum")),
+    ],
+)
 def test_what_is_written_is_what_was_recorded(name, layout, tmp_path):
     source, _ = recording(tmp_path, name)
     before = find_sequence(source)

@@ -261,3 +261,17 @@ def test_lost_images_shift_no_pose(tmp_path):
     np.testing.assert_allclose(found.trajectory.c2w, C2W[[2, 3]], rtol=0, atol=1e-12)
     matrices(tmp_path / "r", C2W[:2])  # as many as pairs: whose they are is not told otherwise
     np.testing.assert_allclose(stored_of(tmp_path / "r", PLAIN).trajectory.c2w, C2W[:2], rtol=0, atol=1e-12)
+
+
+def test_floating_depth_in_a_list_is_metres(tmp_path):
+    folder = written(tmp_path / "r", depth="depth/{n}.npy", make=lambda n: DEPTH_M[n].astype(np.float32))
+    for kind, name in (("rgb", "shots/{n}.png"), ("depth", "depth/{n}.npy")):
+        (folder / f"{kind}.txt").write_text("".join(f"{n} {name.format(n=n)}\n" for n in range(FRAMES)))
+    found = find_sequence(folder, poses="none")
+    np.testing.assert_allclose(found.frame(1).depth_m, DEPTH_M[1], rtol=1e-6)
+    assert any("taken for metres" in str(note) for note in found.notes)
+    camera = {"width": 33, "height": 25, **INTRINSICS}
+    scene = {"name": "box", "sequence": str(folder), "poses": "none", "depth_scale_per_m": 2}
+    path = preset_of(tmp_path / "p", scene, camera=camera, output={"layout": "tum"})
+    (scene,) = make_plan(read_preset(path)).scenes
+    np.testing.assert_allclose(scene.source.stored.frame(1).depth_m, DEPTH_M[1] / 2, rtol=1e-6)

@@ -8,7 +8,7 @@ from pathlib import Path, PurePosixPath
 from ..core.errors import InputError
 from ..core.packages import Door, Registry
 from .layout import Beyond, Colour, FrameNames, Image, Layout, Modality, OutputFormat, RecordedLayout, SequenceFacts
-from .stored_recording import PosePolicy, StoredSequence
+from .stored_recording import PosePolicy, StoredSequence, in_metres
 
 __all__ = [
     "EVERY",
@@ -86,7 +86,9 @@ def find_sequence(folder: Path, rate_hz: float | None = None, poses: PosePolicy 
     if len(found) == 1:
         from .asl import with_imu
 
-        return with_imu(found[0].read(folder, rate_hz, poses))
+        layout = found[0]
+        read = layout.read(folder, rate_hz, poses)
+        return with_imu(in_metres(read, getattr(layout, "depth_scale_per_m", None)))
     if not found:
         raise InputError(folder, "is no sequence", remedy=f"it has to have the files of a layout: {known_recordings()}")
     several = " and of ".join(layout.label for layout in found)

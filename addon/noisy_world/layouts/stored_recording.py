@@ -6,7 +6,7 @@ import os
 import re
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal, TypeAlias
@@ -264,6 +264,26 @@ class StoredSequence:
         if not self._digests or not file.is_relative_to(self.folder):
             return None
         return self._digests.get(file.relative_to(self.folder).as_posix())
+
+
+FLOATING = "depth is floating point"
+
+
+def in_metres(found: StoredSequence, usual_scale_per_m: float | None) -> StoredSequence:
+    """Return a recording whose depth is metres where it is floating point and nothing says a scale but its layout.
+
+    usual_scale_per_m: the layout's, which is of steps.
+    """
+    if (
+        found.depth_is_png
+        or found.depth_scale_per_m != usual_scale_per_m
+        or not read_header(found.depth_files[0]).floating
+    ):
+        return found
+    if any(FLOATING in str(note) for note in found.notes):
+        return found
+    note = Message(f"{FLOATING}: it is taken for metres; ", PresetKey("depth_scale_per_m"), " says another")
+    return replace(found, depth_scale_per_m=1.0, notes=(*found.notes, note))
 
 
 def is_png(path: Path) -> bool:
