@@ -79,10 +79,18 @@ def images_csv(names: Sequence[str]) -> str:
 
 def poses_csv(path: Trajectory, stamps_ns: Sequence[int]) -> str:
     """Return the poses of a body: t [ns], p [m], q (w first), body-to-world; numbers read back to the same float64."""
-    quats = continuous_quats(quat_wxyz_from_rotation(path.c2w[:, :3, :3]))
-    values = np.concatenate([path.c2w[:, :3, 3], quats], axis=1) + 0.0  # + 0.0 turns -0.0 into 0.0
-    rows = zip(map(stamp_text, stamps_ns), values.tolist(), strict=True)
-    return lines([POSES_HEADER, *(",".join([stamp, *map(repr, row)]) for stamp, row in rows)])
+    return lines([POSES_HEADER, *stamped_rows(map(stamp_text, stamps_ns), pose_columns(path.c2w))])
+
+
+def pose_columns(c2w: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return poses (N, 4, 4) as rows (N, 7): p [m], q with w first, its signs chosen so that it never jumps."""
+    return np.concatenate([c2w[:, :3, 3], continuous_quats(quat_wxyz_from_rotation(c2w[:, :3, :3]))], axis=1)
+
+
+def stamped_rows(stamps: Iterable[object], values: NDArray[np.float64]) -> Iterator[str]:
+    """Yield a line for each row (N, D): its stamp, and numbers that read back to the same float64."""
+    for stamp, row in zip(stamps, (values + 0.0).tolist(), strict=True):  # + 0.0 turns -0.0 into 0.0
+        yield ",".join([str(stamp), *map(repr, row)])
 
 
 def read_images_csv(path: Path) -> StampedFiles:
@@ -187,9 +195,9 @@ def sensor_yaml(
         rows += [
             f"resolution: [{camera.width_px}, {camera.height_px}]",
             "camera_model: pinhole",
-            f"intrinsics: [{', '.join(map(yaml_number, numbers))}] # fu, fv, cu, cv",
+            f"intrinsics: {yaml_row(numbers)} # fu, fv, cu, cv",
             f"distortion_model: {lens.model}",
-            f"distortion_coefficients: [{', '.join(map(yaml_number, lens.coefficients))}]",
+            f"distortion_coefficients: {yaml_row(lens.coefficients)}",
         ]
     if depth_scale_per_m is not None:
         rows += [
@@ -204,6 +212,11 @@ def yaml_number(value: float) -> str:
     """Return a number with a point: PyYAML and others that follow YAML 1.1 take 1e-05 for a text."""
     digits, e, exponent = repr(float(value)).partition("e")
     return f"{digits}{'' if '.' in digits or not e else '.0'}{e}{exponent}"
+
+
+def yaml_row(values: Iterable[float]) -> str:
+    """Return a list of numbers, as YAML has it on one line."""
+    return f"[{', '.join(yaml_number(float(value) + 0.0) for value in values)}]"
 
 
 def read_sensor_yaml(path: Path) -> AslSensor:
@@ -293,16 +306,15 @@ STATES_HEADER = POSES_HEADER + "".join(
 def samples_csv(samples: ImuSamples) -> str:
     """Return what an IMU measured: t [ns] of its own clock, angular velocity [rad/s], specific force [m/s^2]."""
     values = np.concatenate([samples.rate_rad_s, samples.force_m_s2], axis=1)
-    return lines([SAMPLES_HEADER, *_sample_rows(samples.stamps_ns, values)])
+    return lines([SAMPLES_HEADER, *stamped_rows(map(stamp_text, samples.stamps_ns.tolist()), values)])
 
 
 def states_csv(states: ImuStates) -> str:
     """Return true states: t [ns] of the cameras' clock, position, quaternion with w first, velocity, both biases."""
-    at = rounded_poses(pose(states.motion.rotation, states.motion.position_m))
-    quats = continuous_quats(quat_wxyz_from_rotation(at[:, :3, :3]))
+    at = pose_columns(rounded_poses(pose(states.motion.rotation, states.motion.position_m)))
     others = [states.motion.velocity_m_s, states.gyro_bias_rad_s, states.accel_bias_m_s2]
-    values = np.concatenate([at[:, :3, 3], quats, *map(rounded_numbers, others)], axis=1)
-    return lines([STATES_HEADER, *_sample_rows(states.stamps_ns, values)])
+    values = np.concatenate([at, *map(rounded_numbers, others)], axis=1)
+    return lines([STATES_HEADER, *stamped_rows(map(stamp_text, states.stamps_ns.tolist()), values)])
 
 
 def read_samples(text: str, file: Path | str) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
@@ -417,14 +429,8 @@ def imu_texts(facts: SequenceFacts) -> dict[str, str]:
         return {}
     rgb_from_imu = rounded_poses(invert_pose(rig.rgb.robot_from_sensor) @ samples.imu.robot_from_sensor)
     rows = ["# The IMU's pose in the colour camera's frame; T_BS is its pose in the robot's, with OpenCV's axes."]
-    rows += ["T_cam_imu:", *(f"  - [{', '.join(map(yaml_number, row))}]" for row in rgb_from_imu.tolist())]
+    rows += ["T_cam_imu:", *(f"  - {yaml_row(row)}" for row in rgb_from_imu.tolist())]
     texts = [samples_csv(samples), imu_yaml(samples.imu, samples.imu.robot_from_sensor, rows)]
     if (states := samples.true_states(facts.frames_ns)) is not None:
         texts.append(states_csv(states))
     return dict(zip(IMU_FILES, texts, strict=False))
-
-
-def _sample_rows(stamps_ns: NDArray[np.int64], values: NDArray[np.float64]) -> Iterable[str]:
-    """Yield a line for each row of values (N, D), which read back to the same float64."""
-    for stamp_ns, row in zip(stamps_ns.tolist(), (values + 0.0).tolist(), strict=True):
-        yield ",".join([stamp_text(stamp_ns), *map(repr, row)])

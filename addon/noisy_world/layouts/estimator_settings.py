@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from ..core.geometry import Intrinsics, invert_pose
 from ..core.lens import Distortion
 from ..trajectories.rig import Imu
-from .asl import yaml_number
+from .asl import yaml_number, yaml_row
 from .layout import lines
 
 FOLDER = "settings"
@@ -158,9 +158,9 @@ def _camera_chain(
         [
             *(HEADER, "cam0:", "  T_cam_imu:", *_rows(invert_pose(imu_from_rgb), 4)),
             *("  cam_overlaps: []", "  camera_model: pinhole"),
-            f"  distortion_coeffs: {_row(lens.coefficients)}",
+            f"  distortion_coeffs: {yaml_row(lens.coefficients)}",
             f"  distortion_model: {model}",
-            f"  intrinsics: {_row(_pinhole(camera))}",
+            f"  intrinsics: {yaml_row(_pinhole(camera))}",
             f"  resolution: [{camera.width_px}, {camera.height_px}]",
             "  rostopic: /cam0/image_raw",
             f"  timeshift_cam_imu: {yaml_number(imu.time_offset_s)}",
@@ -223,12 +223,8 @@ def _text(value: float | str) -> str:
     return yaml_number(value) if isinstance(value, float) else str(value)
 
 
-def _row(values: NDArray[np.float64] | tuple[float, ...]) -> str:
-    return f"[{', '.join(yaml_number(float(value) + 0.0) for value in values)}]"
-
-
 def _rows(matrix: NDArray[np.float64], indent: int) -> list[str]:
-    return [f"{' ' * indent}- {_row(row)}" for row in matrix]
+    return [f"{' ' * indent}- {yaml_row(row)}" for row in matrix]
 
 
 def _opencv_matrix(name: str, matrix: NDArray[np.float64], kind: str) -> str:
@@ -237,6 +233,6 @@ def _opencv_matrix(name: str, matrix: NDArray[np.float64], kind: str) -> str:
         [
             f"{name}: !!opencv-matrix",
             *("   rows: 4", "   cols: 4", f"   dt: {kind}"),
-            f"   data: {_row(matrix.ravel())}",
+            f"   data: {yaml_row(matrix.ravel())}",
         ]
     )

@@ -16,13 +16,13 @@ from numpy.typing import NDArray
 
 from ..core.errors import InputError
 from ..core.file_access import finite_number
-from ..core.geometry import Intrinsics, continuous_quats, invert_pose, quat_wxyz_from_rotation
+from ..core.geometry import Intrinsics, invert_pose
 from ..core.lens import Distortion, DistortionModel, Optics
 from ..core.schema import quoted, read_yaml
 from ..core.trajectory import FrameStamps, Stamps, Trajectory
 from ..trajectories.formats import read_trajectory
 from ..trajectories.rig import Imu, ImuSamples
-from .asl import LARGEST_NS, exact_stamps
+from .asl import LARGEST_NS, exact_stamps, pose_columns, stamped_rows, yaml_number, yaml_row
 from .estimator_settings import LEAST
 from .layout import PATH_SUFFIXES, Layout, SequenceFacts, StampsLike, lines, path_suffix, poses_at
 from .stored_recording import (
@@ -52,9 +52,8 @@ BOUNDLESS = 1000.0  # of an IMU that saturates nowhere, rad/s and m/s^2
 
 def vslamlab_samples(samples: ImuSamples) -> str:
     """Return what an IMU measured: t [ns] of its own clock, angular velocity, specific force."""
-    values = (np.concatenate([samples.rate_rad_s, samples.force_m_s2], axis=1) + 0.0).tolist()
-    rows = zip(samples.stamps_ns.tolist(), values, strict=True)
-    return lines([",".join(COLUMNS), *(",".join([str(stamp_ns), *map(repr, row)]) for stamp_ns, row in rows)])
+    values = np.concatenate([samples.rate_rad_s, samples.force_m_s2], axis=1)
+    return lines([",".join(COLUMNS), *stamped_rows(samples.stamps_ns.tolist(), values)])
 
 
 def vslamlab_imu(imu: Imu) -> list[str]:
@@ -69,20 +68,19 @@ def vslamlab_imu(imu: Imu) -> list[str]:
         "sigma_aw_c": max(model.accel_random_walk, LEAST),
         **BIAS_PRIORS,
     }
-    entries = ["imu_name: imu_0", *(f"{name}: {number(value)}" for name, value in numbers.items())]
-    entries += ["a0: [0.0, 0.0, 0.0]", "g0: [0.0, 0.0, 0.0]", f"g: {number(imu.gravity_m_s2)}", "s_a: [1.0, 1.0, 1.0]"]
-    return braced([*entries, f"fps: {number(imu.rate_hz)}", f"T_BS: [{', '.join(map(number, np.eye(4).ravel()))}]"])
+    entries = ["imu_name: imu_0", *(f"{name}: {yaml_number(value)}" for name, value in numbers.items())]
+    entries += [
+        "a0: [0.0, 0.0, 0.0]",
+        "g0: [0.0, 0.0, 0.0]",
+        f"g: {yaml_number(imu.gravity_m_s2)}",
+        "s_a: [1.0, 1.0, 1.0]",
+    ]
+    return braced([*entries, f"fps: {yaml_number(imu.rate_hz)}", f"T_BS: {yaml_row(np.eye(4).ravel())}"])
 
 
 def braced(entries: Sequence[str]) -> list[str]:
     """Return an item of a list, a mapping broken into lines as VSLAM-LAB's own writer does it."""
     return ["  - {" + ",\n     ".join(entries), "    }"]
-
-
-def number(value: float) -> str:
-    """Return a number with a point: YAML 1.1 takes 1e-05 for a text."""
-    digits, e, exponent = repr(float(value)).partition("e")
-    return f"{digits}{'' if '.' in digits or not e else '.0'}{e}{exponent}"
 
 
 LISTED = "rgb.csv"
@@ -212,10 +210,8 @@ def _listed_text(facts: SequenceFacts) -> str:
 
 def _poses_text(path: Trajectory, stamps: Stamps) -> str:
     """Return t [ns], p [m], q (w last), camera-to-world; numbers read back to the same float64."""
-    quats = np.roll(continuous_quats(quat_wxyz_from_rotation(path.c2w[:, :3, :3])), -1, axis=1)
-    values = np.concatenate([path.c2w[:, :3, 3], quats], axis=1) + 0.0  # + 0.0 turns -0.0 into 0.0
-    rows = zip(stamps.ns, values.tolist(), strict=True)
-    return lines([",".join(POSE_COLUMNS), *(",".join([str(stamp_ns), *map(repr, row)]) for stamp_ns, row in rows)])
+    values = pose_columns(path.c2w)[:, [0, 1, 2, 4, 5, 6, 3]]
+    return lines([",".join(POSE_COLUMNS), *stamped_rows(stamps.ns, values)])
 
 
 def _calibration_text(facts: SequenceFacts) -> str:
@@ -229,23 +225,22 @@ def _calibration_text(facts: SequenceFacts) -> str:
         entries += ["cam_type: rgb"]
     entries += [
         "cam_model: pinhole",
-        f"focal_length: [{number(camera.fx_px)}, {number(camera.fy_px)}]",
-        f"principal_point: [{number(camera.cx_px)}, {number(camera.cy_px)}]",
+        f"focal_length: {yaml_row((camera.fx_px, camera.fy_px))}",
+        f"principal_point: {yaml_row((camera.cx_px, camera.cy_px))}",
         f"image_dimension: [{camera.width_px}, {camera.height_px}]",
     ]
     if (lens := facts.optics.distortion) is not None:
-        values = ", ".join(map(number, lens.coefficients))
-        entries += [f"distortion_type: {_type_of(lens)}", f"distortion_coefficients: [{values}]"]
+        entries += [f"distortion_type: {_type_of(lens)}", f"distortion_coefficients: {yaml_row(lens.coefficients)}"]
     if "depth" in facts.format.modalities:
-        entries += [f"depth_factor: {number(facts.format.depth_scale_per_m)}"]
-    entries += [f"fps: {number(round(rate_hz, 6))}"]
+        entries += [f"depth_factor: {yaml_number(facts.format.depth_scale_per_m)}"]
+    entries += [f"fps: {yaml_number(round(rate_hz, 6))}"]
     body_from_rgb, imus = np.eye(4), []
     if facts.imu is not None and facts.rig is not None:
         # The body is the IMU, as in VSLAM-LAB's own sequences; the truth stays the colour camera's.
         body_from_rgb = invert_pose(facts.imu.imu.robot_from_sensor) @ facts.rig.rgb.robot_from_sensor
         entries += [f"{TRUTH_OF}: {CAMERA}"]
         imus = ["", "imus:", *vslamlab_imu(facts.imu.imu)]
-    entries += [f"T_BS: [{', '.join(map(number, (body_from_rgb + 0.0).ravel().tolist()))}]"]
+    entries += [f"T_BS: {yaml_row(body_from_rgb.ravel().tolist())}"]
     return lines(["%YAML 1.2", "---", "cameras:", *braced(entries), *imus])
 
 
