@@ -11,7 +11,7 @@ import yaml
 from cases import cases
 from inertial_paths import GRAVITY_M_S2
 from made_bags import K, SIZE, START_NS, STEP_NS, compressed_depth, depth_mm, walk
-from runs import run
+from runs import planned, run
 from written import RIG, rows_of, world
 
 from noisy_world.cli import command
@@ -161,13 +161,26 @@ def samples_of_files(folder):
     return [(int(row[0]), *map(float, row[1:])) for row in rows]
 
 
+def test_a_pattern_names_several_bags(tmp_path):
+    for name in ("one", "two"):
+        walk(tmp_path, "ros1", frames=2).rename(tmp_path / f"walk_{name}.bag")
+    (tmp_path / "walk_other.txt").write_text("no bag")
+    scene = {"sequence": "walk_*"}
+    (tmp_path / "p.json").write_text(json.dumps({"scenes": [scene], "output": {"layout": "tum"}}))
+    assert [scene.name for scene in planned(tmp_path / "p.json").scenes] == ["one.bag", "two.bag"]
+
+
 # --- over a bag ---
 
 
 def texts(path):
-    """Return every message of a bag as it is stored, but for images: topic, type, time and bytes."""
+    """Return every message of a bag as it is stored, but for images: how its topic is sent, time and bytes."""
     with reader_of(path) as reader:
-        found = [(item.topic, item.msgtype, stamp_ns, bytes(raw)) for item, stamp_ns, raw in reader.messages()]
+        found = [
+            (item.topic, item.msgtype, repr((item.msgdef, item.digest, item.ext)), stamp_ns, bytes(raw))
+            for item, stamp_ns, raw in reader.messages()
+        ]
+    assert any("transient_local" in item[2].lower() or "/robot" in item[2] for item in found)
     return sorted(item for item in found if "image_raw" not in item[0])
 
 

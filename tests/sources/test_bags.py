@@ -406,11 +406,24 @@ def swapped(old, new):
 
 
 def bomb(path):
-    """Say that a chunk holds four gigabytes, and make it hold a gigabyte of zeros."""
+    """Say that a chunk holds 900 MB."""
     data = path.read_bytes()
     at = data.index(b"compression=lz4")
     size = data.index(b"size=", at) + 5
-    path.write_bytes(data[:size] + struct.pack("<L", 2**32 - 1) + data[size + 4 :])
+    path.write_bytes(data[:size] + struct.pack("<L", 9 * 10**8) + data[size + 4 :])
+
+
+def bombs(path):
+    """Put in more chunks by the hundred, each 200 MB of zeros in 9 kB."""
+    import backports.zstd
+
+    whole = 2 * 10**8
+    zeros = backports.zstd.compress(bytes(whole))
+    head = struct.pack("<QQQI", 1, 2, whole, 0) + struct.pack("<I", 4) + b"zstd" + struct.pack("<Q", len(zeros))
+    data = path.read_bytes()
+    end = data.index(struct.pack("<BQ", 15, 4) + bytes(4))
+    chunk = struct.pack("<BQ", 6, len(head) + len(zeros)) + head + zeros
+    path.write_bytes(data[:end] + 200 * chunk + data[end:])
 
 
 def lying(path):
@@ -432,6 +445,7 @@ DAMAGED = {
     "ROS 1, bomb": ("ros1", "lz4", bomb, "at most 268435456 are read"),
     "ROS 1, lying": ("ros1", "lz4", lying, "a chunk says"),
     "MCAP, cut": ("mcap", None, cut, "has no end: its recording or copying was cut; run mcap recover"),
+    "MCAP, bombs": ("mcap", None, bombs, "that is no recording"),
     "MCAP, middle": ("mcap", None, swapped(b"\x05", b"\xf5"), ""),
     "SQLite, cut": ("db3", None, cut, "is damaged"),
     "SQLite, other": ("db3", None, swapped(b"messages", b"massages"), "is no bag"),

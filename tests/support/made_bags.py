@@ -135,6 +135,16 @@ class Ros:
         return self.types["std_msgs/msg/String"](text)
 
 
+def _qos():
+    """Return how a topic of ROS 2 is sent, other than by default."""
+    said = pytest.importorskip("rosbags.interfaces")
+    time = said.QosTime(3, 5)
+    return said.Qos(
+        *(said.QosHistory.KEEP_LAST, 7, said.QosReliability.BEST_EFFORT, said.QosDurability.TRANSIENT_LOCAL),
+        *(time, time, said.QosLiveliness.AUTOMATIC, time, False),
+    )
+
+
 class Made:
     """A bag that is being written."""
 
@@ -146,7 +156,8 @@ class Made:
         """Add a message under the time of its recording."""
         name = message.__msgtype__
         if topic not in self.connections:
-            self.connections[topic] = self.writer.add_connection(topic, name, typestore=self.ros.store)
+            given = {"callerid": "/robot", "latching": 1} if self.ros.first else {"offered_qos_profiles": [_qos()]}
+            self.connections[topic] = self.writer.add_connection(topic, name, typestore=self.ros.store, **given)
         self.writer.write(self.connections[topic], log_ns, self.ros.serialised(message))
 
 

@@ -41,6 +41,7 @@ ROS1_MAGIC, MCAP_MAGIC, SQLITE_MAGIC = b"#ROSBAG V", b"\x89MCAP0\r\n", b"SQLite 
 # Chosen: recorders begin a new chunk after some megabytes, and one message may be an image of 8K in float.
 LARGEST_CHUNK_BYTES = 2**28
 LARGEST_HEADER_BYTES = 2**24  # of a record but a message: definitions of messages are some kilobytes
+LARGEST_RATIO, SMALL_BYTES = 1000, 2**30  # all chunks over the file, where they are more than a gigabyte
 KEPT_BYTES = 2**26  # of chunks that are decompressed; one is kept whatever its size
 AHEAD_BYTES = 2**14  # read at once, as small messages follow one another
 MOST_PARTS = 10_000  # files of one bag
@@ -325,6 +326,13 @@ class _ChunkedPart(Part):
             raise _CutError(f"it ends before byte {start + count}")
         return data
 
+    def check_chunks(self) -> None:
+        """Refuse a file whose chunks say that they are far more than they can be. Raises InputError."""
+        said = sum(chunk.whole_bytes for chunk in self.chunks)
+        if said > max(SMALL_BYTES, LARGEST_RATIO * self.size_bytes):
+            problem = f"has {self.size_bytes} bytes, and says that its chunks are {said}: that is no recording"
+            raise InputError(self.path, problem, remedy="record it again")
+
     def part_of_chunk(self, number: int, start: int, count: int) -> bytes:
         """Return bytes of what a chunk holds; of the file for -1. Raises _CutError where it has not as many."""
         if number < 0:
@@ -480,6 +488,7 @@ class Ros1Part(_ChunkedPart):
                 entries += len(block[2])
                 if entries * _INDEX_ENTRY.itemsize > self.size_bytes:
                     raise self.damaged("its index is larger than itself")
+        self.check_chunks()
         return list(connections.values()), _concatenated(blocks)
 
     def _chunk(self, place: int, count: int) -> Iterator[tuple[int, int, Int64, Int64]]:
@@ -617,6 +626,7 @@ class McapPart(_ChunkedPart):
                 case _:
                     self._described(kind, lambda start=start, length=length: self.at(start, length), length)
             at = start + length
+        self.check_chunks()
         for channel in {item[0] for item in single}:
             chosen = np.array([item[1:] for item in single if item[0] == channel], np.int64)
             blocks.append((channel, -1, chosen[:, 0], chosen[:, 1]))
