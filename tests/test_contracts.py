@@ -11,10 +11,6 @@ from recorded_layouts import WRITERS, rgbd_folders
 
 from noisy_world import testing
 from noisy_world.channels import CHANNELS, COLOUR_AND_DEPTH
-from noisy_world.layouts import LAYOUTS, RECORDED
-from noisy_world.layouts.replica import ReplicaLayout
-from noisy_world.layouts.tum import TumLayout
-from noisy_world.trajectories.formats import TRAJECTORY_FORMATS
 from noisy_world.evaluate.map_metrics import MAP_METRICS, MapMetric
 from noisy_world.evaluate.metrics import METRICS
 from noisy_world.evaluate.systems import SHIPPED
@@ -28,7 +24,11 @@ from noisy_world.extend import (
     TrajectoryMetric,
     key,
 )
+from noisy_world.layouts import LAYOUTS, RECORDED
+from noisy_world.layouts.replica import ReplicaLayout
+from noisy_world.layouts.tum import TumLayout
 from noisy_world.perturbations import registry
+from noisy_world.trajectories.formats import TRAJECTORY_FORMATS
 
 
 @pytest.mark.parametrize("name", [name for name, item in registry().items() if item.distribution is None])

@@ -17,9 +17,9 @@ from noisy_world.core.errors import NoisyWorldError
 from noisy_world.core.trajectory import Trajectory
 from noisy_world.evaluate.estimates import Estimate
 from noisy_world.evaluate.metrics import METRICS
-from noisy_world.evaluate.trajectory_scores import score_trajectory
 from noisy_world.evaluate.study_results import merged, why_not
 from noisy_world.evaluate.systems import find_system, system_names
+from noisy_world.evaluate.trajectory_scores import score_trajectory
 
 UPWARD = """
 import numpy as np

@@ -5,15 +5,13 @@ import numpy as np
 import pytest
 from trajectory_pairs import moved, path, rotation
 
-from noisy_world.trajectories.stamped_poses import tum_text
 from noisy_world.core.trajectory import Trajectory
-from noisy_world.evaluate.trajectory_scores import score_trajectory
-from noisy_world.evaluate.trajectory_scores import read_poses_to_compare
-from noisy_world.evaluate.cases import Outcome, RunRecord
+from noisy_world.evaluate.cases import ESTIMATE, Outcome, RunRecord, estimate_text
 from noisy_world.evaluate.study_results import STRICT, score_run
-from noisy_world.evaluate.systems import Writes
-from noisy_world.evaluate.cases import ESTIMATE, estimate_text
 from noisy_world.evaluate.system_runs import normalised
+from noisy_world.evaluate.systems import Writes
+from noisy_world.evaluate.trajectory_scores import read_poses_to_compare, score_trajectory
+from noisy_world.trajectories.stamped_poses import tum_text
 
 COUNT = 30
 TRUTH = path(np.random.default_rng(4), COUNT, start_s=1_400_000_000.0)

@@ -99,6 +99,16 @@ def write_study(folder, **keys):
     (folder / "study.json").write_text(json.dumps(document, indent=1, sort_keys=True))
 
 
+def write_runs(folder, rows, **keys):
+    """Write runs.csv of rows, and `write_study`'s study.json."""
+    (folder / "tables").mkdir(parents=True)
+    with (folder / "tables" / "runs.csv").open("w", newline="") as file:
+        table = csv.DictWriter(file, list(rows[0]))
+        table.writeheader()
+        table.writerows(rows)
+    write_study(folder, **keys)
+
+
 def _step(perturbation, mode, severity, parameters):
     levels = [1, 2, 3, 4, 5] if mode == "dynamic" else None
     each = parameters if levels is None else [parameters] * len(levels)

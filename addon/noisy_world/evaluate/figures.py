@@ -467,6 +467,3 @@ def correlation_matrices(table: "DataFrame", name: str, title: str) -> Picture:
         svg = svg_bytes(figure)
     about = f"{title}: Spearman's rank correlation of ATE, a panel for each mode; the table below has n and p."
     return Picture(name, title, about, svg)
-
-
-# The report's pictures, drawn by matplotlib as SVG: equal inputs give equal bytes.

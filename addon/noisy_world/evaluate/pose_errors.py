@@ -1,13 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """An estimate laid over the truth: alignment, and absolute and relative errors of its poses."""
 
-import csv
-import io
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import cached_property
-from typing import Literal, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -562,14 +561,21 @@ class FrameErrors:
 
 def frame_errors_text(errors: FrameErrors) -> str:
     """Return the errors as CSV: a row for each frame, an empty cell where a number is missing; tracked is 1 or 0."""
-    text = io.StringIO()
-    rows = csv.writer(text, lineterminator="\n")
-    rows.writerow(COLUMNS)
-    for index in range(len(errors)):
-        numbers = (errors.error_m[index], errors.rotation_error_deg[index], *errors.position_m[index])
-        cells = ["" if math.isnan(number) else repr(float(number)) for number in numbers]
-        rows.writerow([index, f"{errors.stamp_s[index]:.9f}", int(errors.tracked[index]), *cells])
-    return text.getvalue()
+    columns = (np.arange(len(errors)), errors.stamp_s, errors.tracked, errors.error_m, errors.rotation_error_deg)
+    named: dict[str, NDArray[Any]] = dict(zip(COLUMNS, (*columns, *errors.position_m.T), strict=True))
+    return columns_text(named, {"index": 0, "stamp_s": 9, "tracked": 0})
+
+
+def columns_text(columns: Mapping[str, NDArray[Any]], decimals: Mapping[str, int]) -> str:
+    """Return columns of numbers as CSV, an empty cell where one is missing. decimals: of some columns, else all."""
+    cells = [[_cell(number, decimals.get(name)) for number in values.tolist()] for name, values in columns.items()]
+    return "".join(f"{','.join(row)}\n" for row in (columns, *zip(*cells, strict=True)))
+
+
+def _cell(number: float, decimals: int | None) -> str:
+    if not math.isfinite(number):
+        return ""
+    return repr(number) if decimals is None else f"{number:.{decimals}f}"
 
 
 # Whether an estimate's rotations look as if its quaternions were written in another order than they were read.

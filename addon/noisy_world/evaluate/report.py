@@ -4,7 +4,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -87,8 +87,6 @@ def write_report(results: Path) -> WrittenReport:
 # The report's contents, from what a results folder holds.
 
 
-T = TypeVar("T")
-
 SCORE = "success_auc"
 RUN_COLUMNS = (
     *(*RUN_KEY, "perturbation", "mode", "severity", "outcome", "failure", "result"),
@@ -112,10 +110,10 @@ def gather(results: Results, analyses: Analyses) -> Contents:
         Section(
             "settings",
             "Settings",
-            pictures=_some(_heat_map(results, findings, gate)),
+            pictures=[of_settings] if (of_settings := _heat_map(results, findings, gate)) else [],
             tables=[settings_table(results, analyses["spread"])],
         ),
-        *_some(threshold_section(results.folder)),
+        *([thresholds] if (thresholds := threshold_section(results.folder)) else []),
         Section("runs", "Single runs", _RUNS, _run_pictures(results, missing), tables=[_runs_table(results)]),
         Section("frames", "Where it went wrong", _FRAMES, frames=_frames(results, missing)),
     ]
@@ -202,10 +200,6 @@ def _runs_table(results: Results) -> Table:
     columns = tuple(column_of(str(name)) for name in (*names, *metrics))
     caption = "A row for each run, with the main metrics; the file has all."
     return Table("runs", "All runs", caption, results.runs, columns)
-
-
-def _some(item: T | None) -> list[T]:
-    return [] if item is None else [item]
 
 
 # The report as files: one page of HTML that fetches nothing, Markdown with pictures beside it, tables.

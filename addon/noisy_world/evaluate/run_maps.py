@@ -148,6 +148,3 @@ def fuse_along(
     poses = dict(zip(of_frames.tolist(), c2w, strict=True))
     every = (poses.get(index) for index in range(len(frames)))
     return fuse(frames, every, camera, voxel_m=voxel_m, far_m=far_m)
-
-
-# Maps: fused along a path, and measured against the true scene.

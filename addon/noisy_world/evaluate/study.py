@@ -21,7 +21,7 @@ from .cases import CLEAN, Case, Outcome, RunRecord, SystemRun, read_run_record
 from .indicators import indicators_of
 from .map_metrics import MAP_METRICS, score_map
 from .metrics import METRICS
-from .pose_errors import CONDITIONING, DEFINITIONS, WELL_CONDITIONED, FrameErrors, frame_errors_text
+from .pose_errors import CONDITIONING, DEFINITIONS, WELL_CONDITIONED, FrameErrors, columns_text, frame_errors_text
 from .run_maps import map_of_run
 from .study_results import (
     ERRORS,
@@ -57,7 +57,7 @@ def describe(results: ResultsFolder, case: Case, sequence: CaseSequence) -> None
     show(results, case, sequence, _evenly(len(numbers)))
     results.write(folder / TRUTH, tum_text(sequence.truth))
     indicators = indicators_of(sequence.opened, sequence.clean)
-    results.write(folder / FRAMES, _frames_text({**indicators.per_frame, **severities(sequence.opened)}))
+    results.write(folder / FRAMES, columns_text({**indicators.per_frame, **severities(sequence.opened)}, {"index": 0}))
     results.write_json(folder / INDICATORS, {**_plain(indicators.values), "frames": len(numbers)})
 
 
@@ -91,20 +91,6 @@ def worst_frames(errors: FrameErrors) -> list[int]:
 
 def _evenly(count: int) -> list[int]:
     return sorted({(2 * part + 1) * count // (2 * EVENLY) for part in range(EVENLY)}) if count else []
-
-
-def _frames_text(columns: Mapping[str, NDArray[np.float64]]) -> str:
-    """Return columns as CSV: a row for each frame, an empty cell where a number is missing."""
-    whole = {"index": 0}
-    cells = [[_cell(number, whole.get(name)) for number in values.tolist()] for name, values in columns.items()]
-    lines = [",".join(columns), *(",".join(row) for row in zip(*cells, strict=True))]
-    return "".join(f"{line}\n" for line in lines)
-
-
-def _cell(number: float, digits: int | None) -> str:
-    if not np.isfinite(number):
-        return ""
-    return repr(number) if digits is None else f"{number:.{digits}f}"
 
 
 def _plain(values: Mapping[str, float | None]) -> dict[str, float | None]:
@@ -365,6 +351,3 @@ def _note_clean_run(
             f"{WELL_CONDITIONED:g}, so positions do not say how an estimate is turned; the report will mark the scene"
         )
         progress.note(note, f"{run.case.scene} {CONDITIONING}")
-
-
-# A study: systems run on the sequences of a preset or a dataset, each made when it is needed, and scored.

@@ -276,10 +276,7 @@ def _is_whole_numbers(value: Any) -> bool:
 _KEYS: dict[str, tuple[Callable[[Any], bool], str]] = {
     "protocol": (lambda value: value in PROTOCOL_NAMES, f"is none of {', '.join(PROTOCOL_NAMES)}"),
     "systems": (lambda value: isinstance(value, dict), "is no mapping"),
-    "seeds": (
-        lambda value: isinstance(value, list) and all(type(seed) is int for seed in value),
-        "is no list of seeds",
-    ),
+    "seeds": (_is_whole_numbers, "is no list of seeds"),
     "repeats": (lambda value: type(value) is int, "is no whole number"),
     "metrics": (_is_texts, "is no mapping of texts"),  # of installed packages, with these
     VERSIONS: (lambda value: isinstance(value, dict) and all(map(_is_texts, value.values())), "is no mapping of texts"),

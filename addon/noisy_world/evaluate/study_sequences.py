@@ -3,11 +3,11 @@
 
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache, partial
 from pathlib import Path
-from typing import Any, Literal, Protocol
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -64,32 +64,6 @@ class CaseSequence:
     mesh: Callable[[], Mesh] | None = None
 
 
-class Origin(Protocol):
-    """The sequences of a study."""
-
-    @property
-    def identity(self) -> dict[str, Any]:
-        """What decides the sequences, as plain JSON values."""
-        ...
-
-    @property
-    def frames(self) -> Mapping[Case, int]:
-        """The cases in the order in which they are evaluated, with the number of frames of each."""
-        ...
-
-    def condition(self, setting: str) -> Condition:
-        """Return what is done in a setting."""
-        ...
-
-    def sequence(self, case: Case, progress: Progress) -> AbstractContextManager[CaseSequence]:
-        """Return the sequence of a case, which is there as long as the context; the progress hears its notes."""
-        ...
-
-    def finished(self, scene: str) -> None:
-        """Let go of what was kept for a scene, of which no case is left."""
-        ...
-
-
 # The sequences of a folder: a dataset of Noisy World, or recordings with ground truth. Nothing is made or removed.
 
 
@@ -127,10 +101,6 @@ class FolderOrigin:
     @property
     def identity(self) -> dict[str, Any]:
         """The sequences with what their frames and true poses are known by; and what the dataset was made from."""
-        return self._identity
-
-    @cached_property
-    def _identity(self) -> dict[str, Any]:
         return {
             "found": {case.name: self._known_by(case) for case in sorted(self._names)},
             "settings": self._settings,
@@ -148,10 +118,6 @@ class FolderOrigin:
     @property
     def frames(self) -> Mapping[Case, int]:
         """The cases, scene by scene, their settings by name; the clean one of a scene is the first."""
-        return self._frames
-
-    @cached_property
-    def _frames(self) -> Mapping[Case, int]:
         ordered = sorted(self._names, key=lambda case: (case.scene, case.setting != CLEAN))
         return {case: len(self._opened[self._names[case]]) for case in ordered}
 
@@ -406,13 +372,9 @@ class PresetOrigin:
         _check_read(plan)
         return plan
 
-    @property
+    @cached_property
     def identity(self) -> dict[str, Any]:
         """What decides the sequences, but for the seeds: as in a dataset's manifest."""
-        return self._identity
-
-    @cached_property
-    def _identity(self) -> dict[str, Any]:
         return plain_identity(self.whole, versions_of(self.whole))
 
     @property
@@ -433,13 +395,9 @@ class PresetOrigin:
         """Whether clean frames follow the seed: Blender's samples do."""
         return self.whole.renders_in_blender
 
-    @property
+    @cached_property
     def frames(self) -> Mapping[Case, int]:
         """The cases, scene by scene, clean frames first: settings that no seed changes have the first seed only."""
-        return self._frames
-
-    @cached_property
-    def _frames(self) -> Mapping[Case, int]:
         counts: dict[Case, int] = {}
         clean_first = sorted(self._settings.values(), key=lambda setting: bool(setting.steps))
         for scene in self._scenes.values():
@@ -568,3 +526,7 @@ def _pinned_scene(scene: Any, seed: int) -> Any:
 
 def _with_seed(preset: Preset, seed: int) -> Preset:
     return replace(preset, document={**preset.document, "seed": seed}, spec=replace(preset.spec, seed=seed))
+
+
+Origin: TypeAlias = FolderOrigin | PresetOrigin
+"""The sequences of a study."""

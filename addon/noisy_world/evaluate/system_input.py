@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The input of a system: the index {frames} and the folder {sequence}, neither of which holds the truth.
 
-The input of a system: the index {frames} and the folder {sequence}, neither of which holds a true pose.
-
 Images are copies, so that a system which changes them spoils nothing but its own run; where it cannot, as it is
 isolated, they are links.
 """

@@ -457,6 +457,3 @@ def _data_folder() -> Path:
     # The XDG specification has relative paths ignored.
     root = Path(given) if Path(given).is_absolute() else Path.home() / ".local" / "share"
     return root / "noisy-world"
-
-
-# SLAM systems as data: what a definition says, and how a system is run on a sequence.

@@ -424,6 +424,3 @@ def _driven(body: _Body) -> Callable[[Trunk, float, float, float], Float64]:
     trot = Trot.standing(body.trunk, body.trunk.place_m[2] - STANCE_M - FOOT_M)
     body.data.qpos[7:] = trot.asked(body.trunk, trot.feet_m, 0.0, 0.0, 0.0)
     return lambda trunk, time_s, ahead_m_s, turn_rad_s: trot.asked(trunk, body.feet_m, time_s, ahead_m_s, turn_rad_s)
-
-
-# Bodies with mass and contacts that follow a route over a floor, simulated by MuJoCo; it comes with an extra.

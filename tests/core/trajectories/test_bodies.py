@@ -9,11 +9,11 @@ from refusals import refused
 
 from noisy_world.core.errors import NoisyWorldError
 from noisy_world.core.geometry import opencv_from_robot_c2w, pose, rotation_from_euler_deg, rotvec_from_rotation
+from noisy_world.core.trajectory import evenly_stamped
 from noisy_world.scenes.polygon_mesh import Mesh
 from noisy_world.trajectories.bodies import BODIES, RATE_HZ, embodied
-from noisy_world.trajectories.room_map import first_narrow
 from noisy_world.trajectories.handheld import handheld_path
-from noisy_world.core.trajectory import evenly_stamped
+from noisy_world.trajectories.room_map import first_narrow
 
 QUADS = np.array([[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]])
 LONG_S = 40

@@ -6,20 +6,18 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from refusals import refused
 from cases import cases
+from refusals import refused
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
-from noisy_world.core.errors import NoisyWorldError
-from noisy_world.core.geometry import pose
-from noisy_world.core.curve import MountedCurve, NaturalSpline, WarpedCurve, angular_motion, motion_of
 from noisy_world.core.camera_motion import DeviatingCurve, Pulses, Sines
-from noisy_world.core.frame_request import FrameRequest, Shutter
-from noisy_world.trajectories.rig import Sensor, sensor_trajectory
-from noisy_world.core.curve import RotationSpline
-from noisy_world.core.frame_request import SensorPaths
+from noisy_world.core.curve import MountedCurve, NaturalSpline, RotationSpline, WarpedCurve, angular_motion, motion_of
+from noisy_world.core.errors import NoisyWorldError
+from noisy_world.core.frame_request import FrameRequest, SensorPaths, Shutter
+from noisy_world.core.geometry import pose
 from noisy_world.core.trajectory import Trajectory, evenly_stamped, resample, subsample
+from noisy_world.trajectories.rig import Sensor, sensor_trajectory
 
 GENERATOR = np.random.default_rng(5)
 KNOTS = np.cumsum(GENERATOR.uniform(0.3, 2.0, 12))

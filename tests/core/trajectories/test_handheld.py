@@ -5,13 +5,13 @@ import sys
 
 import numpy as np
 import pytest
-from refusals import refused
 from cases import cases
+from refusals import refused
 
 from noisy_world.core.errors import NoisyWorldError
 from noisy_world.core.geometry import rotation_angle_rad, rotation_error
-from noisy_world.trajectories.handheld import handheld_path
 from noisy_world.scenes.polygon_mesh import Mesh
+from noisy_world.trajectories.handheld import handheld_path
 
 ROOM = ((0.0, 0.0, 0.0), (6.0, 4.0, 2.6))
 PILLAR = ((2.5, 0.0, 0.0), (3.0, 2.2, 2.6))  # leaves a passage of 1.8 m

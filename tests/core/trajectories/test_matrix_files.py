@@ -5,13 +5,12 @@ import json
 import math
 
 import numpy as np
-from refusals import refused
 from cases import cases
 from pose_texts import NS, blocks, expected, is_expected
+from refusals import refused
 
 from noisy_world.core.geometry import Intrinsics
 from noisy_world.trajectories.formats import read_trajectory, read_trajectory_file
-
 
 # --- four lines a pose ---
 

@@ -7,17 +7,15 @@ import warnings
 
 import numpy as np
 import pytest
-from refusals import refused
 from cases import cases
 from odd_meshes import KINDS, odd_mesh
+from refusals import refused
 
 from noisy_world.core.errors import NoisyWorldError
-from noisy_world.scenes.polygon_mesh import Mesh
 from noisy_world.rooms import kept_room
-from noisy_world.trajectories.handheld import handheld_path
-from noisy_world.trajectories.room_map import faces_of
-from noisy_world.trajectories.room_map import Grid, largest_part
-from noisy_world.trajectories.handheld import _route, _steps_from
+from noisy_world.scenes.polygon_mesh import Mesh
+from noisy_world.trajectories.handheld import _route, _steps_from, handheld_path
+from noisy_world.trajectories.room_map import Grid, faces_of, largest_part
 
 # Of 500 that were tried: one of each kind; six of them did not end in half a minute before maps were bounded.
 SEEDS = (7, 17, 18, 19, 29, 51, 58, 111, 113)

@@ -6,8 +6,8 @@ import pytest
 from cases import cases
 
 from noisy_world.core.geometry import pose, rotation_from_euler_deg
-from noisy_world.trajectories.rig import Rig, Sensor, sensor_from_extrinsics, sensor_trajectory
 from noisy_world.core.trajectory import Trajectory, convert_convention
+from noisy_world.trajectories.rig import Rig, Sensor, sensor_from_extrinsics, sensor_trajectory
 
 HALF = math.sqrt(0.5)
 

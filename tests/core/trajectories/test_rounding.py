@@ -9,8 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from noisy_world.core.errors import NoisyWorldError
 from noisy_world.core.geometry import pose
-from noisy_world.core.trajectory import rounded_numbers, rounded_path, rounded_poses
-from noisy_world.core.trajectory import Trajectory, evenly_stamped
+from noisy_world.core.trajectory import Trajectory, evenly_stamped, rounded_numbers, rounded_path, rounded_poses
 
 GENERATOR = np.random.default_rng(9)
 TURNS = Rotation.random(2000, 3)  # its name for the seed is another before SciPy 1.15

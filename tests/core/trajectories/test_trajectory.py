@@ -4,9 +4,9 @@ from functools import partial
 
 import numpy as np
 import pytest
+from cases import cases
 from refusals import refused
 from scipy.interpolate import CubicSpline
-from cases import cases
 
 from noisy_world.core.geometry import pose, rotation_angle_rad, rotation_error, rotation_from_euler_deg
 from noisy_world.core.trajectory import Trajectory, convert_convention, evenly_stamped, resample, subsample

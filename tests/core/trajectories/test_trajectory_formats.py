@@ -2,13 +2,13 @@
 """Formats told apart by content, against files written by hand and a quaternion's matrix worked out here."""
 
 import numpy as np
-from refusals import refused
 from cases import cases
 from pose_texts import EUROC_HEADER, NS, QUATS, blocks, expected, is_expected, rows
+from refusals import refused
 
+from noisy_world.core.trajectory import Trajectory
 from noisy_world.trajectories.formats import read_trajectory, read_trajectory_file
 from noisy_world.trajectories.stamped_poses import tum_text
-from noisy_world.core.trajectory import Trajectory
 
 # --- EuRoC ---
 

@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 from refusals import refused
 
-from noisy_world.evaluate import indicators
-from noisy_world.evaluate.indicators import AGAINST_CLEAN, INDICATORS, indicators_of
-from noisy_world.evaluate.indicators import motion_of
-from noisy_world.evaluate.analyses import depth_distribution, motion_distribution
 from noisy_world.dataset.opening import open_path
+from noisy_world.evaluate import indicators
+from noisy_world.evaluate.analyses import depth_distribution, motion_distribution
+from noisy_world.evaluate.indicators import AGAINST_CLEAN, INDICATORS, indicators_of, motion_of
 
 WIDTH, HEIGHT = 160, 120
 

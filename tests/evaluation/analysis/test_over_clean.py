@@ -5,10 +5,14 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from noisy_world.evaluate.study_tables import over_clean_table, with_over_clean
-from noisy_world.evaluate.study_tables import with_results
-from noisy_world.evaluate.study_tables import SETTING, tidy_runs
-from noisy_world.evaluate.study_tables import metric_of
+from noisy_world.evaluate.study_tables import (
+    SETTING,
+    metric_of,
+    over_clean_table,
+    tidy_runs,
+    with_over_clean,
+    with_results,
+)
 
 # scene, setting, seed, repeat, ATE in metres, tracked share, failure
 CLEAN = (("a", "clean", 1, 1, 0.001, 1.0, ""), ("b", "clean", 1, 1, 0.004, 1.0, ""))

@@ -6,9 +6,14 @@ import pandas as pd
 import pytest
 
 from noisy_world.evaluate.analyses import analyse
-from noisy_world.evaluate.study_tables import geometric_deviation, geometric_mean
-from noisy_world.evaluate.study_tables import complete_runs, with_results
-from noisy_world.evaluate.study_tables import errors_of, tidy_runs
+from noisy_world.evaluate.study_tables import (
+    complete_runs,
+    errors_of,
+    geometric_deviation,
+    geometric_mean,
+    tidy_runs,
+    with_results,
+)
 
 # The estimate of room a holds 15 % of the frames, so its error is small.
 RUNS = [

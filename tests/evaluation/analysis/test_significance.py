@@ -6,8 +6,8 @@ import pandas as pd
 import pytest
 from scipy import stats
 
+from noisy_world.evaluate.spread import against_clean_table, holm, welch, wilcoxon
 from noisy_world.evaluate.study_tables import tidy_runs
-from noisy_world.evaluate.spread import holm, against_clean_table, welch, wilcoxon
 
 
 def test_welch_agrees_with_scipy_and_statsmodels():

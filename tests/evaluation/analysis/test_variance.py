@@ -5,8 +5,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from noisy_world.evaluate.study_tables import tidy_runs
 from noisy_world.evaluate.spread import components_of, moments_of, variance_table
+from noisy_world.evaluate.study_tables import tidy_runs
 
 KNOWN = {"scene": 0.7, "seed": 0.5, "repeat": 0.3}  # standard deviations
 

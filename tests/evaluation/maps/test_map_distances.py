@@ -7,16 +7,11 @@ from refusals import refused
 
 pytest.importorskip("scipy")
 
-from noisy_world.core.geometry import pose, rotation_from_euler_deg
-from noisy_world.evaluate.true_maps import Culling
-from noisy_world.evaluate.true_maps import squared_distances
-from noisy_world.evaluate.map_metrics import lay
-from noisy_world.evaluate.map_metrics import MAP_METRICS
-from noisy_world.evaluate.true_maps import corners_of, draw
-from noisy_world.evaluate.map_metrics import score_map
-from noisy_world.evaluate.true_maps import TrueMap
-from noisy_world.evaluate.true_maps import NoViews
 from seen_shapes import sphere_mesh, triangle_mesh, wall
+
+from noisy_world.core.geometry import pose, rotation_from_euler_deg
+from noisy_world.evaluate.map_metrics import MAP_METRICS, lay, score_map
+from noisy_world.evaluate.true_maps import Culling, NoViews, TrueMap, corners_of, draw, squared_distances
 
 SAMPLES = 4_000
 

@@ -4,10 +4,9 @@
 import numpy as np
 import pytest
 from refusals import refused
-
-from noisy_world.evaluate.map_fusion import fuse
-from noisy_world.evaluate.map_fusion import ColourVolume
 from seen_shapes import CAMERA, around, looking, sphere_view
+
+from noisy_world.evaluate.map_fusion import ColourVolume, fuse
 
 RADIUS_M = 0.5
 

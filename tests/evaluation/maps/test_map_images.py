@@ -5,11 +5,10 @@ import math
 
 import numpy as np
 import pytest
+from onnx_files import mean_difference
 from refusals import refused
 
-from noisy_world.evaluate.map_metrics import Perceptual
-from noisy_world.evaluate.map_metrics import psnr_db, ssim
-from onnx_files import mean_difference
+from noisy_world.evaluate.map_metrics import Perceptual, psnr_db, ssim
 
 
 def _images(seed=0, height=20, width=24):

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 from seen_shapes import CAMERA, View, looking, sphere_view, wall
 
-from noisy_world.scenes.ply_writer import write_ply
 from noisy_world.evaluate.estimates import Estimate
-from noisy_world.evaluate.run_maps import fuse_along, map_of_run
 from noisy_world.evaluate.pose_errors import IDENTITY, Similarity
+from noisy_world.evaluate.run_maps import fuse_along, map_of_run
+from noisy_world.scenes.ply_writer import write_ply
 
 
 @dataclass(frozen=True)

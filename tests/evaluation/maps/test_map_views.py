@@ -9,12 +9,10 @@ import pytest
 pytest.importorskip("scipy")
 pytest.importorskip("embreex")
 
-from noisy_world.evaluate.true_maps import Culling, Seen
-from noisy_world.evaluate.map_metrics import MAP_METRICS
-from noisy_world.evaluate.map_metrics import score_map
-from noisy_world.evaluate.true_maps import true_map_of_mesh, true_map_of_recording
-from noisy_world.evaluate.true_maps import RecordedViews
 from seen_shapes import CAMERA, View, around, looking, sphere_view, together, wall
+
+from noisy_world.evaluate.map_metrics import MAP_METRICS, score_map
+from noisy_world.evaluate.true_maps import Culling, RecordedViews, Seen, true_map_of_mesh, true_map_of_recording
 
 AHEAD = looking((0, 0, 0), (1, 0, 0))
 SAMPLES = 2000

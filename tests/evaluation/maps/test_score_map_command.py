@@ -14,13 +14,13 @@ pytest.importorskip("embreex")
 from noisy_world.cli.command import main
 from noisy_world.cli.scoring import CULLINGS
 from noisy_world.core.geometry import pose, rotation_from_euler_deg
+from noisy_world.core.trajectory import Trajectory
+from noisy_world.dataset.opening import open_path
+from noisy_world.evaluate.map_metrics import moved
+from noisy_world.evaluate.true_maps import Culling
 from noisy_world.scenes.ply import read_ply
 from noisy_world.scenes.ply_writer import write_ply
 from noisy_world.trajectories.stamped_poses import tum_text
-from noisy_world.core.trajectory import Trajectory
-from noisy_world.evaluate.true_maps import Culling
-from noisy_world.evaluate.map_metrics import moved
-from noisy_world.dataset.opening import open_path
 
 OFF = pose(rotation_from_euler_deg(10, 20, 30), (3.0, -1.0, 2.0))
 """The world of an estimate, in the true one."""

@@ -8,12 +8,16 @@ import pytest
 import trajectory_pairs
 
 from noisy_world.core.trajectory import Trajectory
-from noisy_world.evaluate.estimates import Estimate
-from noisy_world.evaluate.pose_errors import Alignment
+from noisy_world.evaluate.estimates import Estimate, associate_poses
+from noisy_world.evaluate.pose_errors import (
+    Alignment,
+    aligned_poses,
+    consecutive_pairs,
+    pairs_apart,
+    relative_errors,
+    travelled_m,
+)
 from noisy_world.evaluate.trajectory_scores import score_trajectory
-from noisy_world.evaluate.pose_errors import aligned_poses
-from noisy_world.evaluate.estimates import associate_poses
-from noisy_world.evaluate.pose_errors import consecutive_pairs, pairs_apart, relative_errors, travelled_m
 
 pytest.importorskip("evo", reason="evo is not installed")
 

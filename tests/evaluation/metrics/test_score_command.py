@@ -13,11 +13,11 @@ from trajectory_pairs import moved, path, rotation
 from worlds import ROOT
 
 from noisy_world.cli import command, scoring
-from noisy_world.trajectories.matrix_poses import replica_text
-from noisy_world.trajectories.stamped_poses import tum_text
 from noisy_world.core.trajectory import Trajectory
 from noisy_world.evaluate.metrics import METRICS
 from noisy_world.evaluate.pose_errors import PROTOCOLS, Alignment
+from noisy_world.trajectories.matrix_poses import replica_text
+from noisy_world.trajectories.stamped_poses import tum_text
 
 COUNT = 24
 

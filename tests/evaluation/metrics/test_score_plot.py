@@ -10,11 +10,11 @@ pytest.importorskip("matplotlib", reason="the extra evaluate is not installed")
 from matplotlib.figure import Figure
 
 from noisy_world.cli import command
-from noisy_world.trajectories.stamped_poses import tum_text
 from noisy_world.core.trajectory import Trajectory
 from noisy_world.evaluate.estimates import Estimate
-from noisy_world.evaluate.trajectory_scores import score_trajectory
 from noisy_world.evaluate.run_figures import ScoredPath, draw_scored_path, plane_of
+from noisy_world.evaluate.trajectory_scores import score_trajectory
+from noisy_world.trajectories.stamped_poses import tum_text
 
 COUNT, LOST = 30, (10, 11, 12)
 

@@ -5,18 +5,16 @@ import math
 
 import numpy as np
 import pytest
-from refusals import refused
 from cases import cases
+from refusals import refused
 from trajectory_pairs import moved, path, rotation
 from worlds import ROOT
 
 from noisy_world.core.trajectory import Trajectory
-from noisy_world.evaluate.estimates import Estimate
+from noisy_world.evaluate.estimates import Estimate, associate_poses
 from noisy_world.evaluate.metrics import METRICS, PAPER_METRICS
-from noisy_world.evaluate.pose_errors import PROTOCOLS, Alignment
+from noisy_world.evaluate.pose_errors import PROTOCOLS, Alignment, pairs_apart
 from noisy_world.evaluate.trajectory_scores import FAILURES, score_trajectory
-from noisy_world.evaluate.estimates import associate_poses
-from noisy_world.evaluate.pose_errors import pairs_apart
 
 ERRORS = [name for name in METRICS if name.startswith(("ate_", "rpe_"))]
 

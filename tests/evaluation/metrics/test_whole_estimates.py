@@ -3,20 +3,17 @@
 
 import numpy as np
 import pytest
-from refusals import refused
 import trajectory_pairs
+from refusals import refused
 
 from noisy_world.core.errors import InputError
 from noisy_world.core.geometry import quat_wxyz_from_rotation
 from noisy_world.core.trajectory import Trajectory
-from noisy_world.evaluate.estimates import Estimate
-from noisy_world.evaluate.trajectory_scores import score_trajectory
-from noisy_world.evaluate.trajectory_scores import read_poses_to_compare
-from noisy_world.evaluate.cases import Outcome
-from noisy_world.evaluate.systems import Writes
-from noisy_world.evaluate.cases import estimate_text, read_estimate_file
+from noisy_world.evaluate.cases import Outcome, estimate_text, read_estimate_file
+from noisy_world.evaluate.estimates import Estimate, check_whole
 from noisy_world.evaluate.system_runs import normalised
-from noisy_world.evaluate.estimates import check_whole
+from noisy_world.evaluate.systems import Writes
+from noisy_world.evaluate.trajectory_scores import read_poses_to_compare, score_trajectory
 
 PAIR = trajectory_pairs.random_pair(3)
 FIXED = [f"{0.05 * k:.2f} {k:.1f} 2.0 3.0 0.000000 0.000000 0.600000 {0.8 + 1e-6 * k:.6f}" for k in range(4)]

@@ -5,11 +5,8 @@ import numpy as np
 import pytest
 
 from noisy_world.core.geometry import pose, rotation_from_euler_deg
-from noisy_world.evaluate.frame_tracking import agreement
-from noisy_world.evaluate.frame_tracking import Aligner
-from noisy_world.evaluate.odometry import Recogniser
-from noisy_world.evaluate.odometry import near_keyframes
-from noisy_world.evaluate.frame_tracking import Edge
+from noisy_world.evaluate.frame_tracking import Aligner, Edge, agreement
+from noisy_world.evaluate.odometry import Recogniser, near_keyframes
 
 
 def view_at(aligner, c2w):
@@ -102,8 +99,8 @@ def test_near_keyframes_are_those_that_look_the_same_way_long_before():
 
 def test_a_path_that_returns_closes_its_loop(tmp_path):
     pytest.importorskip("gtsam")
-    from noisy_world.evaluate.system_input import read_index
     from noisy_world.evaluate.odometry import Options, run
+    from noisy_world.evaluate.system_input import read_index
 
     there = box_room.path(18, turn_deg=70.0)
     noise = np.random.default_rng(5)

@@ -12,11 +12,10 @@ import numpy as np
 import pytest
 
 from noisy_world.core.errors import InputError
-from noisy_world.scenes.ply import read_ply
-from noisy_world.evaluate.odometry import main
-from noisy_world.evaluate.system_input import read_index
-from noisy_world.evaluate.odometry import Options, run
 from noisy_world.evaluate.frame_tracking import State
+from noisy_world.evaluate.odometry import Options, main, run
+from noisy_world.evaluate.system_input import read_index
+from noisy_world.scenes.ply import read_ply
 
 ADDON = Path(__file__).parents[3] / "addon"
 POSES = box_room.path(30, turn_deg=40.0)

@@ -7,15 +7,15 @@ import math
 from dataclasses import replace
 
 import pytest
-from results_made import write_study
+from results_made import write_runs
 from worlds import ROOT
 
 pytest.importorskip("jinja2", reason="the extra evaluate is not installed")
 pytest.importorskip("matplotlib", reason="the extra evaluate is not installed")
 pytest.importorskip("scipy", reason="the extra evaluate is not installed")
 
-from noisy_world.evaluate.report import write_report
 from noisy_world.evaluate.findings import MARK, clean_gate
+from noisy_world.evaluate.report import write_report
 from noisy_world.evaluate.report_sections import opening
 from noisy_world.evaluate.report_tables import read_results
 
@@ -37,12 +37,7 @@ def results_of(folder, clean, expected):
                     ate_m, scale = run or ("", "")
                     row |= {"ate_rmse_m": ate_m and worse * ate_m, "scale": scale, "tracked_share": 1.0 if run else 0.0}
                     rows.append(row)
-    (folder / "tables").mkdir(parents=True)
-    with (folder / "tables" / "runs.csv").open("w", newline="") as file:
-        table = csv.DictWriter(file, list(rows[0]))
-        table.writeheader()
-        table.writerows(rows)
-    write_study(folder, systems=expected)
+    write_runs(folder, rows, systems=expected)
     return read_results(folder)
 
 

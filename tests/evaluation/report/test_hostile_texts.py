@@ -15,8 +15,7 @@ pytest.importorskip("scipy", reason="the extra evaluate is not installed")
 
 from noisy_world.evaluate.cases import cell_of, text_of
 from noisy_world.evaluate.report import write_report
-from noisy_world.evaluate.report_tables import latex, markdown
-from noisy_world.evaluate.report_tables import FOLDER
+from noisy_world.evaluate.report_tables import FOLDER, latex, markdown
 from noisy_world.evaluate.study_tables import csv_text
 
 FIELDS = (

@@ -18,16 +18,12 @@ pytest.importorskip("scipy", reason="the extra evaluate is not installed")
 from noisy_world.cli import command
 from noisy_world.core.errors import StorageError
 from noisy_world.evaluate.analyses import analyse
-from noisy_world.evaluate.report import write_report
-from noisy_world.evaluate.thresholds import threshold_text
 from noisy_world.evaluate.findings import settings_table
+from noisy_world.evaluate.report import write_report
 from noisy_world.evaluate.report_tables import read_results
 from noisy_world.evaluate.study_results import ResultsFolder as StudyResults
 from noisy_world.evaluate.study_tables import write_tables
-from noisy_world.evaluate.thresholds import FORMAT, KIND
-
-# A name that HTML, LaTeX, Markdown and matplotlib would each take for something else.
-HOSTILE = "a<b>&\"'|_$%#{~^`*[x](y)\\frac"
+from noisy_world.evaluate.thresholds import FORMAT, KIND, threshold_text
 
 
 class Page(html.parser.HTMLParser):
@@ -127,25 +123,6 @@ def test_same_folder_gives_the_same_bytes_whatever_the_order_of_rows(tmp_path, q
     assert len(written) == len(once.files)
     for path in written:
         assert path.read_bytes() == (folder / path.relative_to(again)).read_bytes(), path.name
-
-
-def test_names_of_users_are_escaped(tmp_path, quick):
-    settings = (SETTINGS[0], (HOSTILE, "frost", "static", 5, {}))
-    folder = make_results(
-        tmp_path / "results", systems=("orb_slam3",), scenes=("<i>s",), settings=settings, seeds=("1",)
-    )
-    write_report(folder)
-    page = (folder / "report.html").read_text()
-    assert Page(page).open == []
-    assert "<i>s" not in page
-    assert "a<b>" not in page
-    assert "a&lt;b&gt;&amp;" in page
-    text = (folder / "report.md").read_text()
-    assert "a\\<b\\>\\&" in text
-    assert "<b>" not in text
-    latex = (folder / "tables" / "settings.tex").read_text()
-    assert r"\textless{}b\textgreater{}\&" in latex
-    assert r"\textbar{}\_\$\%\#\{\textasciitilde{}\textasciicircum{}" in latex
 
 
 @pytest.mark.parametrize("all_failed", [False, True], ids=["scored", "failed"])

@@ -1,25 +1,19 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What a report begins with: what broke each system and by how much, from tables whose answers are known."""
 
-import csv
-
 import pytest
-from results_made import write_study
+from results_made import write_runs
 
 pytest.importorskip("jinja2", reason="the extra evaluate is not installed")
 pytest.importorskip("matplotlib", reason="the extra evaluate is not installed")
 pytest.importorskip("scipy", reason="the extra evaluate is not installed")
 
-from noisy_world.evaluate.study_tables import over_clean_table
-from noisy_world.evaluate.study_tables import SETTING, tidy_runs
 from noisy_world.evaluate.analyses import analyse
-from noisy_world.evaluate.report_sections import curves_of, table_of, with_interval
-from noisy_world.evaluate.report_sections import opening
 from noisy_world.evaluate.figures import numbered_decades
-from noisy_world.evaluate.findings import findings_of, ranking_picture, sentences
-from noisy_world.evaluate.findings import headline_table
-from noisy_world.evaluate.report_tables import read_results
-from noisy_world.evaluate.report_tables import markdown_table
+from noisy_world.evaluate.findings import findings_of, headline_table, ranking_picture, sentences
+from noisy_world.evaluate.report_sections import curves_of, opening, table_of, with_interval
+from noisy_world.evaluate.report_tables import markdown_table, read_results
+from noisy_world.evaluate.study_tables import SETTING, over_clean_table, tidy_runs
 
 FAILED = ("", "", "crashed", "no_poses")
 NOTHING_TOLD = ", so nothing tells what noise did: its largest ATE is"
@@ -46,12 +40,7 @@ def results_of(folder, systems, scenes=("a", "b")):
                 row |= {"ate_rmse_m": ate_m, "tracked_share": tracked or 0.0}
                 row |= {"success_10cm": lost * float(not word and ate_m < 0.1)}
                 rows.append(row | {"success_auc": lost * (1.0 - (0.0 if word else ate_m))})
-    (folder / "tables").mkdir(parents=True)
-    with (folder / "tables" / "runs.csv").open("w", newline="") as file:
-        table = csv.DictWriter(file, list(rows[0]))
-        table.writeheader()
-        table.writerows(rows)
-    write_study(folder)
+    write_runs(folder, rows)
     return read_results(folder)
 
 
@@ -110,33 +99,20 @@ def test_fewer_failures_than_half_are_said_beside_the_ratio(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("settings", "sentence"),
+    ("settings", "words"),
     [
-        (CLEAN, "mine was run on clean frames alone: a median ATE of 0.5 mm."),
-        ({"fog": (0.02, 1.0)}, f"mine was not run on clean frames{NOTHING_TOLD} 20 mm, fog."),
-        (
-            {"clean": FAILED, "fog": (2.0, 1.0)},
-            f"mine failed on clean frames already, in 2 of 2 runs{NOTHING_TOLD} 2 m, fog.",
-        ),
-        (
-            {"clean": FAILED, "fog": FAILED},
-            "mine failed on clean frames already, in 2 of 2 runs, and no other run is complete.",
-        ),
-        (
-            {"clean": (0.001, 0.4), "fog": (0.02, 1.0)},
-            f"mine was incomplete on clean frames already{NOTHING_TOLD} 20 mm, fog.",
-        ),
-        (
-            CLEAN | {"fog": (0.0004, 1.0)},
-            "Nothing made mine worse than clean: the nearest is fog, \u00d7 0.8 its error on clean frames (0.4 mm "
-            "instead of 0.5 mm).",
-        ),
+        (CLEAN, ["clean frames alone", "0.5 mm"]),
+        ({"fog": (0.02, 1.0)}, ["not run on clean", NOTHING_TOLD, "20 mm, fog"]),
+        ({"clean": FAILED, "fog": (2.0, 1.0)}, ["in 2 of 2 runs", NOTHING_TOLD, "2 m, fog"]),
+        ({"clean": FAILED, "fog": FAILED}, ["in 2 of 2 runs", "no other run is complete"]),
+        ({"clean": (0.001, 0.4), "fog": (0.02, 1.0)}, ["incomplete on clean", NOTHING_TOLD, "20 mm, fog"]),
+        (CLEAN | {"fog": (0.0004, 1.0)}, ["Nothing made mine worse", "fog, \u00d7 0.8", "0.4 mm instead of 0.5 mm"]),
     ],
     ids=["clean alone", "no clean", "clean failed", "all failed", "clean lost", "better"],
 )
-def test_what_cannot_be_compared_is_said(tmp_path, settings, sentence):
-    said, _, _, found = said_of(tmp_path, {"mine": settings})
-    assert said == [sentence]
+def test_what_cannot_be_compared_is_said(tmp_path, settings, words):
+    (said,), _, _, found = said_of(tmp_path, {"mine": settings})
+    assert all(word in said for word in words), said
     if "clean" not in settings or not found[0].compared:
         assert ranking_picture(found) is None
 

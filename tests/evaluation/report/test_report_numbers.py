@@ -12,15 +12,23 @@ from results_made import SCENES, SETTINGS, make_results
 pytest.importorskip("pandas", reason="the extra evaluate is not installed")
 
 from noisy_world.evaluate.analyses import analyse
-from noisy_world.evaluate.paper_comparison import paper_comparison, paper_conditions
-from noisy_world.evaluate.report_tables import latex, markdown
-from noisy_world.evaluate.paper_comparison import paper_tables
 from noisy_world.evaluate.findings import endings, settings_table
-from noisy_world.evaluate.report_tables import picked_runs, picked_sequences
-from noisy_world.evaluate.paper_comparison import published
-from noisy_world.evaluate.report_tables import read_results, records
-from noisy_world.evaluate.report_tables import cell_text
-from noisy_world.evaluate.paper_comparison import paper_condition
+from noisy_world.evaluate.paper_comparison import (
+    paper_comparison,
+    paper_condition,
+    paper_conditions,
+    paper_tables,
+    published,
+)
+from noisy_world.evaluate.report_tables import (
+    cell_text,
+    latex,
+    markdown,
+    picked_runs,
+    picked_sequences,
+    read_results,
+    records,
+)
 
 
 @pytest.fixture(scope="module")

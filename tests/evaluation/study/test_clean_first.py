@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 from study_tools import SETTINGS, evaluate, small_world, told, write_systems
 
-from noisy_world.preset.keys import read_preset
-from noisy_world.evaluate.study_sequences import PresetOrigin
 from noisy_world.evaluate.study_results import ResultsFolder
+from noisy_world.evaluate.study_sequences import PresetOrigin
+from noisy_world.preset.keys import read_preset
 
 pytest.importorskip("embreex", reason="embreex comes with an extra")
 pytest.importorskip("tabulate", reason="tabulate comes with an extra")

@@ -15,10 +15,10 @@ from study_tools import evaluate, rows_of, small_world, told, write_systems
 from worlds import ROOT
 
 from noisy_world.cli import command
-from noisy_world.perturbations.kinds import SEQUENCE_KINDS
-from noisy_world.perturbations.parsing import is_sensor
 from noisy_world.evaluate.figures import Picture
 from noisy_world.perturbations import registry
+from noisy_world.perturbations.kinds import SEQUENCE_KINDS
+from noisy_world.perturbations.parsing import is_sensor
 
 pytest.importorskip("embreex", reason="embreex comes with an extra")
 pytest.importorskip("tabulate", reason="tabulate comes with an extra")

@@ -6,8 +6,8 @@ import json
 import shutil
 
 import pytest
-from study_tools import SETTINGS, TIMES, evaluate, rows_of, small_world, write_systems
 from runs import run
+from study_tools import SETTINGS, TIMES, evaluate, rows_of, small_world, write_systems
 
 pytest.importorskip("embreex", reason="embreex comes with an extra")
 pytest.importorskip("tabulate", reason="tabulate comes with an extra")

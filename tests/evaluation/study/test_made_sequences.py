@@ -12,23 +12,22 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from refusals import refused
+from runs import run
 from slam_systems import write_recording
 from study_tools import FRAMES, small_world
-from runs import run
 
 from noisy_world.cli.study_workers import _fitting
+from noisy_world.core.progress import PlainProgress
+from noisy_world.core.schema import ConfigPath
 from noisy_world.dataset.identity import RecordedSetting
+from noisy_world.evaluate.cases import Case, Condition
+from noisy_world.evaluate.study import Study, StudyOrder
+from noisy_world.evaluate.study_results import ResultsFolder
+from noisy_world.evaluate.study_sequences import PresetOrigin
+from noisy_world.perturbations import registry
 from noisy_world.perturbations.parsing import parse_steps
 from noisy_world.perturbations.steps import Setting
 from noisy_world.preset.keys import read_preset
-from noisy_world.core.progress import PlainProgress
-from noisy_world.core.schema import ConfigPath
-from noisy_world.evaluate.cases import Case, Condition
-from noisy_world.evaluate.study_sequences import PresetOrigin
-from noisy_world.evaluate.study import StudyOrder
-from noisy_world.evaluate.study import Study
-from noisy_world.evaluate.study_results import ResultsFolder
-from noisy_world.perturbations import registry
 from noisy_world.sources import read_scenes
 
 pytest.importorskip("embreex", reason="embreex comes with an extra")

@@ -10,8 +10,8 @@ import sys
 import numpy as np
 import pytest
 
-from noisy_world.evaluate.system_runs import PROGRAMS
 from noisy_world.evaluate.estimates import read_estimate
+from noisy_world.evaluate.system_runs import PROGRAMS
 
 PYTHON = os.environ.get("NOISY_WORLD_TORCH_PYTHON", sys.executable)
 with_torch = pytest.mark.skipif(

@@ -11,15 +11,12 @@ import cv2
 import foreign_loaders
 import numpy as np
 import pytest
-from refusals import refused
 import yaml
+from refusals import refused
 
-from noisy_world.evaluate.system_runs import PROGRAMS
-from noisy_world.evaluate.configurations import CONFIGURATIONS
-from noisy_world.evaluate.configurations import main
-from noisy_world.evaluate.configurations import bound_m
-from noisy_world.evaluate.configurations import working_size
+from noisy_world.evaluate.configurations import CONFIGURATIONS, bound_m, main, working_size
 from noisy_world.evaluate.estimates import read_estimate
+from noisy_world.evaluate.system_runs import PROGRAMS
 
 WIDE, HIGH, COUNT = 24, 18, 5
 STEPS = 2500  # 2 m

@@ -7,8 +7,8 @@ import cv2
 import numpy as np
 import pytest
 
-from noisy_world.evaluate.system_runs import PROGRAMS
 from noisy_world.evaluate.system_input import measured_inverse_depth
+from noisy_world.evaluate.system_runs import PROGRAMS
 
 FX, PIXEL_PX, SLOPE = 320.0, 0.9, 0.5
 

@@ -15,12 +15,10 @@ from refusals import refused
 from slam_systems import script_system, write_recording
 
 from noisy_world.core.errors import MissingDependencyError
-from noisy_world.evaluate import system_runs, system_isolation
-from noisy_world.evaluate.system_runs import system_versions
-from noisy_world.evaluate.guard import LEAST_FREE_BYTES, ResourceLimits, CommandProcesses
-from noisy_world.evaluate.system_runs import LONGEST_SENTENCE, sentence, remove_tree
+from noisy_world.evaluate import system_isolation, system_runs
 from noisy_world.evaluate.estimates import read_estimate
-from noisy_world.evaluate.system_runs import run_system
+from noisy_world.evaluate.guard import LEAST_FREE_BYTES, CommandProcesses, ResourceLimits
+from noisy_world.evaluate.system_runs import LONGEST_SENTENCE, remove_tree, run_system, sentence, system_versions
 
 GOOD = "write(''.join(line(frame, frame['index'] / 100) for frame in frames))\n"
 REMOVED = "import shutil\nout = os.path.dirname(os.path.dirname(os.getcwd()))\nshutil.rmtree(out)\n"

@@ -10,7 +10,8 @@ from refusals import refused
 from noisy_world.cli import command
 from noisy_world.core.errors import MissingDependencyError, StorageError
 from noisy_world.core.packages import shipped
-from noisy_world.evaluate import systems as environments, system_installation
+from noisy_world.evaluate import system_installation
+from noisy_world.evaluate import systems as environments
 from noisy_world.evaluate.system_runs import system_versions
 
 TEXT = "10 6 0 0\n"

@@ -5,13 +5,10 @@ import pytest
 from refusals import refused
 from slam_systems import script_system, write_recording
 
-from noisy_world.evaluate.cases import Outcome
-from noisy_world.evaluate.cases import Case, SystemRun
+from noisy_world.evaluate.cases import Case, Outcome, SystemRun, read_estimate_file
 from noisy_world.evaluate.configurations import CONFIGURATIONS
-from noisy_world.evaluate.systems import read_system
-from noisy_world.evaluate.cases import read_estimate_file
-from noisy_world.evaluate.systems import find_system
 from noisy_world.evaluate.system_runs import run_system
+from noisy_world.evaluate.systems import find_system, read_system
 
 HEAD = "ts (ns),tx (m),ty (m),tz (m),qx,qy,qz,qw\n"
 

@@ -14,12 +14,10 @@ from refusals import refused
 
 from noisy_world.core.errors import MissingDependencyError
 from noisy_world.core.geometry import rotation_from_quat_wxyz
-from noisy_world.trajectories.formats import read_trajectory
-from noisy_world.evaluate.cases import Outcome
-from noisy_world.evaluate.system_runs import PROGRAMS, check_system
-from noisy_world.evaluate.cases import read_estimate_file
+from noisy_world.evaluate.cases import Outcome, read_estimate_file
+from noisy_world.evaluate.system_runs import PROGRAMS, check_system, run_system
 from noisy_world.evaluate.systems import find_system
-from noisy_world.evaluate.system_runs import run_system
+from noisy_world.trajectories.formats import read_trajectory
 
 EXAMPLES = Path(__file__).resolve().parents[3] / "docs" / "examples"
 FRAMES, STEP_M, DEPTH_M, FOCAL_PX = 40, 0.01, 2.0, 300.0

@@ -6,14 +6,21 @@ import sys
 from dataclasses import replace
 
 import pytest
-from refusals import refused
 import yaml
+from refusals import refused
 
 from noisy_world.core.errors import MissingDependencyError
 from noisy_world.core.packages import PACKAGE
 from noisy_world.evaluate.system_runs import check_system
-from noisy_world.evaluate.systems import ExpectedClean, filled, read_system
-from noisy_world.evaluate.systems import SHIPPED, find_system, find_systems, shipped_names
+from noisy_world.evaluate.systems import (
+    SHIPPED,
+    ExpectedClean,
+    filled,
+    find_system,
+    find_systems,
+    read_system,
+    shipped_names,
+)
 
 LEAST = {"name": "mine", "command": ["run", "{frames}"], "writes": {"file": "poses.txt"}}
 

@@ -12,8 +12,7 @@ from refusals import refused
 from slam_systems import script_system, write_recording
 
 from noisy_world.core.errors import InterruptedRunError
-from noisy_world.evaluate.cases import Outcome
-from noisy_world.evaluate.cases import read_estimate_file
+from noisy_world.evaluate.cases import Outcome, read_estimate_file
 from noisy_world.evaluate.system_runs import run_system
 
 GOOD = "write(''.join(line(frame, frame['index'] / 100) for frame in frames))\n"

@@ -8,9 +8,7 @@ import pytest
 from refusals import refused
 
 from noisy_world.core.errors import NoisyWorldError
-from noisy_world.evaluate.thresholds import Axis, axis_of
-from noisy_world.evaluate.thresholds import chance_of_failure
-from noisy_world.evaluate.thresholds import Trial, Verdict, scene_of, search
+from noisy_world.evaluate.thresholds import Axis, Trial, Verdict, axis_of, chance_of_failure, scene_of, search
 from noisy_world.perturbations import registry
 
 pytest.importorskip("scipy", reason="scipy comes with the extra evaluate")

@@ -14,18 +14,17 @@ from typing import get_args
 
 import numpy as np
 from scipy.spatial.transform import Rotation
+
 from fuzz.mutation import NUMBERS, mutate_mixed, pick
 from fuzz.peers import poses_by_evo
 from fuzz.structure import OF_TABLES, PLAIN, as_cell, as_json, as_table, beside, changed, is_sound, note, whole
-
 from noisy_world.core.errors import NoisyWorldError as Refused
-from noisy_world.trajectories import formats
-from noisy_world.trajectories.pose_files import PoseFile
 from noisy_world.evaluate.cases import Outcome
+from noisy_world.evaluate.system_runs import _states_problem, normalised
 from noisy_world.evaluate.systems import Writes
-from noisy_world.evaluate.system_runs import normalised
+from noisy_world.trajectories import formats
 from noisy_world.trajectories.formats import TRAJECTORY_FORMATS as FORMATS
-from noisy_world.evaluate.system_runs import _states_problem
+from noisy_world.trajectories.pose_files import PoseFile
 
 COUNT = 6
 STAMPS_S = [1000.0 + 0.1 * k for k in range(COUNT)]
