@@ -237,11 +237,19 @@ def test_what_cannot_be_is_refused_in_a_line(tmp_path, capsys):
     (tmp_path / "there").mkdir()
     (tmp_path / "in").mkdir()
     source = walk(tmp_path / "in", "ros1")
+    other = made(tmp_path / "in/other", "tum")
     cases = {
         (str(tmp_path), str(tmp_path / "there")): "there: is there already",
         (str(tmp_path / "there"), str(tmp_path / "bag")): "is no sequence",
         (str(tmp_path), "--out", str(tmp_path / "b"), "--over", str(source)): "name b.bag",
         (str(tmp_path), "--out", str(tmp_path / "b.bag"), "--storage", "mcap"): "is for a folder",
+        (
+            str(other),
+            "--out",
+            str(tmp_path / "b.bag"),
+            "--over",
+            str(source),
+        ): "name the bag that the sequence was made",
     }
     for words, told in cases.items():
         assert command.run("bag", list(words), ENTRY) != 0
@@ -289,8 +297,8 @@ def test_other_encodings_are_written_as_they_were(tmp_path):
         assert (np.abs(steps[0] - steps[1]) <= np.where(steps[1] > 0, step, 0)).all()
 
 
-def test_lost_frames_are_left_out_and_another_camera_is_told(tmp_path):
-    source = walk(tmp_path, "mcap", change=lambda bag: None)
+def test_lost_frames_are_left_out_and_another_camera_is_told(tmp_path, capsys):
+    source = walk(tmp_path, "mcap")
     folder = perturbed(tmp_path / "made", source)
     lists = {name: (folder / f"{name}.txt") for name in ("rgb", "depth", "groundtruth")}
     for file in lists.values():
@@ -304,6 +312,7 @@ def test_lost_frames_are_left_out_and_another_camera_is_told(tmp_path):
     params.write_text(params.read_text().replace("9.5", "9.75"))
     out = tmp_path / "copy"
     assert command.run("bag", [str(folder), "--out", str(out), "--over", str(source)], ENTRY) == 0
+    assert "1 of 4 images of /camera/color/image_raw are left out" in capsys.readouterr().out
     found, was = messages(out), messages(source)
     assert [stamp for stamp, _ in found["/camera/color/image_raw"]] == [
         stamp for number, (stamp, _) in enumerate(was["/camera/color/image_raw"]) if number != 2

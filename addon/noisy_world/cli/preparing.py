@@ -300,7 +300,10 @@ def _fill_bag(options: argparse.Namespace, made: Path) -> Counter[str]:
     if options.over is not None:
         check_copy(options.over, options.out)
         topics = BagTopics(rgb=options.rgb, depth=options.depth)
-        return write_over(options.sequence, options.over, made, topics, options.depth_scale_per_m)
+        counts, notes = write_over(options.sequence, options.over, made, topics, options.depth_scale_per_m)
+        for note in notes:
+            print(note)
+        return counts
     forms: dict[str, Form] = {".bag": "ros1", ".mcap": "mcap", ".db3": "sqlite3"}
     form, storage = forms.get(options.out.suffix), options.storage or STORAGES[0]
     if form is not None and options.storage is not None:

@@ -10,7 +10,7 @@ import struct
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cache, cached_property
 from pathlib import Path
 from typing import Any, Literal, TypeAlias
@@ -305,11 +305,12 @@ class Replaced:
     """The images and cameras of a bag that a sequence takes the place of.
 
     rows: by the number of a message in the bag, what makes it, None for a message that goes. added: of frames whose
-    stamps the bag has not: when recorded, the connection, and what makes them.
+    stamps the bag has not: when recorded, the connection, and what makes them. notes: on what goes and is added.
     """
 
-    rows: dict[int, Any]
-    added: list[tuple[int, int, Any]]
+    rows: dict[int, Any] = field(default_factory=dict)
+    added: list[tuple[int, int, Any]] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
 
 
 @dataclass(frozen=True, eq=False)
@@ -333,7 +334,7 @@ class Overlay:
 
     def replaced(self) -> Replaced:
         """Return what of the bag becomes other."""
-        found = Replaced({}, [])
+        found = Replaced()
         stored, rgb, depth = self.stored, self.original.rgb, self.original.depth
         assert rgb is not None
         self._images(rgb, stored.stamps.rgb.ns, self._colour, found)
@@ -350,9 +351,12 @@ class Overlay:
         if not taken_ns.any():  # headers say no time: those of recording count, as where the bag is read
             taken_ns = log_ns
         order = np.argsort(taken_ns, kind="stable")
+        rows = [_nearest(taken_ns, order, stamp_ns) for stamp_ns in stamps_ns]
+        if all(row is None for row in rows):
+            problem = f"has no image of {topic.name} at the stamp of a frame of {self.stored.folder}"
+            raise InputError(self.bag.path, problem, remedy="name the bag that the sequence was made of")
         found.rows.update(dict.fromkeys(numbers))
-        for frame, stamp_ns in enumerate(stamps_ns):
-            row = _nearest(taken_ns, order, stamp_ns)
+        for frame, (row, stamp_ns) in enumerate(zip(rows, stamps_ns, strict=True)):
             if row is not None:
                 found.rows[numbers[row]] = lambda frame=frame, row=row: make(topic, frame, row, heads[row])
             else:
@@ -360,6 +364,12 @@ class Overlay:
                 made = lambda frame=frame, head=head: make(topic, frame, 0, head)  # noqa: E731
                 late_ns = stamp_ns + int(np.median(log_ns - taken_ns))
                 found.added.append((late_ns, int(topic.rows.connection[0]), made))
+        if gone := sum(found.rows[number] is None for number in numbers):
+            found.notes.append(
+                f"{gone} of {len(numbers)} images of {topic.name} are left out: no frame has their stamp"
+            )
+        if more := rows.count(None):
+            found.notes.append(f"{more} frames are put in beside the images of {topic.name}: none has their stamp")
 
     def _numbers(self, topic: Topic) -> list[int]:
         """Return the numbers of a topic's messages among all of the bag."""
@@ -478,8 +488,10 @@ def _compressed_depth(depth_m: NDArray[np.float32], form: str, parameters: bytes
 
 def write_over(
     folder: Path, over: Path, out: Path, topics: BagTopics, depth_scale_per_m: float | None = None
-) -> Counter[str]:
-    """Write a bag with the images of a sequence in place of its own; return how many messages each topic has.
+) -> tuple[Counter[str], list[str]]:
+    """Write a bag with the images of a sequence in place of its own.
+
+    Return how many messages each topic has, and what the user should know of them, in sentences.
 
     over: the bag. topics: of colour and depth there, found where exactly one fits. depth_scale_per_m: of its depth in
     whole numbers, else 1000. Raises InputError.
@@ -489,7 +501,7 @@ def write_over(
     overlay = Overlay(find_sequence(folder, poses="keep"), original, depth_scale_per_m or MILLIMETRES)
     bag, replaced = original.bag, overlay.replaced()
     if isinstance(bag.parts[0], Ros1Part):
-        return _copied(overlay, replaced, out)
+        return _copied(overlay, replaced, out), replaced.notes
     if over.is_dir():
         out.mkdir()
     files = [out / part.path.name if over.is_dir() else out for part in bag.parts]
@@ -507,7 +519,7 @@ def write_over(
     for item in whole.connections:
         counts[item.topic] += item.count
     whole.close()
-    return counts
+    return counts, replaced.notes
 
 
 def check_copy(over: Path, out: Path) -> None:
