@@ -225,6 +225,11 @@ def _load_shared(plan: Plan) -> None:
     base_versions()
     for scene in plan.scenes:
         _ = scene.path
+    if "embree" in plan.engines:
+        from ..render.ray_session import load_packets
+
+        sizes = [render.camera.width_px * render.camera.height_px * len(render.frames) for render in plan.renders]
+        load_packets(max(sizes, default=0))
 
 
 def _work_split(plan: Plan, need: Callable[[], None]) -> int:

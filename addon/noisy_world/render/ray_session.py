@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A mesh in Embree, ready to be seen from any pose: the session of `engine: embree`, which needs no Blender."""
 
+import contextlib
 import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -16,7 +17,7 @@ from ..core.file_access import private_cache_folder
 from ..core.frame_request import FrameRequest, SensorPaths
 from ..core.geometry import Intrinsics
 from ..core.lens import WIDEST_DEG, Distortion, LensRays, lens_rays
-from ..core.machine import available_threads, keep_freed_memory
+from ..core.machine import available_threads, keep_freed_memory, processor_features
 from ..core.packages import install_command
 from ..core.srgb import exact_colours, quick_light
 from ..core.trajectory import Trajectory, recentring_m
@@ -188,6 +189,20 @@ def caster_of(
             took = f"compiling the code that casts rays took {packets.compiling_s:.1f} s; it is {kept}"
             return packets, (took,) if packets.compiling_s else ()
     return RayByRay(cast), notes
+
+
+def load_packets(rays: int) -> None:
+    """Load what casts so many rays, where packets pay: processes that are split from this one have it then.
+
+    Embree itself is not loaded: its threads would be missing in them.
+    """
+    folder = private_cache_folder()
+    if rays < PAYS_FROM_RAYS or folder is None:
+        return
+    with contextlib.suppress(ImportError):
+        from .packets import compiled
+
+        compiled(16 if "AVX512_SKX" in processor_features() else 8, folder)  # if Embree takes others, they load them
 
 
 SIDEWAYS = f"the lens sees sideways: depth is void from {WIDEST_DEG:g} degrees off its axis on, where planar depth ends"
