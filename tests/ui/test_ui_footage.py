@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from refusals import refused
 from panel_tools import Drawn, settings
-from recorded_layouts import WRITERS
+from recorded_layouts import WRITERS, rgbd_folders
 
 from noisy_world.layouts import EVERY
 from noisy_world.panel import source_views
@@ -142,6 +142,29 @@ def test_its_keys_come_back_from_a_preset(recording, tmp_path):
     assert said["camera"].items() >= preset["camera"].items()
     assert document.can_apply(path, "SCENE")
     assert not document.can_apply(path, "PATH")
+
+
+def test_a_described_recording_comes_back_and_is_previewed(tmp_path):
+    folder = tmp_path / "lab"
+    folder.mkdir()
+    rgbd_folders(folder)
+    told = {
+        "folder": "lab",
+        "rgb": {"files": "rgb/*.png"},
+        "depth": {"files": "depth/*.png", "scale_per_m": 500.0, "void": [65535]},
+        "intrinsics": {"fx": 30.0, "fy": 29.0, "cx": 15.5, "cy": 12.25},
+    }
+    preset = {"seed": 1, "scenes": [{"name": "lab", "sequence": told}], "settings": [{"name": "clean"}]}
+    preset |= {"render": {"backend": "reference"}, "output": {"layout": "tum"}}
+    (tmp_path / "lab.yaml").write_text(json.dumps(preset))
+    item = settings()
+    document.open_preset(item, tmp_path / "lab.yaml")
+    assert document.to_document(item, tmp_path)["scenes"] == preset["scenes"]
+    shown(item).draw(Drawn(), item)
+    stored = source_views.footage_of(document.preset_of(item)).source.stored
+    assert stored.depth_scale_per_m == 500.0
+    item.of_sequence.sequence.folder = str(folder)  # as by hand
+    assert document.to_document(item, tmp_path)["scenes"][0]["sequence"] == told
 
 
 def test_what_is_wrong_with_a_recording_is_said(recording, tmp_path):

@@ -19,6 +19,7 @@ from ..core.trajectory import Trajectory, rounded_path
 from ..images.measured_depth import Registration
 from ..images.pixels import as_float
 from ..layouts import EVERY, recognising
+from ..layouts.described import SequenceSpec
 from ..nodes.datablocks import layout_of
 from ..preset.keys import Preset
 from ..render.source import RenderedFrame, RenderOptions, Source
@@ -320,6 +321,9 @@ class _Footage(ShownSource):
     has_own_path = True
 
 
+_DESCRIBED = [item.name for item in fields(SequenceSpec) if item.name != SequenceSpec.SHORTHAND]
+
+
 class _Recording(_Footage):
     source = "sequence"
     files = ("sequence",)
@@ -330,9 +334,12 @@ class _Recording(_Footage):
         known = ("sequence", "layout", "rate_hz")
         left = [item.name for item in fields(self.keys) if item.name not in known] if group.layout == "images" else []
         said = said_by(group, self.keys, file, leave=(*SHARED, *left))
-        folder = file(group.sequence.folder)
-        described = {name: value for name, value in said.get("sequence", {}).items() if name != "folder"}
-        return said | {"sequence": {"folder": folder, **described} if described else folder}
+        told = said.get("sequence", {})
+        folder = file(group.sequence.folder) if group.sequence.folder else ""
+        described = {name: value for name, value in told.items() if name != "folder"}
+        place = {"folder": folder} if folder else {}  # a bag stands in place of it
+        others = {name: value for name, value in said.items() if name != "sequence"}
+        return {"sequence": place | described if described else folder} | others
 
     def draw(self, layout: bpy.types.UILayout, panel: Any) -> None:
         group = self.group(panel)
@@ -346,7 +353,10 @@ class _Recording(_Footage):
         if group.layout == "images":
             write(layout, bpy.context, f"{NO_DEPTH_OR_POSES}: colour alone is perturbed", "INFO")
             return
-        if folder and Path(folder).is_dir():
+        described = [name for name in _DESCRIBED if getattr(group.sequence, f"use_{name}")]
+        if described:
+            write(layout, bpy.context, f"Its preset says where its files are: {', '.join(described)}", "INFO")
+        elif folder and Path(folder).is_dir():
             names = layout_names(folder)
             unknown = ("No layout that is read; Plain Images takes PNG and JPEG files as they are", "ERROR")
             write(layout, bpy.context, *((f"Layout: {names}", "CHECKMARK") if names else unknown))
