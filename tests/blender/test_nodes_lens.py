@@ -2,6 +2,7 @@
 
 import math
 
+import cv2
 import numpy as np
 import pytest
 from cases import cases
@@ -270,3 +271,15 @@ def test_elastic_nodes_displace_by_the_law_of_the_reference():
         border = fields[:, 0, 0, 12:-12].std(), fields[:, 1, 12:-12, 0].std()  # along the border, where it may
         laws.append([inner.std(), *beside, *below, *border])
     np.testing.assert_allclose(*laws, rtol=0.1)
+
+
+@cases("name", ["zoom_blur", "elastic_transform"])
+def test_a_preview_shows_the_zoom_and_the_waves_of_the_frame(name):
+    smooth = cv2.GaussianBlur(picture(120, 160), (0, 0), 3)
+    small = cv2.resize(smooth, (80, 60), interpolation=cv2.INTER_AREA)
+    full = cv2.resize(by_nodes(name, smooth, severity=5)[0], (80, 60), interpolation=cv2.INTER_AREA)
+    preview = by_nodes(name, small, severity=5, reference_width=160)[0]
+    assert np.abs(preview - full).mean() < 0.05 * np.abs(full - small).mean()
+    larger = by_nodes(name, smooth, severity=5, reference_width=80)[0]  # of more pixels than the frame has
+    own = by_nodes(name, small, severity=5)[0]
+    assert np.abs(larger - smooth).mean() == pytest.approx(np.abs(own - small).mean(), rel=0.15)

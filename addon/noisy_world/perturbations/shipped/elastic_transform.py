@@ -106,7 +106,8 @@ def _displaced(full: FullSize, given: Mapping[str, Socket]) -> Socket:
         from_top = graph.math("MULTIPLY_ADD", position, (1.0, -1.0, 0.0), graph.vector(0.0, canvas.height_px - 1.0))
         place = graph.math("FLOOR", from_top + 0.25)
     with graph.section("Noise"):
-        most = given["alpha"] * given["noise_share"] * canvas.height_px
+        # Smoothed over as large a share of the image, noise displaces by as many pixels at any size, so it is scaled.
+        most = given["alpha"] * given["noise_share"] * canvas.height_px * canvas.scale
         noise = graph.math("MULTIPLY_ADD", canvas.random(0, place), (2.0, 2.0, 0.0), (-1.0, -1.0, 0.0))
     with graph.section("Smooth"):
         inputs = {"Image": noise, "Size": reach, "Type": "Gaussian", "Separable": True}
