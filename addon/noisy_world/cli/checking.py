@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""`check`: looks at recordings before anything is made of them, and says on a page what was found."""
+"""`check` and `measure`: what recordings say of themselves, before anything is made of them, on a page."""
 
 import argparse
 import json
 import shlex
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -49,11 +49,22 @@ def _check(options: argparse.Namespace, _: Entry) -> int:
     """Look, print the page, and return 0 where nothing is wrong."""
     from ..measure.looking import look_at
 
+    return _printed(options, look_at)
+
+
+def _measure(options: argparse.Namespace, _: Entry) -> int:
+    """Measure, print the page, and return 0 where nothing is wrong."""
+    from ..measure.looking import measured
+
+    return _printed(options, measured)
+
+
+def _printed(options: argparse.Namespace, look: "Callable[[str, Source, Intrinsics], Findings]") -> int:
     found: list[Findings] = []
     rendered: list[str] = []
     for name, source, camera in _scenes(options):
         if source.capabilities.recorded:
-            found.append(look_at(name, source, camera))
+            found.append(look(name, source, camera))
         else:
             rendered.append(name)
     if options.json:
@@ -120,7 +131,8 @@ def _page(found: "Findings") -> Iterator[str]:
     yield f"recording  {found.name}: {found.frames} frames of {wide} x {high}, {found.seconds:.2f} s"
     yield f"looked at  {found.read} frames"
     for name, figure in found.figures.items():
-        yield f"  {name:<27}{_shown(figure)}"
+        yield f"  {name:<32}{_shown(figure)}"
+    yield from (f"note       {text}" for text in found.remarks)
     yield from (f"fault      {text}" for text in found.faults)
     if not found.faults:
         yield "found      nothing wrong"
@@ -142,6 +154,7 @@ def _content(found: "Findings") -> dict[str, Any]:
         "seconds": found.seconds,
         "looked_at": found.read,
         "figures": [figure.content() for figure in found.figures.values()],
+        "remarks": list(found.remarks),
         "faults": [{"about": told, "text": str(text)} for told, text in zip(found.told, found.faults, strict=True)],
     }
 
@@ -161,7 +174,7 @@ def _next(options: argparse.Namespace, *, faults: bool) -> str:
     )
 
 
-COMMAND = Command(
+CHECK = Command(
     name="check",
     order=195,
     group="prepare and convert",
@@ -175,3 +188,21 @@ COMMAND = Command(
     needs=("numpy", "cv2"),
     stopped="nothing was written",
 )
+
+
+MEASURE = Command(
+    name="measure",
+    order=196,
+    group="prepare and convert",
+    help="measure a recording's noise: of colour, of depth, of an IMU, and how late they are",
+    description="Measure what a recording says of its own noise, without ground truth: colour noise against intensity, "
+    "depth noise by distance, its steps, correlation and holes, white noise of an IMU, and all that 'check' says. Each "
+    "figure has its 95 % interval and the number of samples, or says why it cannot be told here.",
+    options=_check_options,
+    settle=settled,
+    run=_measure,
+    needs=("numpy", "cv2"),
+    stopped="nothing was written",
+)
+
+COMMAND = CHECK, MEASURE

@@ -33,12 +33,13 @@ KEPT = 4  # decoded frames
 class Look:
     """One frame. grey: (H, W) uint8. depth_m: (H, W) planar depth as the colour camera sees it, 0 = void; or None.
 
-    whole: (H, W) uint8 grey of the size that it was recorded in.
+    whole: (H, W) uint8 grey of the size that it was recorded in, and colour (H, W, 3) uint8, RGB.
     """
 
     grey: NDArray[np.uint8]
     depth_m: Float32 | None
     whole: NDArray[np.uint8]
+    colour: NDArray[np.uint8]
 
 
 @dataclass
@@ -116,14 +117,15 @@ class Footage:
         import cv2
 
         shown = self.opened.frame(self._paths.request(frame))
-        whole = np.asarray(cv2.cvtColor(as_bytes(np.asarray(shown.rgb)), cv2.COLOR_RGB2GRAY), np.uint8)
+        colour = as_bytes(np.asarray(shown.rgb))
+        whole = np.asarray(cv2.cvtColor(colour, cv2.COLOR_RGB2GRAY), np.uint8)
         grey = np.asarray(self._resized(whole, cv2.INTER_AREA), np.uint8)
         depth_m = shown.depth_m if self.has_depth else None
         if depth_m is None:
-            return Look(grey, None, whole)
+            return Look(grey, None, whole, colour)
         if self._between is not None:
-            return Look(grey, self._between.depth_in_colour(depth_m), whole)
-        return Look(grey, np.asarray(self._resized(depth_m, cv2.INTER_NEAREST), np.float32), whole)
+            return Look(grey, self._between.depth_in_colour(depth_m), whole, colour)
+        return Look(grey, np.asarray(self._resized(depth_m, cv2.INTER_NEAREST), np.float32), whole, colour)
 
     def _resized(self, image: NDArray[Any], by: int) -> NDArray[Any]:
         import cv2

@@ -2,15 +2,18 @@
 """A look at a recording before anything is made of it: figures, and what is wrong with it in a line each."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from ..core.geometry import Intrinsics
 from ..render.source import Source
 from .calibration import ANGLE, ZOOM, Calibration, calibration
+from .colour_noise import colour_noise
+from .depth_noise import depth_noise
 from .figure import Figure
 from .footage import Footage, footage_of
+from .imu_noise import imu_noise
 from .lateness import CLOCK, LATE, depth_lateness, imu_clock, imu_clock_by_poses
 from .motion import Steps, steps_of
 from .parallax import AS_READ, Parallax, parallax
@@ -18,9 +21,11 @@ from .timing import Doubled, depth_stamps_later_s, doubled, runs_of, stamp_figur
 
 # Chosen, as all below: sound recordings stay below, and what breaks a system is above.
 LOOKED_AT = 240  # frames in a row, at most, in three runs
+NOISE_FRAMES = 16  # whose noise is measured, at the size that they have
+WHOLE_PX = 1 << 16
 EDGE_FRAMES = 24  # whose edges are compared
 LATE_FRAMES = 0.6
-CLOCK_S = 0.004
+CLOCK_S, EXACT_S = 0.004, 0.008  # what a clock is off by; half the interval of a figure by images alone that counts
 ANGLE_DEG, ZOOMED = 1.0, 0.04  # depth that is larger than colour was never laid onto it, and is no fault of calibration
 JITTER, MISSING = 0.25, 0.05
 DOUBLED, UNEVENLY = 0.02, 0.15  # share of doubled frames: of even ones, and of such as a busy recorder leaves
@@ -36,7 +41,7 @@ class Findings:
     """What was found of a recording.
 
     frames, size_px, seconds: what there is. read: how many frames were decoded. figures: by name. faults: a line each.
-    told: names of what each fault is about, in their order.
+    told: names of what each fault is about, in their order. remarks: what else has to be said of the figures.
     """
 
     name: str
@@ -47,6 +52,7 @@ class Findings:
     figures: dict[str, Figure]
     faults: tuple[str, ...] = ()
     told: tuple[str, ...] = ()
+    remarks: tuple[str, ...] = ()
 
 
 @dataclass
@@ -93,6 +99,28 @@ def look_at(name: str, source: Source, camera: Intrinsics, looked_at: int = LOOK
             heap.figures,
             tuple(text for _, text in heap.faults),
             tuple(told for told, _ in heap.faults),
+        )
+
+
+def measured(name: str, source: Source, camera: Intrinsics) -> Findings:
+    """Measure the noise of a recorded source beside what `look_at` does. camera: of colour.
+
+    Raises InputError where a file that is looked at is damaged.
+    """
+    found = look_at(name, source, camera)
+    with footage_of(name, source, camera, WHOLE_PX) as footage:
+        last = max(len(footage) - 2, 0)  # depth is compared with the frame after
+        frames = np.unique(np.linspace(0, last, NOISE_FRAMES).round().astype(int)).tolist()
+        colour = colour_noise(footage, frames)
+        figures = [*colour.figures, *imu_noise(footage.imu)]
+        if footage.has_depth:
+            figures += depth_noise(footage, frames).figures
+        remarks = (colour.remark,) if colour.remark else ()
+        return replace(
+            found,
+            figures=found.figures | {figure.name: figure for figure in figures},
+            remarks=remarks,
+            read=found.read + len(footage.read),
         )
 
 
@@ -202,7 +230,8 @@ def _clock(heap: _Heap, clock: Figure, by_poses: Figure) -> None:
         agrees = clock.value is not None and abs(clock.value - by_poses.value) < wide
         if clock.value is None or (agrees and by_poses.half_width < clock.half_width):
             best, against = by_poses, "the poses and the images" if agrees else "the poses"
-    if best.value is not None and best.sure_beyond(CLOCK_S):
+    exact = best is by_poses or best.half_width < EXACT_S
+    if best.value is not None and exact and best.sure_beyond(CLOCK_S):
         way = "ahead of" if best.value > 0 else "behind"
         heap.fault(
             best.name,

@@ -1,0 +1,227 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Noise of colour against intensity, from frames alone: what is left of smooth surfaces over small blocks.
+
+A block of noise alone leaves a variance that is spread as chi-squared; texture and edges leave more. So the lowest
+variances of each intensity tell: where the share below 0.7 sigma^2 is to that below 0.88 sigma^2 as chi-squared has it.
+"""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from functools import cache
+from itertools import pairwise
+
+import numpy as np
+
+from .figure import BLOCKS, Figure, blocks_of, jackknifed
+from .footage import Float64, Footage
+
+# Chosen, as all below.
+SIDE = 8  # of a block in pixels
+TERMS = 6  # of a surface of second order
+FREE = SIDE * SIDE - TERMS
+LEVELS = np.linspace(8.0, 248.0, 13)  # edges of the bins of intensity, of 255
+LOW, HIGH = 0.7, 0.88  # times sigma^2: below these the two shares are taken
+LEAST_BLOCKS = 300  # of an intensity, in all frames
+LEAST_BELOW = 30  # of them below HIGH sigma^2
+LEAST_SIGMA, MOST_SIGMA, TRIED = 0.05, 120.0, 400
+SMOOTHEST = 0.1  # share of the blocks that are looked at where none is of noise alone
+# Relative error of a deviation by what texture adds to the smoothest blocks, found on known noise: the first over the
+# share of blocks that have none, within the others.
+TEXTURE, LEAST_ERROR, MOST_ERROR = 0.012, 0.015, 0.15
+ROUNDED = 1 / 12  # variance of what rounding to whole numbers adds
+CORRELATED = 0.2  # neighbours' noise: more is no noise of a sensor's own pixels
+
+CURVE = "colour_noise"
+
+
+@dataclass(frozen=True)
+class ColourNoise:
+    """The green channel's noise. curve: (intensity of 255, its deviation of 255), a figure for each.
+
+    gaussian_std, per_photon: of variance = gaussian_std^2 + per_photon * intensity, both of full scale. correlation:
+    between horizontal neighbours. remark: what has to be said of it; "" for nothing.
+    """
+
+    curve: tuple[tuple[float, Figure], ...]
+    gaussian_std: Figure
+    per_photon: Figure
+    correlation: Figure
+    remark: str = ""
+
+    @property
+    def figures(self) -> tuple[Figure, ...]:
+        """All of them."""
+        return (self.gaussian_std, self.per_photon, self.correlation, *(figure for _, figure in self.curve))
+
+
+@dataclass(frozen=True)
+class _Blocks:
+    """Of blocks: mean, variance that is left and product of horizontal neighbours that are left, (N,); their frame."""
+
+    mean: Float64
+    variance: Float64
+    beside: Float64
+    frame: Float64
+
+
+def colour_noise(footage: Footage, frames: Sequence[int]) -> ColourNoise:
+    """Return the noise of colour in some frames. Raises InputError where one of them is damaged."""
+    blocks = _joined(_of_frame(footage.look(frame).colour[..., 1], number) for number, frame in enumerate(frames))
+    groups = blocks_of(len(frames))[blocks.frame.astype(int)]
+    curve: list[tuple[float, Figure]] = []
+    whole: list[tuple[float, float, float]] = []
+    parted: list[list[tuple[float, float, float]]] = [[] for _ in range(BLOCKS)]
+    kept: list[tuple[float, Float64]] = []
+    textures: list[tuple[float, float]] = []
+    for low, high in pairwise(LEVELS.tolist()):
+        here = (blocks.mean >= low) & (blocks.mean < high)
+        if here.sum() < LEAST_BLOCKS or (sigma := _sigma(blocks.variance[here])) is None:
+            continue
+        level = float(np.mean(blocks.mean[here]))
+        parts = [_sigma(blocks.variance[here & (groups != group)]) for group in range(BLOCKS)]
+        known = np.array([sigma if part is None else part for part in parts])
+        plain = _plain_share(blocks.variance[here], sigma)
+        texture = min(max(TEXTURE / plain, LEAST_ERROR), MOST_ERROR)
+        error = float(np.hypot(jackknifed(known), texture * sigma))
+        curve.append((level, Figure.within(f"{CURVE}_at_{level:.0f}", sigma, error, int(here.sum()), "blocks")))
+        weight = float(np.sqrt(here.sum())) * plain
+        textures.append((texture, weight))
+        whole.append((level, sigma, weight))
+        for group, value in enumerate(known.tolist()):
+            parted[group].append((level, value, weight))
+        noise = here & (np.abs(blocks.variance / (sigma**2 + ROUNDED) - 1) < 0.4)
+        kept.append((float(noise.sum()), np.array([blocks.beside[noise].sum(), blocks.variance[noise].sum()])))
+    if not curve:
+        return _without_noise(blocks)
+    count = int(sum(number for number, _ in kept))
+    correlation = _correlation(kept)
+    fitted, left_out = _law(whole), np.array([_law(part) for part in parted])
+    variance = float(np.mean([(sigma / 255) ** 2 for _, sigma, _ in whole]))
+    by_texture = float(np.average([share for share, _ in textures], weights=[weight for _, weight in textures]))
+    apart = by_texture * variance**0.5, 2 * by_texture * variance
+    law = [
+        Figure.within(
+            name,
+            float(fitted[place]),
+            float(np.hypot(jackknifed(left_out[:, place]), apart[place])),
+            len(curve),
+            "intensities",
+        )
+        for place, name in enumerate(("colour_gaussian_std", "colour_variance_per_intensity"))
+    ]
+    if len(curve) < 3:
+        law[1] = Figure.none(law[1].name, "too few intensities are seen")
+    error = 1 / max(count, 1) ** 0.5
+    beside = Figure.within("colour_noise_correlation", correlation, error, count, "blocks")
+    remark = ""
+    if correlation > CORRELATED:
+        remark = (
+            f"neighbours' noise of colour is correlated by {correlation:.2f}: it was denoised, compressed or resampled "
+            "after it arose, and what is left is less than the sensor's own"
+        )
+    return ColourNoise(tuple(curve), law[0], law[1], beside, remark)
+
+
+def _without_noise(blocks: _Blocks) -> ColourNoise:
+    """Return what is known where no intensity has noise of independent pixels."""
+    names = ("colour_gaussian_std", "colour_variance_per_intensity", "colour_noise_correlation")
+    if len(blocks.variance) < LEAST_BLOCKS:
+        why = "too few blocks are neither black nor white"
+        gaussian, slope, beside = (Figure.none(name, why) for name in names)
+        return ColourNoise((), gaussian, slope, beside)
+    smooth = blocks.variance <= np.quantile(blocks.variance, SMOOTHEST)
+    most = float(np.sqrt(np.median(blocks.variance[smooth])))
+    count = int(smooth.sum())
+    beside = _correlation([(float(count), np.array([blocks.beside[smooth].sum(), blocks.variance[smooth].sum()]))])
+    why = f"noise of independent pixels is hidden: even smooth blocks vary otherwise, by {most:.2g} of 255"
+    gaussian, slope = (Figure.none(name, why) for name in names[:2])
+    remark = (
+        f"colour has no noise of independent pixels above {most:.2g} of 255: it was denoised or compressed below it, "
+        f"or never had any (neighbours in smooth blocks are correlated by {beside:.2f})"
+    )
+    return ColourNoise((), gaussian, slope, Figure.exact(names[2], beside, count, "blocks"), remark)
+
+
+@cache
+def _left() -> tuple[Float64, float]:
+    """Return the projection onto what a surface leaves of a block (64, 64), and neighbours' correlation in it."""
+    v, u = np.mgrid[:SIDE, :SIDE] - (SIDE - 1) / 2
+    terms = np.stack([np.ones(u.size), u.ravel(), v.ravel(), u.ravel() ** 2, v.ravel() ** 2, (u * v).ravel()], axis=1)
+    left = np.eye(SIDE * SIDE) - terms @ np.linalg.pinv(terms)
+    cube = left.reshape(SIDE, SIDE, SIDE, SIDE)
+    here = np.arange(SIDE - 1)
+    beside = sum(float(cube[row, here, row, here + 1].sum()) for row in range(SIDE)) / (SIDE * (SIDE - 1))
+    return left, beside / (float(np.trace(left)) / (SIDE * SIDE))
+
+
+def _of_frame(image: np.ndarray, number: int) -> _Blocks:
+    high, wide = image.shape[0] // SIDE, image.shape[1] // SIDE
+    cut = image[: high * SIDE, : wide * SIDE].reshape(high, SIDE, wide, SIDE).swapaxes(1, 2).reshape(-1, SIDE * SIDE)
+    inside = (cut.min(axis=1) > 0) & (cut.max(axis=1) < 255)
+    values = cut[inside].astype(np.float64)
+    left = values @ _left()[0]
+    square = left.reshape(-1, SIDE, SIDE)
+    return _Blocks(
+        values.mean(axis=1),
+        (left**2).sum(axis=1) / FREE,
+        (square[:, :, 1:] * square[:, :, :-1]).mean(axis=(1, 2)),
+        np.full(len(values), float(number)),
+    )
+
+
+def _joined(parts: Iterable[_Blocks]) -> _Blocks:
+    held = list(parts)
+    names = ("mean", "variance", "beside", "frame")
+    return _Blocks(*(np.concatenate([getattr(part, name) for part in held]) for name in names))
+
+
+@cache
+def _shares() -> tuple[float, float]:
+    """Return the shares of chi-squared below LOW and HIGH times its mean, by FREE degrees of freedom."""
+    values = np.random.default_rng(0).chisquare(FREE, 400_000) / FREE
+    return float(np.mean(values < LOW)), float(np.mean(values < HIGH))
+
+
+def _sigma(variances: Float64) -> float | None:
+    """Return the deviation of the noise that the lowest of variances (N,) are of; None where they tell none."""
+    ordered = np.sort(variances)
+    tried = np.geomspace(LEAST_SIGMA, MOST_SIGMA, TRIED)
+    low, whole = (np.searchsorted(ordered, times * tried**2) for times in (LOW, HIGH))
+    enough = whole >= max(LEAST_BELOW, 0.01 * len(ordered))
+    ratio = low / np.maximum(whole, 1) - _shares()[0] / _shares()[1]
+    crossing = np.flatnonzero(enough[1:] & (ratio[1:] >= 0) & (ratio[:-1] < 0))
+    if not len(crossing):
+        return None
+    at = int(crossing[0])
+    part = -ratio[at] / max(ratio[at + 1] - ratio[at], 1e-9)
+    variance = float(tried[at] * (tried[at + 1] / tried[at]) ** part) ** 2
+    return float(np.sqrt(max(variance - ROUNDED, LEAST_SIGMA**2)))
+
+
+def _plain_share(variances: Float64, sigma: float) -> float:
+    """Return the share of variances (N,) that are of noise of a deviation alone, above 0."""
+    return max(float(np.mean(variances < HIGH * (sigma**2 + ROUNDED))) / _shares()[1], 0.01)
+
+
+def _law(points: list[tuple[float, float, float]]) -> Float64:
+    """Fit (3,) intensity, deviation, weight by variance = gaussian^2 + slope * intensity, of full scale; both >= 0."""
+    level, sigma, weight = (np.array(column) for column in zip(*points, strict=True))
+    x, y = level / 255, (sigma / 255) ** 2
+    scaled = weight / y  # relative errors of the variance are alike
+    terms = np.stack([np.ones_like(x), x], axis=1)
+    if len(x) < 3:
+        return np.array([float(np.sqrt(np.average(y, weights=weight))), 0.0])
+    constant, slope = np.linalg.lstsq(terms * scaled[:, None], y * scaled, rcond=None)[0]
+    if slope < 0:
+        constant, slope = np.average(y, weights=scaled**2), 0.0
+    elif constant < 0:
+        constant, slope = 0.0, np.sum(scaled**2 * x * y) / np.sum(scaled**2 * x * x)
+    return np.array([float(np.sqrt(constant)), float(slope)])
+
+
+def _correlation(kept: list[tuple[float, Float64]]) -> float:
+    """Return neighbours' correlation of the noise, against that which the fit alone makes."""
+    beside, variance = np.sum([sums for _, sums in kept], axis=0)
+    by_fit = _left()[1]
+    measured = float(beside / max(variance * FREE / (SIDE * SIDE), 1e-12))
+    return (measured - by_fit) / (1 - by_fit)
