@@ -217,34 +217,46 @@ def _links(out: Path, sequences: Collection[str], work: Iterable[Path]) -> Itera
 
     work: the working folder, or those in it that matter.
     """
-    top = (WORK_FOLDER, MANIFEST, RUN, OVERVIEW, *sorted({folder.split("/")[0] for folder in sequences}))
+    settings = sorted({folder.split("/")[0] for folder in sequences})
+    top = (WORK_FOLDER, MANIFEST, RUN, OVERVIEW, *settings)
     yield from (path for path in (out / name for name in top) if path.is_symlink())
     for folder in work:
         yield from (link for link in (link_on_the_way(out, folder),) if link is not None)
         yield from _links_below(folder)
-    there = [folder for folder in sequences if (out / folder).parent.is_dir()]
-    beside = {name for layout in LAYOUTS.values() for name in layout.setting_files} if there else set[str]()
-    for folder in there:
+    for setting in settings:
         yield from (
-            path for path in (out / folder, *((out / folder).parent / name for name in beside)) if path.is_symlink()
+            link
+            for link in _links_and_folders(out / setting)[0]
+            if f"{setting}/{link.name}" in sequences or link.name in _setting_files()
         )
+    for folder in sequences:
         yield from (path for path in _links_below(out / folder) if _is_ours(path.relative_to(out / folder)))
 
 
+def _setting_files() -> set[str]:
+    """Return the files that may stand beside the sequences of a setting, in any layout."""
+    return {name for layout in LAYOUTS.values() for name in layout.setting_files}
+
+
 def _links_below(folder: Path | str) -> Iterator[Path]:
-    """Yield the links in a folder and in those below it. What kind an entry is comes with its name, without asking."""
-    try:
-        with os.scandir(folder) as entries:
-            inside: list[str] = []
-            for entry in entries:
-                if entry.is_symlink():
-                    yield Path(entry.path)
-                elif entry.is_dir(follow_symlinks=False):
-                    inside.append(entry.path)
-    except OSError:  # there is no such folder, or a run that goes on has just removed it
-        return
+    """Yield the links in a folder and in those below it."""
+    links, inside = _links_and_folders(folder)
+    yield from links
     for path in inside:
         yield from _links_below(path)
+
+
+def _links_and_folders(folder: Path | str) -> tuple[list[Path], list[str]]:
+    """Return the links in a folder, and its folders. What kind an entry is comes with its name, without asking."""
+    links: list[Path] = []
+    inside: list[str] = []
+    with contextlib.suppress(OSError), os.scandir(folder) as entries:  # it may not be there, or just be removed
+        for entry in entries:
+            if entry.is_symlink():
+                links.append(Path(entry.path))
+            elif entry.is_dir(follow_symlinks=False):
+                inside.append(entry.path)
+    return links, inside
 
 
 def _is_ours(name: Path) -> bool:
@@ -278,7 +290,7 @@ def remove_dataset(out: Path, work: Path, sequences: Iterable[str]) -> None:
         ours = _folders_in_sequences()
         for folder in named:
             _remove_sequence(out, out / folder, ours)
-        beside = {name for layout in LAYOUTS.values() for name in layout.setting_files}
+        beside = _setting_files()
         for setting in sorted({folder.split("/")[0] for folder in named}):
             _remove_setting(out, out / setting, beside)
         for name in (MANIFEST, RUN, OVERVIEW):
