@@ -70,8 +70,8 @@ _OPENVINS_COLUMNS = PoseColumns(0, (5, 6, 7), (4, 1, 2, 3), "s")
 
 def named_columns(headers: Sequence[str]) -> PoseColumns | None:
     """Return the columns that the last header with a pose's names gives; None where no header names one."""
-    found = (_columns_of(_column_names(header)) for header in reversed(headers))
-    return next((columns for columns in found if columns is not None), None)
+    candidates = (_columns_of(_column_names(header)) for header in reversed(headers))
+    return next((columns for columns in candidates if columns is not None), None)
 
 
 def names_columns(header: str) -> bool:
@@ -122,14 +122,14 @@ def _columns_of(names: list[str]) -> PoseColumns | None:
 
 def _quaternions(names: list[str]) -> dict[str, dict[str, int]]:
     """Return by their names without the axis the quaternions of which all four parts are named, in their order."""
-    found: dict[str, dict[str, int]] = {}
+    quaternions: dict[str, dict[str, int]] = {}
     for index, name in enumerate(names):
         if match := _QUATERNION.fullmatch(_bare(name)):
-            axes = found.setdefault(match["of"], {})
+            axes = quaternions.setdefault(match["of"], {})
             if match["axis"] in axes:  # a header that was cut and joined, say
                 return {}
             axes[match["axis"]] = index
-    return {of: axes for of, axes in found.items() if len(axes) == 4}
+    return {of: axes for of, axes in quaternions.items() if len(axes) == 4}
 
 
 def _bare(name: str) -> str:

@@ -80,9 +80,11 @@ def _stamped_poses(name: StampedFormat, file: PoseFile, options: ReadOptions) ->
         _check_gaps(table, stamps_s, unit)
     poses = _posed(table, (1, 2, 3), (4, 5, 6, 7), _ORDERS[columns.w_first])
     format_name = name if declared or name == "vslamlab" else "euroc" if columns.w_first else "tum"
-    said = (f"its time stamps, from {_LEAST_NS:g} on, are read as nanoseconds",) if guessed and unit == "ns" else ()
-    said = said if format_name == "tum" else ()
-    return FilePoses(format_name, poses, stamps_s, notes=(*notes, *equal, *said, *_other_pose(columns)))
+    if guessed and unit == "ns" and format_name == "tum":
+        notes += (f"its time stamps, from {_LEAST_NS:g} on, are read as nanoseconds",)
+    if columns.others:
+        notes += ("its header names several poses: the first is read",)
+    return FilePoses(format_name, poses, stamps_s, notes=(*notes, *equal))
 
 
 def _stamped_table(file: PoseFile, declared: StampedFormat | None) -> tuple[PoseRows, list[str], PoseColumns]:
@@ -114,16 +116,15 @@ def _columns_by_width(file: PoseFile, declared: StampedFormat | None) -> PoseCol
     if (named := named_columns(lines.headers)) is not None:
         problem = f"{width} numbers, but its header names {named.names} columns"
         raise InputError(file.path, problem, where=where, remedy="name all columns in the header")
-    whole = bool(_WHOLE.fullmatch(split_cells(lines.texts[0])[0]))
-    euroc = width == _EUROC_WIDTH or (lines.commas and whole and width >= 8)
     if declared is not None:
-        allowed = {"tum": width in _TUM_WIDTHS, "vslamlab": width == 8, "euroc": width >= 8 and lines.commas}
-        if not (allowed[declared] or (declared == "euroc" and width in (8, _EUROC_WIDTH))):
+        commas_or_usual = lines.commas or width in (8, _EUROC_WIDTH)
+        fits = {"tum": width in _TUM_WIDTHS, "vslamlab": width == 8, "euroc": width >= 8 and commas_or_usual}
+        if not fits[declared]:
             raise InputError(file.path, f"{width} numbers", where=where, remedy=_WAYS[declared])
         return EUROC_COLUMNS if declared == "euroc" else TUM_COLUMNS
-    if euroc and (width in _EUROC_WIDTHS or float(split_cells(lines.texts[0])[0]) >= _LEAST_NS):
+    if _is_euroc(file):
         return EUROC_COLUMNS
-    if width not in _TUM_WIDTHS or (width != 8 and lines.commas):
+    if not _is_tum(file):
         remedy = f"{WAYS}; a table of others needs a first line with the names of its columns: {HEADER}"
         raise InputError(file.path, f"{width} numbers", where=where, remedy=remedy)
     return TUM_COLUMNS
@@ -151,10 +152,6 @@ def _tracked(table: PoseRows, stamps: list[str], *, skip_lost: bool) -> tuple[Po
     )
     kept = [stamp for stamp, is_lost in zip(stamps, lost.tolist(), strict=True) if not is_lost]
     return all_finite(table.keep(~lost)), kept, (note,)
-
-
-def _other_pose(columns: PoseColumns) -> tuple[str, ...]:
-    return ("its header names several poses: the first is read",) if columns.others else ()
 
 
 def first_of_equal(stamps_s: Float64, place: Callable[[int], str]) -> tuple[NDArray[np.bool_], tuple[str, ...]]:

@@ -184,10 +184,10 @@ def _open3d_poses(file: PoseFile, options: ReadOptions) -> FilePoses:
 def _sixteen(path: Path, where: str, item: object, key: str) -> list[float]:
     numbers = item.get(key) if isinstance(item, Mapping) else None
     values = [_number(value) for value in numbers] if isinstance(numbers, list) else []
-    found = [value for value in values if value is not None]
-    if len(found) != 16 or len(values) != 16:
+    sixteen = [value for value in values if value is not None]
+    if len(sixteen) != 16 or len(values) != 16:
         raise InputError(path, "is no list of 16 numbers", where=where, remedy="a 4 x 4 pose, column by column")
-    return found
+    return sixteen
 
 
 OPEN3D = TrajectoryFormat(
