@@ -49,7 +49,7 @@ def areas_m2(room, quads):
     return 0.5 * np.linalg.norm(np.cross(c - a, d - b), axis=1)
 
 
-def test_two_builds_are_equal_to_the_byte(other_process, room):
+def test_a_room_built_anew_is_the_kept_one_to_the_byte(other_process, room):
     out, _ = other_process.communicate(timeout=300)
     assert out.strip() == digest(room)
 

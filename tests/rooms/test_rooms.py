@@ -39,7 +39,7 @@ def seed(request):
 
 @pytest.fixture(scope="module")
 def room(seed):
-    return build_room(seed)
+    return kept_room(seed)
 
 
 @pytest.fixture(scope="module")
