@@ -18,7 +18,8 @@ from ..core.errors import InputError
 from ..core.file_access import finite_number, parse_json_file
 from ..core.geometry import invert_pose, nearest_rotation, pose, rotation_error
 from ..core.lens import PINHOLE
-from .described import DepthFilesSpec, DescribedLayout, ImageFilesSpec, SequenceSpec, Told, matrix_in, median_camera
+from .cam_params import matrix_in
+from .described import DepthFilesSpec, DescribedLayout, ImageFilesSpec, SequenceSpec, Told, median_camera
 from .layout import MILLIMETRES, intrinsics_of_matrix
 from .numbered import Cameras
 from .stored_recording import checked_depth_scale, recorded_text, size_of

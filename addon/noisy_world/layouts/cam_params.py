@@ -8,12 +8,14 @@ from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..core.errors import InputError
 from ..core.file_access import finite_number, parse_json_file
 from ..core.geometry import Intrinsics, rotation_error
 from ..core.lens import DISTORTION, MODELS, PINHOLE, DepthCamera, Distortion, DistortionModel, Optics, distortion_of
-from .stored_recording import checked_depth_scale, checked_intrinsics, recorded_text
+from .layout import intrinsics_of_matrix
+from .stored_recording import SizePx, checked_depth_scale, checked_intrinsics, recorded_text
 
 # Lens distortion and depth cameras, as the files of a recording state them.
 
@@ -156,11 +158,25 @@ def _intrinsics(path: Path, camera: dict[str, Any]) -> Intrinsics | None:
 _NAMES = (("w", "h", "fx", "fy", "cx", "cy"), ("width", "height", "fx", "fy", "cx", "cy"))
 _NERFSTUDIO = ("w", "h", "fl_x", "fl_y", "cx", "cy")
 _HALF_PX = 0.5  # nerfstudio counts pixels from their corners, as COLMAP does
+_INSIDE = ("camera", "intrinsics")
+_MATRICES = ("K", "cam_K")
 _CAMERA_FILE_REMEDY = "a camera has width, height, fx, fy, cx and cy"
 
 
-def read_camera_file(path: Path) -> Intrinsics:
-    """Return the intrinsics that a JSON file says. Raises InputError where it says none, or what no camera has."""
+def read_camera_file(path: Path, size_px: SizePx | None = None) -> Intrinsics:
+    """Return the intrinsics that a JSON file says: fx, fy, cx and cy, a matrix K or cam_K row by row, or others' forms.
+
+    size_px: of the images, where the file need not say it. Raises InputError where it says none, or what no camera has,
+    and where it is of images of another size.
+    """
+    camera = _camera_of(path, size_px)
+    if size_px is not None and (camera.width_px, camera.height_px) != size_px:
+        problem = f"is of images of {camera.width_px} x {camera.height_px}, but these are {size_px[0]} x {size_px[1]}"
+        raise InputError(path, problem, remedy="take the images that belong to it, or say intrinsics: {fx, fy, cx, cy}")
+    return camera
+
+
+def _camera_of(path: Path, size_px: SizePx | None) -> Intrinsics:
     document = parse_json_file(recorded_text(path), path, remedy=_CAMERA_FILE_REMEDY)
     if not isinstance(document, dict):
         raise InputError(path, "is JSON, but no mapping", remedy=_CAMERA_FILE_REMEDY)
@@ -169,17 +185,38 @@ def read_camera_file(path: Path) -> Intrinsics:
         if camera is None:
             raise InputError(path, "holds a depth scale alone", where="camera", remedy=_CAMERA_FILE_REMEDY)
         return camera
-    inside = document["camera"] if isinstance(document.get("camera"), dict) else document
+    inside = next((document[name] for name in _INSIDE if isinstance(document.get(name), dict)), document)
+    if size_px is not None and not {"w", "h", "width", "height"} & inside.keys():
+        inside = {**inside, **dict(zip(("width", "height", "w", "h"), (*size_px, *size_px), strict=True))}
     if "intrinsic_matrix" in inside:
         return _open3d(path, inside)
     if all(name in inside for name in _NERFSTUDIO):
         found = checked_intrinsics(path, _NERFSTUDIO, tuple(inside[name] for name in _NERFSTUDIO))
         cx_px, cy_px = found.cx_px - _HALF_PX, found.cy_px - _HALF_PX
         return Intrinsics(found.width_px, found.height_px, found.fx_px, found.fy_px, cx_px, cy_px)
+    for name in _MATRICES:
+        if name in inside:
+            matrix = matrix_in(path, inside[name], name)
+            sides = ("w", "h") if "w" in inside else ("width", "height")
+            names = (*sides, *(f"{name}.{at}" for at in ("fx", "fy", "cx", "cy")))
+            values = (*(inside.get(side) for side in sides), *matrix[[0, 1, 0, 1], [0, 1, 2, 2]].tolist())
+            found = checked_intrinsics(path, names, values)
+            return intrinsics_of_matrix(path, matrix, (found.width_px, found.height_px))  # and refuse skew
     for names in _NAMES:
         if all(name in inside for name in names):
             return checked_intrinsics(path, names, tuple(inside[name] for name in names))
     raise InputError(path, "says no intrinsics", remedy=_CAMERA_FILE_REMEDY)
+
+
+def matrix_in(path: Path, value: Any, where: str, side: int = 3) -> NDArray[np.float64]:
+    """Return a square matrix of JSON, row by row, flat or as rows. Raises InputError where it is none."""
+    flat = (
+        [each for row in value for each in (row if isinstance(row, list) else [row])] if isinstance(value, list) else []
+    )
+    numbers = [finite_number(each) for each in flat]
+    if len(numbers) != side * side or None in numbers:
+        raise InputError(path, f"is no matrix of {side} x {side} numbers", where=where)
+    return np.array(numbers, dtype=np.float64).reshape(side, side)
 
 
 def _open3d(path: Path, inside: dict[str, Any]) -> Intrinsics:

@@ -13,13 +13,12 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from decimal import Decimal, InvalidOperation
 from pathlib import Path
-from typing import Any, ClassVar, TypeAlias
+from typing import ClassVar, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..core.errors import InputError
-from ..core.file_access import finite_number, parse_json_file
 from ..core.geometry import Intrinsics
 from ..core.lens import DepthCamera, Optics
 from ..core.schema import ConfigPath, key, key_of, quoted
@@ -37,6 +36,7 @@ from ..trajectories.formats import (
 from ..trajectories.pose_files import PER_SECOND, text_rows
 from ..trajectories.pose_files import read_text as read_numbers
 from .asl import imu_beside
+from .cam_params import read_camera_file
 from .layout import MILLIMETRES, RECORDED_HZ, RecordedLayout, counted_note, intrinsics_of_matrix
 from .numbered import LARGEST_NUMBER, Cameras
 from .stored_recording import (
@@ -547,12 +547,11 @@ def _rows_of(
 def read_intrinsics(path: Path, size_px: SizePx) -> Intrinsics:
     """Return the pinhole that a file says, of images of a size. Raises InputError where it says none.
 
-    The file is a matrix of 3 x 3 or 4 x 4, the numbers fx fy cx cy, or JSON that holds K, cam_K (row by row),
-    intrinsic_matrix (column by column, as Open3D has it) or fx, fy, cx and cy, maybe inside camera or intrinsics.
+    The file is a matrix of 3 x 3 or 4 x 4, the numbers fx fy cx cy, or JSON as `read_camera_file` takes it.
     """
     text = recorded_text(path)
     if text.lstrip().startswith("{"):
-        return _intrinsics_in(path, parse_json_file(text, path), size_px)
+        return read_camera_file(path, size_px)
     rows = text_rows(path, read_numbers(path))
     if rows.numbers.size == 4:
         names = ("width", "height", "fx", "fy", "cx", "cy")
@@ -562,27 +561,6 @@ def read_intrinsics(path: Path, size_px: SizePx) -> Intrinsics:
         raise InputError(path, "holds no intrinsics", remedy=remedy)
     side = len(rows.widths)
     return intrinsics_of_matrix(path, rows.numbers.reshape(side, side), size_px)
-
-
-def _intrinsics_in(path: Path, document: Any, size_px: SizePx) -> Intrinsics:
-    for name in ("camera", "intrinsics"):
-        if isinstance(document, dict) and isinstance(document.get(name), dict):
-            document = document[name]
-    said = document if isinstance(document, dict) else {}
-    own = [
-        finite_number(said.get(name)) for name in ("w" if "w" in said else "width", "h" if "h" in said else "height")
-    ]
-    if None not in own and tuple(own) != size_px:
-        problem = f"is of images of {own[0]:g} x {own[1]:g}, but these are {size_px[0]} x {size_px[1]}"
-        raise InputError(path, problem, remedy="take the images that belong to it, or say intrinsics: {fx, fy, cx, cy}")
-    for name, turned in (("K", False), ("cam_K", False), ("intrinsic_matrix", True)):
-        if name in said:
-            matrix = matrix_in(path, said[name], name)
-            return intrinsics_of_matrix(path, matrix.T if turned else matrix, size_px)
-    names = ("fx", "fy", "cx", "cy")
-    if not all(name in said for name in names):
-        raise InputError(path, "holds no intrinsics", remedy="K, cam_K, intrinsic_matrix, or fx, fy, cx and cy")
-    return checked_intrinsics(path, ("width", "height", *names), (*size_px, *(said[name] for name in names)))
 
 
 FOCAL_TOLERANCE = 0.01  # chosen: of autofocus; a zoom changes more
@@ -603,17 +581,6 @@ def median_camera(path: Path, cameras: Sequence[Intrinsics]) -> tuple[Intrinsics
     median = Intrinsics(first.width_px, first.height_px, *map(float, np.median(values, axis=0)))
     note = f"intrinsics differ from frame to frame by up to {most_px:.2g} px: their median is used"
     return (median, note) if most_px else (first, "")
-
-
-def matrix_in(path: Path, value: Any, where: str, side: int = 3) -> NDArray[np.float64]:
-    """Return a square matrix of JSON, row by row, flat or as rows. Raises InputError where it is none."""
-    flat = (
-        [each for row in value for each in (row if isinstance(row, list) else [row])] if isinstance(value, list) else []
-    )
-    numbers = [finite_number(each) for each in flat]
-    if len(numbers) != side * side or None in numbers:
-        raise InputError(path, f"is no matrix of {side} x {side} numbers", where=where)
-    return np.array(numbers, dtype=np.float64).reshape(side, side)
 
 
 def seen_by_depth(camera: Intrinsics, size_px: SizePx) -> DepthCamera | None:

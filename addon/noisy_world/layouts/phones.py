@@ -30,7 +30,8 @@ from ..core.geometry import (
     rotation_from_quat_wxyz,
 )
 from ..core.trajectory import Stamps
-from .described import DepthFilesSpec, DescribedLayout, ImageFilesSpec, SequenceSpec, Told, matrix_in, median_camera
+from .cam_params import matrix_in
+from .described import DepthFilesSpec, DescribedLayout, ImageFilesSpec, SequenceSpec, Told, median_camera
 from .layout import intrinsics_of_matrix
 from .numbered import Cameras
 from .stored_recording import checked_intrinsics, recorded_text, size_of

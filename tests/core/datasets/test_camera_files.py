@@ -16,7 +16,10 @@ NERFSTUDIO = {"w": 640, "h": 480, "fl_x": 525.0, "fl_y": 524.0, "cx": 320.0, "cy
 REPLICA = {"camera": {"w": 640, "h": 480, "fx": 525.0, "fy": 524.0, "cx": 319.5, "cy": 239.5, "scale": 6553.5}}
 
 
-@pytest.mark.parametrize("document", [PLAIN, {"camera": PLAIN}, OPEN3D, NERFSTUDIO, REPLICA])
+MATRIX = {"width": 640, "height": 480, "K": [[525.0, 0, 319.5], [0, 524.0, 239.5], [0, 0, 1]]}
+
+
+@pytest.mark.parametrize("document", [MATRIX, PLAIN, {"camera": PLAIN}, OPEN3D, NERFSTUDIO, REPLICA])
 def test_forms_of_a_camera(tmp_path, document):
     path = tmp_path / "camera.json"
     path.write_text(json.dumps(document))
@@ -28,6 +31,7 @@ def test_forms_of_a_camera(tmp_path, document):
     [
         ("[1]", "no mapping"),
         ('{"fx": 1}', "no intrinsics"),
+        (json.dumps({**MATRIX, "K": [5, 1, 2, 0, 5, 2, 0, 0, 1]}), "without skew"),
         ('{"camera": {"scale": 1000}}', "scale alone"),
         ('{"width": 4, "height": 4, "intrinsic_matrix": [1]}', "nine numbers"),
         (json.dumps({**PLAIN, "fx": -1}), "fx"),
