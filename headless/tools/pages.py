@@ -169,11 +169,11 @@ def gallery() -> str:
 def example_preset(item: Perturbation) -> str:
     """Return the preset that shows a perturbation in the embedded room."""
     example = item.about.example
-    said = example.said or f"{item.label} in the embedded room, clean and at severities 1, 3 and 5."
+    text = example.text or f"{item.label} in the embedded room, clean and at severities 1, 3 and 5."
     settings = example.settings or (f"{{sweep: {{perturb: [{item.name}], severities: [1, 3, 5]}}}}",)
     walk = f"{{handheld: {{frames: {example.frames}, rate_hz: {example.rate_hz}}}}}"
     lines = [
-        f"# {said}",
+        f"# {text}",
         "seed: 7",
         "scenes:",
         f'  - {{name: room, mesh: "embedded:room", trajectory: {walk}}}',

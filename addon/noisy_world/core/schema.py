@@ -173,9 +173,9 @@ def tooltip_of(cls: type, name: str) -> str:
 
     That is by default its meaning.
     """
-    said = (base.__dict__.get("TOOLTIPS", {}) for base in cls.__mro__)
-    found = next((tooltips[name] for tooltips in said if name in tooltips), "")
-    return found or info_of(cls, name).meaning
+    each = (base.__dict__.get("TOOLTIPS", {}) for base in cls.__mro__)
+    tooltip = next((tooltips[name] for tooltips in each if name in tooltips), "")
+    return tooltip or info_of(cls, name).meaning
 
 
 @dataclass(frozen=True)

@@ -208,11 +208,11 @@ def socket_values(
     note = group_note(step, context, severity)
     values: dict[str, Any] = {"Enabled": severity != 0}
     perturbation = step.perturbation
-    told = {} if severity == 0 else _told(step, severity, replace(decided or without_frames(context), lit=lit))
+    of_frame = {} if severity == 0 else _told(step, severity, replace(decided or without_frames(context), lit=lit))
     if not perturbation.has_parameter_sockets:
-        values |= {socket_name(perturbation, name): value for name, value in told.items()}
+        values |= {socket_name(perturbation, name): value for name, value in of_frame.items()}
     elif severity != 0:
-        parameters = replace(step.parameters(severity), **told)
+        parameters = replace(step.parameters(severity), **of_frame)
         if intrinsics is not None and (by_camera := nodes_of(step).by_camera) is not None:
             parameters = replace(parameters, **by_camera(intrinsics))
         for item in fields(parameters):

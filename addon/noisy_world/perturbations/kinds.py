@@ -32,11 +32,11 @@ from ..images.pixels import as_bytes, read_only
 class Example:
     """A preset in the embedded room, where that is not clean and severities 1, 3 and 5.
 
-    said: what it shows, after its label or in a sentence. settings: one line of YAML each; () for the severities.
+    text: what it shows, after its label or in a sentence. settings: one line of YAML each; () for the severities.
     render: the preset's key, in YAML. frames, rate_hz: of the walk.
     """
 
-    said: str = ""
+    text: str = ""
     settings: Sequence[str] = ()
     render: str = ""
     frames: int = 6

@@ -330,8 +330,8 @@ def check_image(mesh_folder: Path, image: bpy.types.Image, scratch: Path) -> byt
             size_px = size_by_library(scratch)
         check_size_px("", size_px or (0, 0))
     except InputError as error:
-        said = f"its texture {image_name(image)[:200]!r} {error.problem}; {error.remedy}"
-        raise UnusablePictureError(said) from error
+        problem = f"its texture {image_name(image)[:200]!r} {error.problem}; {error.remedy}"
+        raise UnusablePictureError(problem) from error
     return data
 
 

@@ -185,7 +185,7 @@ PERTURBATION = ColourPerturbation(
         "constants of 0.1, 0.4 and 1.6 s.",
         picture="0.4 s after the light rose eightfold, at severities 1, 3 and 5",
         example=Example(
-            said="Auto-exposure along a walk in the embedded room: quick and slow, and in a sixteenth and a "
+            text="Auto-exposure along a walk in the embedded room: quick and slow, and in a sixteenth and a "
             "thousandth of the light.",
             settings=(
                 "{name: quick, perturb: [{auto_exposure: {severity: 1}}]}",

@@ -123,7 +123,7 @@ PERTURBATION = ExposurePerturbation(
         caption="a shutter open for 4, 16 and 33 ms.",
         picture="Frames of a shutter that is open for 4, 16 and 33 ms",
         example=Example(
-            said="Blur of the camera's own motion in the embedded room: short and long exposures, and a shutter "
+            text="Blur of the camera's own motion in the embedded room: short and long exposures, and a shutter "
             "that opens slowly.",
             settings=(
                 "{name: shutter4ms, perturb: [{camera_motion_blur: {severity: 1}}]}",

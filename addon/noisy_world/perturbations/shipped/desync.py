@@ -78,7 +78,7 @@ PERTURBATION = PairingPerturbation(
         picture="Edges of later depth over colour",
         of_paper=True,
         example=Example(
-            said="RGB-D desynchronisation in the embedded room, as the paper has it.",
+            text="RGB-D desynchronisation in the embedded room, as the paper has it.",
             settings=(
                 "{name: offset5, perturb: [{desync: {offset: 5}}]}",
                 "{name: offset5_dynamic, perturb: [{desync: {offset: 5, mode: dynamic}}]}",

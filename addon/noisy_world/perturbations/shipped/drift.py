@@ -51,7 +51,7 @@ PERTURBATION = MotionPerturbation(
         caption="five seconds of a mount that gives way.",
         picture="How far the camera goes over time, at severities 1, 3 and 5",
         example=Example(
-            said="A camera in the embedded room that drifts from its path.",
+            text="A camera in the embedded room that drifts from its path.",
             settings=(
                 "{name: drift1, perturb: [{drift: {severity: 1}}]}",
                 "{name: drift3, perturb: [{drift: {severity: 3}}]}",

@@ -43,7 +43,7 @@ PERTURBATION = MotionPerturbation(
         picture="Frames laid over the next one, at 2, 4 and 8 times the speed",
         of_paper=True,
         example=Example(
-            said="Faster motion in the embedded room, as the paper has it.",
+            text="Faster motion in the embedded room, as the paper has it.",
             settings=(
                 "{name: x2, perturb: [{faster_motion: {factor: 2}}]}",
                 "{name: x4, perturb: [{faster_motion: {factor: 4}}]}",

@@ -138,7 +138,7 @@ PERTURBATION = ColourPerturbation(
         caption="lamps on mains of 50 Hz, with lines that are read within 20 ms.",
         picture="Bands of flicker at severities 1, 3 and 5",
         example=Example(
-            said="Lamps on mains of 50 Hz in the embedded room: whole frames that differ, and bands across lines "
+            text="Lamps on mains of 50 Hz in the embedded room: whole frames that differ, and bands across lines "
             "read in 20 ms.",
             settings=(
                 "{name: frames, perturb: [{flicker: {severity: 3}}]}",

@@ -79,7 +79,7 @@ PERTURBATION = MotionPerturbation(
         caption="five seconds with shocks.",
         picture="How far the camera goes over time, at severities 1, 3 and 5",
         example=Example(
-            said="Shocks to a camera in the embedded room.",
+            text="Shocks to a camera in the embedded room.",
             settings=(
                 "{name: jerk1, perturb: [{jerk: {severity: 1, per_minute: 120, duration_s: 1}}]}",
                 "{name: jerk3, perturb: [{jerk: {severity: 3, per_minute: 120, duration_s: 1}}]}",

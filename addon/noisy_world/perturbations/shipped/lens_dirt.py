@@ -409,7 +409,7 @@ PERTURBATION = ColourPerturbation(
         "Puts dust, grease and scratches on the front glass, which light up near lamps",
         "dust, grease and scratches on the front glass, and the glare of lamps on them",
         example=Example(
-            said="Dust, grease and scratches on the lens in the embedded room, clean and at severities 1, 3 and 5."
+            text="Dust, grease and scratches on the lens in the embedded room, clean and at severities 1, 3 and 5."
         ),
     ),
     apply=apply,

@@ -406,7 +406,7 @@ PERTURBATION = ColourPerturbation(
         "Puts drops of water on the front glass, which show the scene upside down, run and dry",
         "drops of water on the front glass, which refract, run and dry",
         example=Example(
-            said="Drops on the lens in the embedded room, which run and dry, clean and at severities 1, 3 and 5."
+            text="Drops on the lens in the embedded room, which run and dry, clean and at severities 1, 3 and 5."
         ),
     ),
     apply=apply,

@@ -526,7 +526,7 @@ PERTURBATION = ColourPerturbation(
         "Grows crystals of ice on the glass, from its border inwards",
         "ferns of ice that grow on the glass from the border inwards",
         example=Example(
-            said="Frost on the lens in the embedded room, clean and at severities 1, 3 and 5, and while it grows.",
+            text="Frost on the lens in the embedded room, clean and at severities 1, 3 and 5, and while it grows.",
             settings=(
                 "{sweep: {perturb: [lens_frost], severities: [1, 3, 5]}}",
                 "{name: lens_frost_grows, perturb: [{lens_frost: {severity: 1, temporal: drift, frame_rate_hz: 1}}]}",

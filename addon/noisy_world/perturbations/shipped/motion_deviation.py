@@ -70,7 +70,7 @@ PERTURBATION = MotionPerturbation(
         picture="Frames of the deviated camera over frames of the planned path",
         of_paper=True,
         example=Example(
-            said="Motion deviation in the embedded room, as the paper has it.",
+            text="Motion deviation in the embedded room, as the paper has it.",
             settings=(
                 "{name: rotation_3deg, perturb: [{motion_deviation: {rotation_deg: 3, translation_m: 0}}]}",
                 "{name: translation_25mm, perturb: [{motion_deviation: {rotation_deg: 0, translation_m: 0.025}}]}",

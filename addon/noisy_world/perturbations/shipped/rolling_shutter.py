@@ -83,7 +83,7 @@ PERTURBATION = ExposurePerturbation(
         caption="rows read within 5, 16 and 30 ms. Each frame is laid over that of one moment.",
         picture="Frames of a rolling shutter over frames of one moment",
         example=Example(
-            said="A rolling shutter in the embedded room: fast, usual and slow readouts, and reading from right to "
+            text="A rolling shutter in the embedded room: fast, usual and slow readouts, and reading from right to "
             "left.",
             settings=(
                 "{name: readout5ms, perturb: [{rolling_shutter: {severity: 1}}]}",

@@ -111,7 +111,7 @@ PERTURBATION = MotionPerturbation(
         "(green) and forward (blue).",
         picture="How far the camera goes over time, at severities 1, 3 and 5",
         example=Example(
-            said="Vibration in the embedded room: a walker, a hand, wheels, rotors, and a band of frequencies.",
+            text="Vibration in the embedded room: a walker, a hand, wheels, rotors, and a band of frequencies.",
             settings=(
                 "{name: walk, perturb: [{vibration: {severity: 3}}]}",
                 "{name: tremor, perturb: [{vibration: {source: tremor}}]}",
