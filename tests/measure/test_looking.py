@@ -17,7 +17,7 @@ from scipy.spatial.transform import Rotation
 from noisy_world.cli import command
 from noisy_world.core.schema import ConfigPath
 from noisy_world.core.trajectory import FrameStamps
-from noisy_world.measure.looking import look_at
+from noisy_world.measure.looking import look_at, measured
 from noisy_world.sources.recording import Recording, read_recording
 
 GL = np.diag([1.0, -1.0, -1.0, 1.0])
@@ -191,6 +191,16 @@ def test_what_is_no_recording_is_refused(tmp_path, capsys):
     assert "is not there" in capsys.readouterr().err
     assert command.main(["check", str(tmp_path), "--set", "seed=3"]) == 1
     assert "--set is for a preset" in capsys.readouterr().err
+
+
+def test_few_frames_tell_little_and_break_nothing(walk):
+    for count in (1, 2, 9):
+        source = with_frames(recording(walk / "noisy/room"), range(count), range(count))
+        found = measured("walk", source, source.camera(None))
+        assert found.faults == ()
+        assert found.frames == count
+        assert found.figures["depth_late_frames"].value is None
+        json.dumps([figure.content() for figure in found.figures.values()], allow_nan=False)
 
 
 def test_a_run_says_faults_that_cost_little(walk, tmp_path):

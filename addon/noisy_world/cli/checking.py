@@ -5,7 +5,6 @@ import argparse
 import json
 import shlex
 from collections.abc import Callable, Iterator
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..core.errors import InputError, NoisyWorldError
@@ -15,10 +14,10 @@ from .entry import Entry
 
 if TYPE_CHECKING:
     from ..core.geometry import Intrinsics
+    from ..measure.figure import Figure
     from ..measure.looking import Findings
     from ..render.source import Source
 
-BAGS = (".bag", ".mcap", ".db3")
 VIDEOS = (".mp4", ".mov", ".avi", ".mkv", ".webm", ".m4v")
 
 
@@ -68,7 +67,11 @@ def _printed(options: argparse.Namespace, look: "Callable[[str, Source, Intrinsi
         else:
             rendered.append(name)
     if options.json:
-        print(json.dumps({"scenes": [_content(findings) for findings in found], "rendered": rendered}, indent=1))
+        print(
+            json.dumps(
+                {"scenes": [_content(findings) for findings in found], "rendered": rendered}, indent=1, allow_nan=False
+            )
+        )
     else:
         print("\n\n".join("\n".join(_page(findings)) for findings in found))
         if rendered:
@@ -99,10 +102,16 @@ def _scenes(options: argparse.Namespace) -> "Iterator[tuple[str, Source, Intrins
     document = {"scenes": [_scene(options)], "settings": [{"name": "clean"}]}
     if options.camera is not None:
         document["camera"] = options.camera
-    preset = check_document(document, Path("check.yaml"))
+    preset = check_document(document, options.preset)
     asked = None if preset.spec.camera is None else preset.spec.camera.intrinsics
     for scene in find_scenes(preset):
-        camera = scene.source.camera(asked)
+        try:
+            camera = scene.source.camera(asked)
+        except InputError as error:
+            if asked is not None:
+                raise
+            remedy = "give them in pixels: --camera WIDTH,HEIGHT,FX,FY,CX,CY"
+            raise InputError(options.preset, error.problem, remedy=remedy) from error
         assert camera is not None, "a recording has a camera"
         yield scene.name, scene.source, camera
 
@@ -113,8 +122,6 @@ def _scene(options: argparse.Namespace) -> dict[str, Any]:
     rate = {} if options.rate_hz is None else {"rate_hz": options.rate_hz}
     if suffix in VIDEOS and what.is_file():
         return {"name": "recording", "video": str(what)}
-    if suffix in BAGS or (what / "metadata.yaml").is_file():
-        return {"name": "recording", "sequence": {"bag": str(what)}}
     from ..layouts import recognising
     from ..sources.recording import holds_images
 
@@ -138,11 +145,12 @@ def _page(found: "Findings") -> Iterator[str]:
         yield "found      nothing wrong"
 
 
-def _shown(figure: Any) -> str:
+def _shown(figure: "Figure") -> str:
     if figure.value is None:
         return f"cannot be told here, because {figure.untold}"
     number = f"{figure.value:.4g}"
-    within = f" (95 %: {figure.low:.4g} to {figure.high:.4g})" if figure.low != figure.high else ""
+    known = figure.low is not None and figure.high is not None and figure.low != figure.high
+    within = f" (95 %: {figure.low:.4g} to {figure.high:.4g})" if known else ""
     return f"{number}{within} of {figure.samples} {figure.of}"
 
 

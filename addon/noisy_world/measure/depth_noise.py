@@ -136,6 +136,8 @@ def _law(z: Float64, sigma: Float64, weight: Float64) -> Float64:
     offset, quadratic = np.linalg.lstsq(terms * scaled[:, None], sigma * scaled, rcond=None)[0]
     if offset < 0:
         return np.array([0.0, np.sum(scaled**2 * sigma * z**2) / np.sum(scaled**2 * z**4)])
+    if quadratic < 0:
+        return np.array([np.sum(scaled**2 * sigma) / np.sum(scaled**2), 0.0])
     return np.array([offset, quadratic])
 
 

@@ -34,7 +34,9 @@ class Figure:
 
     @classmethod
     def within(cls, name: str, value: float, error: float, samples: int, of: str = "frames") -> "Figure":
-        """Return an estimate with its standard error, by BLOCKS blocks."""
+        """Return an estimate with its standard error, by BLOCKS blocks; without interval where that is not finite."""
+        if not np.isfinite(error):
+            return cls(name, value, None, None, samples, of)
         return cls(name, value, value - WITHIN * error, value + WITHIN * error, samples, of)
 
     @classmethod

@@ -11,7 +11,7 @@ from ..render.source import Source
 from .calibration import ANGLE, ZOOM, Calibration, calibration
 from .colour_noise import colour_noise
 from .depth_noise import depth_noise
-from .figure import Figure
+from .figure import BLOCKS, Figure
 from .footage import Footage, footage_of
 from .imu_noise import imu_noise
 from .lateness import CLOCK, LATE, depth_lateness, imu_clock, imu_clock_by_poses
@@ -31,7 +31,7 @@ JITTER, MISSING = 0.25, 0.05
 DOUBLED, UNEVENLY = 0.02, 0.15  # share of doubled frames: of even ones, and of such as a busy recorder leaves
 EMPTY = 0.1
 
-ONE_OF = 25  # frames to make for each that a run looks at beforehand: some per cent of its time
+ONE_OF = 40  # frames to make for each that a run looks at beforehand: some per cent of its time
 LEAST_LOOK = 40  # frames: fewer in a row tell little
 MOST_LOOK = 90
 
@@ -109,10 +109,14 @@ def measured(name: str, source: Source, camera: Intrinsics) -> Findings:
     """
     found = look_at(name, source, camera)
     with footage_of(name, source, camera, WHOLE_PX) as footage:
+        inertial = imu_noise(footage.imu)
         last = max(len(footage) - 2, 0)  # depth is compared with the frame after
         frames = np.unique(np.linspace(0, last, NOISE_FRAMES).round().astype(int)).tolist()
+        if len(frames) < BLOCKS:
+            remark = f"noise is measured where there are {BLOCKS} frames or more"
+            return replace(found, figures=found.figures | {noise.name: noise for noise in inertial}, remarks=(remark,))
         colour = colour_noise(footage, frames)
-        figures = [*colour.figures, *imu_noise(footage.imu)]
+        figures = [*colour.figures, *inertial]
         if footage.has_depth:
             figures += depth_noise(footage, frames).figures
         remarks = (colour.remark,) if colour.remark else ()
