@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 from ..core.errors import InputError
 from ..core.geometry import Intrinsics
 from ..core.lens import PINHOLE, Optics, distortion_of
-from ..core.trajectory import NS_PER_S, Stamps
+from ..core.trajectory import Stamps
 from ..trajectories.formats import read_trajectory
 from ..trajectories.stamped_poses import tum_text
 from .cam_params import CAM_PARAMS, cam_params_text, read_cam_params
+from .described import exact_stamps, read_intrinsics
 from .layout import PATH_SUFFIXES, Layout, SequenceFacts, lines, path_suffix, poses_at
 from .stored_recording import (
     PosePolicy,
@@ -23,7 +24,6 @@ from .stored_recording import (
     StoredSequence,
     associate_frames,
     check_files,
-    checked_intrinsics,
     recorded_text,
     size_of,
     truth_file,
@@ -211,7 +211,7 @@ def _paired(path: Path) -> tuple[StampedFiles, StampedFiles]:
         found[stamp] = path.parent / name, of_depth, path.parent / depth_name
     rgb = _in_order(path, [(stamp, name) for stamp, (name, _, _) in found.items()])
     depth = [found[stamp][1:] for stamp in sorted(found)]
-    return rgb, StampedFiles(_stamps([stamp for stamp, _ in depth]), tuple(file for _, file in depth))
+    return rgb, StampedFiles(exact_stamps([stamp for stamp, _ in depth]), tuple(file for _, file in depth))
 
 
 def _lines(path: Path) -> Iterator[tuple[str, list[str]]]:
@@ -236,17 +236,10 @@ def _in_order(path: Path, images: list[tuple[Decimal, Path]]) -> StampedFiles:
     if not images:
         raise InputError(path, "lists no image")
     images.sort(key=lambda image: image[0])
-    stamps = _stamps([stamp for stamp, _ in images])
+    stamps = exact_stamps([stamp for stamp, _ in images])
     if np.any(np.diff(stamps.seconds) <= 0):
         raise InputError(path, "has two time stamps that are equal in float64", remedy=_ONE_STAMP)
     return StampedFiles(stamps, tuple(file for _, file in images))
-
-
-def _stamps(given_s: list[Decimal]) -> Stamps:
-    """Return stamps in seconds, with exact nanoseconds where all are whole ones."""
-    stamps_ns = [stamp * NS_PER_S for stamp in given_s]
-    whole = all(stamp_ns == int(stamp_ns) for stamp_ns in stamps_ns)
-    return Stamps(np.array([float(stamp) for stamp in given_s]), tuple(map(int, stamps_ns)) if whole else None)
 
 
 def _calibration(folder: Path, image: Path) -> tuple[Intrinsics, Path] | None:
@@ -254,11 +247,7 @@ def _calibration(folder: Path, image: Path) -> tuple[Intrinsics, Path] | None:
     path = folder / CALIBRATION
     if not path.is_file():
         return None
-    words = recorded_text(path).split()
-    if len(words) != 4 or not all(re.fullmatch(_NUMBER, word) for word in words):
-        raise InputError(path, "is not the four numbers fx fy cx cy", remedy="mend it, or take it away")
-    values = (*size_of(image), *map(float, words))
-    return checked_intrinsics(path, ("width", "height", "fx", "fy", "cx", "cy"), values), path
+    return read_intrinsics(path, size_of(image)), path
 
 
 LAYOUT = TumLayout()
