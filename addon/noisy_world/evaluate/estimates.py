@@ -149,33 +149,10 @@ class Asked:
     largest_bytes: int = LARGEST_READ_BYTES
 
 
-@dataclass(frozen=True, eq=False)
-class ReadPoses:
-    """The poses of a file: (M, 4, 4) float64, rigid, camera-to-world with OpenCV's axes, M >= 0.
-
-    One of three says which frame each belongs to. stamps_s: (M,) seconds, increasing. numbers: (M,) int64, of frames,
-    0 the first, increasing. names: the file of each frame's image; places: where each stands in the file, in words.
-    count: how many frames the file speaks of, where it has something for each frame in their order, lost ones too; None
-    where it leaves lost ones out. notes: what a user should know, one sentence each.
-    """
-
-    format: str
-    c2w: NDArray[np.float64]
-    stamps_s: NDArray[np.float64] | None = None
-    numbers: NDArray[np.int64] | None = None
-    names: tuple[str, ...] | None = None
-    places: tuple[str, ...] = ()
-    count: int | None = None
-    notes: tuple[str, ...] = ()
-
-    def __len__(self) -> int:
-        return len(self.c2w)
-
-
-def no_pose(format_name: str, count: int | None = None) -> ReadPoses:
+def no_pose(format_name: str, count: int | None = None) -> FilePoses:
     """Return the estimate of a system that tracked no frame. count: of the frames that its file says are lost."""
-    empty = np.zeros(0, dtype=np.int64)
-    return ReadPoses(format_name, np.zeros((0, 4, 4)), numbers=empty, count=count)
+    listed = None if count is None else np.arange(count, dtype=np.float64)
+    return FilePoses(format_name, np.zeros((0, 4, 4)), numbers=np.zeros(0), listed=listed, sparse=count is None)
 
 
 def read_poses(
@@ -183,14 +160,15 @@ def read_poses(
     format: str = "auto",  # noqa: A002
     asked: Asked | None = None,
     frames_s: NDArray[np.float64] | None = None,
-) -> ReadPoses:
+) -> FilePoses:
     """Read the poses of a file, or of a folder of one pose a file, in a format, or in the one that it looks like.
 
-    frames_s: (N,) stamps of the frames, or of the truth, where they are known: where the unit of the poses' stamps is
-    not declared, it is the one in which they are those of frames; ORB-SLAM3 writes nanoseconds into TUM's columns.
-    A file without a pose, a table's header alone among them, is the estimate of a system that tracked no frame. Raises
-    NotFiniteError where a pose holds NaN or infinity and is no lost frame, InputError, of which it is one, where the
-    file is not of its format, or what is asked is not left open by that, and ValueError for an unknown format.
+    Its poses are camera-to-world with OpenCV's axes, its numbers whole, 0 the first frame's. A file without a pose, a
+    table's header alone among them, is the estimate of a system that tracked no frame. frames_s: (N,) stamps of the
+    frames, or of the truth, where they are known: where the unit of the poses' stamps is not declared, it is the one in
+    which they are those of frames; ORB-SLAM3 writes nanoseconds into TUM's columns. Raises NotFiniteError where a pose
+    holds NaN or infinity and is no lost frame, InputError, of which it is one, where the file is not of its format, or
+    what is asked is not left open by that, and ValueError for an unknown format.
     """
     asked = asked or Asked()
     if format not in ("auto", *TRAJECTORY_FORMATS):
@@ -219,7 +197,7 @@ def _text_of(file: PoseFile) -> str | None:
     return None if file.is_binary else file.text
 
 
-def _read_once(file: PoseFile, format_name: str, asked: Asked) -> ReadPoses:
+def _read_once(file: PoseFile, format_name: str, asked: Asked) -> FilePoses:
     """Read a file that holds a pose."""
     path = file.path
     unit: StampUnit | Auto = "s" if asked.stamps == "index" else asked.stamp_unit
@@ -231,38 +209,33 @@ def _read_once(file: PoseFile, format_name: str, asked: Asked) -> ReadPoses:
         return no_pose(format_name, None if path.is_dir() else error.count or None)
     direction = poses.direction if asked.direction == "auto" else asked.direction
     axes = poses.axes if asked.axes == "auto" else asked.axes
-    read = ReadPoses(poses.format, upright_poses(poses.poses, direction, axes), notes=poses.notes)
+    read = replace(poses, poses=upright_poses(poses.poses, direction, axes), direction="c2w", axes="opencv")
     if asked.stamps == "none":
-        return replace(read, numbers=np.arange(len(read)), count=len(read))
-    if poses.names:
-        return replace(read, names=poses.names, places=poses.places)
-    if poses.stamps_s is not None and asked.stamps == "index":
-        return replace(read, numbers=_whole_numbers(path, poses.stamps_s))
-    if poses.stamps_s is not None:
-        return replace(read, stamps_s=poses.stamps_s)
-    return _numbered(path, poses, read, unit)
-
-
-def _numbered(path: Path, poses: FilePoses, read: ReadPoses, unit: StampUnit | Auto) -> ReadPoses:
-    """Return the poses of a format without stamps, by the numbers of their frames."""
-    assert poses.numbers is not None, "poses have stamps or numbers"
-    if unit != "auto" and not TRAJECTORY_FORMATS[poses.format].stamped:
+        counted = np.arange(len(read), dtype=np.float64)
+        return replace(read, stamps_s=None, numbers=counted, listed=None, sparse=False, names=())
+    if read.names:
+        return read
+    if read.stamps_s is not None and asked.stamps == "time":
+        return read
+    if read.stamps_s is None and unit != "auto" and not TRAJECTORY_FORMATS[read.format].stamped:
         remedy = Message("leave ", PresetKey("stamp_unit"), " out")
-        raise InputError(path, f"has no time stamps ({poses.format}), so none in {unit}", remedy=remedy)
-    listed = len(poses.poses) if poses.listed is None else len(poses.listed)
-    return replace(read, numbers=_whole_numbers(path, poses.numbers), count=None if poses.sparse else listed)
+        raise InputError(path, f"has no time stamps ({read.format}), so none in {unit}", remedy=remedy)
+    if read.stamps_s is not None:
+        read = replace(read, stamps_s=None, numbers=read.stamps_s, sparse=True)
+    _check_whole_numbers(path, read.numbers)
+    return read
 
 
-def _whole_numbers(path: Path, values: np.ndarray) -> NDArray[np.int64]:
+def _check_whole_numbers(path: Path, values: NDArray[np.float64] | None) -> None:
+    assert values is not None, "poses have stamps or numbers"
     wrong = np.flatnonzero((values != np.floor(values)) | (values < 0.0) | (values > 2.0**53))
     if wrong.size:
         raise InputError(path, f"{values[wrong[0]]:g} is no number of a frame, 0 the first")
-    return values.astype(np.int64)
 
 
-def _in_the_unit_of(file: PoseFile, format_name: str, asked: Asked, frames_s: NDArray[np.float64]) -> ReadPoses:
+def _in_the_unit_of(file: PoseFile, format_name: str, asked: Asked, frames_s: NDArray[np.float64]) -> FilePoses:
     """Return the poses with stamps in the unit in which most of them are those of frames, the format's own first."""
-    best: ReadPoses | None = None
+    best: FilePoses | None = None
     most, refused = -1, None
     for unit in ("auto", *_UNITS):
         try:
@@ -351,25 +324,25 @@ def holds_no_pose(text: str) -> bool:
 # From poses as they stand in a file to poses of frames.
 
 
-def estimate_of(path: Path, read: ReadPoses, frames: Frames | None) -> Estimate:
+def estimate_of(path: Path, read: FilePoses, frames: Frames | None) -> Estimate:
     """Return poses with the time stamps of their frames, or their own where they have some.
 
     frames: that the system was given; None where they are not known. Raises InputError where poses say their frames
     otherwise than by stamps and these frames are not known or do not exist.
     """
     if read.stamps_s is not None:
-        return Estimate(read.stamps_s, read.c2w)
+        return Estimate(read.stamps_s, read.poses)
     if frames is None:
         remedy = "name the folder of the sequence, or a file of the frames' stamps"
         raise InputError(path, "has no time stamps, and which frames there are is not known", remedy=remedy)
-    numbers = _numbers_by_name(path, read, frames) if read.names is not None else read.numbers
-    assert numbers is not None, "poses have stamps, numbers or names"
+    assert read.numbers is not None, "poses have stamps or numbers"
+    numbers = _numbers_by_name(path, read, frames) if read.names else read.numbers.astype(np.int64)
     if read.count is not None and read.count != len(frames):
         remedy = "poses without numbers or stamps are those of all frames, in their order"
         raise InputError(path, f"has {read.count} poses for {len(frames)} frames", remedy=remedy)
     _check_numbers(path, numbers, len(frames))
     order = np.argsort(numbers, kind="stable")
-    return Estimate(frames.stamps_s[numbers[order]], read.c2w[order])
+    return Estimate(frames.stamps_s[numbers[order]], read.poses[order])
 
 
 def match_frames(
@@ -436,9 +409,8 @@ def _check_numbers(path: Path, numbers: NDArray[np.int64], count: int) -> None:
         raise InputError(path, "has two poses", where=f"frame {each[np.argmax(counts > 1)]}")
 
 
-def _numbers_by_name(path: Path, read: ReadPoses, frames: Frames) -> NDArray[np.int64]:
+def _numbers_by_name(path: Path, read: FilePoses, frames: Frames) -> NDArray[np.int64]:
     """Return the numbers of the frames whose colour image has the name that a pose gives, without its folders."""
-    assert read.names is not None
     if not frames.names:
         problem = "names images, and those of the frames are not known"
         raise InputError(path, problem, remedy="name the folder of the sequence")
@@ -464,7 +436,6 @@ __all__ = [
     "Frames",
     "Index",
     "NotFiniteError",
-    "ReadPoses",
     "estimate_of",
     "match_frames",
     "read_estimate",

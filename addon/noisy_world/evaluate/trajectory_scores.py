@@ -16,7 +16,7 @@ from ..core.trajectory import Axes, Direction, Trajectory
 from ..layouts import find_sequence, recognising
 from ..layouts.stored_recording import RATE_HZ, StoredSequence
 from ..trajectories.formats import Auto
-from ..trajectories.pose_files import LARGEST_STAMP_S, is_header, read_text
+from ..trajectories.pose_files import LARGEST_STAMP_S, LEAST_NS, FilePoses, is_header, read_text
 from .cases import ESTIMATE, KEYFRAMES
 from .estimates import (
     MAX_DIFFERENCE_S,
@@ -24,7 +24,6 @@ from .estimates import (
     Estimate,
     Float64,
     Frames,
-    ReadPoses,
     Rows,
     associate_poses,
     estimate_of,
@@ -320,7 +319,6 @@ def _frame_errors(matched: Compared) -> FrameErrors:
 
 
 _NUMBER = re.compile(r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]{1,3})?")
-_LEAST_NS = 10**17  # 1973 in nanoseconds: stamps from here on are nanoseconds, as in files of poses
 _MOST_DIGITS = 40
 _REMEDY = "a line is a time stamp, and perhaps a file, as in TUM's rgb.txt and EuRoC's data.csv"
 
@@ -343,7 +341,7 @@ def read_frame_list(path: Path) -> Frames:
         names.append(words[1] if len(words) > 1 else "")
     if not stamps:
         raise InputError(path, "lists no frame", remedy=_REMEDY)
-    per_s = 10**9 if all(stamp >= _LEAST_NS for stamp in stamps) else 1
+    per_s = 10**9 if all(stamp >= LEAST_NS for stamp in stamps) else 1
     seconds = np.array([float(stamp / per_s) for stamp in stamps])
     if np.abs(seconds).max() > LARGEST_STAMP_S:
         raise InputError(path, "has time stamps of more than 1e11 s", remedy="write them in seconds, or in nanoseconds")
@@ -433,7 +431,7 @@ def read_poses_to_compare(
 _NONE = Estimate(np.zeros(0), np.zeros((0, 4, 4)))
 
 
-def _read_truth(path: Path, rate_hz: float | None) -> tuple[ReadPoses, _KnownFrames]:
+def _read_truth(path: Path, rate_hz: float | None) -> tuple[FilePoses, _KnownFrames]:
     """Return the true poses, and the frames of the sequence that the path is the folder of, or lies in."""
     if path.is_dir() and recognising(path):
         sequence = find_sequence(path, rate_hz)
@@ -441,11 +439,10 @@ def _read_truth(path: Path, rate_hz: float | None) -> tuple[ReadPoses, _KnownFra
         poses = sequence.trajectory
         if frames is None:
             count = len(poses)
-            counted = ReadPoses("", poses.c2w, numbers=np.arange(count), count=count, notes=poses.notes)
+            counted = FilePoses("", poses.c2w, numbers=np.arange(count, dtype=np.float64), notes=poses.notes)
             return counted, _KnownFrames(None, _source_text(path), of_truth=True)
-        return ReadPoses("", poses.c2w, stamps_s=poses.stamps_s, notes=poses.notes), _KnownFrames(
-            frames, _source_text(path)
-        )
+        stamped = FilePoses("", poses.c2w, poses.stamps_s, notes=poses.notes)
+        return stamped, _KnownFrames(frames, _source_text(path))
     read = read_poses(path)
     if not len(read):
         raise InputError(path, "holds no pose", remedy="the true path needs one for each frame")
@@ -485,11 +482,11 @@ def _frames_of(path: Path) -> Frames:
 
 
 def _with_stamps(
-    path: Path, true: ReadPoses, read: ReadPoses, known: Frames | None, rate_hz: float | None
+    path: Path, true: FilePoses, read: FilePoses, known: Frames | None, rate_hz: float | None
 ) -> tuple[Trajectory, tuple[str, ...]]:
     """Return the true path with time stamps, and a note on where they come from."""
     if true.stamps_s is not None:
-        return Trajectory(true.c2w, true.stamps_s), ()
+        return Trajectory(true.poses, true.stamps_s), ()
     if rate_hz is not None or (read.stamps_s is None and known is None):
         return _counted(path, true, rate_hz or RATE_HZ), (f"frames are counted at {rate_hz or RATE_HZ:g} Hz",)
     if known is None:
@@ -498,23 +495,24 @@ def _with_stamps(
     else:
         frames, whose = known, "the frames"
     numbers = true.numbers
-    if numbers is None or int(numbers[-1]) != len(frames) - 1:
-        counted = "names images" if numbers is None else f"counts {int(numbers[-1]) + 1} frames"
+    assert numbers is not None, "poses have stamps or numbers"
+    if true.names or int(numbers[-1]) != len(frames) - 1:
+        counted = "names images" if true.names else f"counts {int(numbers[-1]) + 1} frames"
         problem = f"has no time stamps, and {counted}, where {whose} are {len(frames)}"
         raise InputError(path, problem, remedy="say its frames a second: --rate-hz")
     estimate = estimate_of(path, true, frames)
     return Trajectory(estimate.c2w, estimate.stamps_s), (f"{path.name} has no time stamps: it gets those of {whose}",)
 
 
-def _counted(path: Path, read: ReadPoses, rate_hz: float) -> Trajectory:
+def _counted(path: Path, read: FilePoses, rate_hz: float) -> Trajectory:
     """Return poses under the times of their frames' numbers at a rate."""
-    if read.numbers is None:
+    if read.names or read.numbers is None:
         raise InputError(path, "names images, and which frames these are is not known", remedy="name --frames")
-    return Trajectory(read.c2w, read.numbers / rate_hz)
+    return Trajectory(read.poses, read.numbers / rate_hz)
 
 
 def _estimate(
-    path: Path, read: ReadPoses, truth: Trajectory, known: Frames | None, rate_hz: float | None
+    path: Path, read: FilePoses, truth: Trajectory, known: Frames | None, rate_hz: float | None
 ) -> tuple[Estimate, tuple[str, ...]]:
     """Return the estimate with time stamps, and notes on it."""
     if read.stamps_s is not None:
@@ -529,7 +527,7 @@ def _estimate(
     if rate_hz is not None:
         counted = _counted(path, read, rate_hz)
         return Estimate(counted.stamps_s, counted.c2w), (f"{path.name}: frames are counted at {rate_hz:g} Hz",)
-    if read.numbers is not None:
+    if read.numbers is not None and not read.names:
         frames = read.count or int(read.numbers.max()) + 1
         if frames != len(truth):
             problem = f"has no time stamps, and counts {frames} frames, where the truth has {len(truth)} poses"

@@ -27,6 +27,7 @@ from ..core.geometry import pose, rotation_from_quat_wxyz
 from .matrix_poses import AllLostError, rigid_poses
 from .pose_files import (
     LARGEST_READ_BYTES,
+    LEAST_NS,
     PER_SECOND,
     FilePoses,
     Float64,
@@ -109,7 +110,9 @@ def _array_poses(file: PoseFile, options: ReadOptions) -> FilePoses:
         if (times != np.floor(times)).any() or (np.abs(times) > 2.0**53).any():
             raise InputError(path, "are no whole numbers", where=numbered)
     elif stamped is not None:
-        times = _row(path, stamped, arrays[stamped], len(poses)) / PER_SECOND[options.stamp_unit or "s"]
+        times = _row(path, stamped, arrays[stamped], len(poses))
+        unit = options.stamp_unit or ("ns" if (times >= LEAST_NS).all() else "s")
+        times = times / PER_SECOND[unit]
     by_stamps = stamped is not None and numbered is None
     tracked = np.flatnonzero(poses[:, :3, :].any(axis=(1, 2)))
     if not len(tracked):

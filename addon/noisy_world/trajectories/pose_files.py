@@ -79,6 +79,7 @@ Float64: TypeAlias = NDArray[np.float64]
 
 PER_SECOND = {"s": 1, "ms": 10**3, "us": 10**6, "ns": 10**9}
 
+LEAST_NS = 1e17  # 1973 in nanoseconds since 1970, and 3e9 years in seconds: stamps from here on are nanoseconds
 LARGEST_STAMP_S = 1e11  # 3,000 years: larger numbers are no seconds, whatever they count from
 COLMAP_IMAGES = "images.txt"
 LARGEST_READ_BYTES = 64 * 10**6  # of arrays, where no definition of a system says another limit
@@ -117,6 +118,14 @@ class FilePoses:
     sparse: bool = False
     names: tuple[str, ...] = ()
     places: tuple[str, ...] = ()
+
+    def __len__(self) -> int:
+        return len(self.poses)
+
+    @property
+    def count(self) -> int | None:
+        """How many frames the file speaks of, lost ones too; None where it leaves those out."""
+        return None if self.sparse else len(self.poses if self.listed is None else self.listed)
 
 
 @dataclass(frozen=True)

@@ -28,6 +28,7 @@ from .matrix_poses import AllLostError, rigid_poses, row_text
 from .pose_columns import EUROC_COLUMNS, HEADER, TUM_COLUMNS, PoseColumns, StampUnit, named_columns, split_cells
 from .pose_files import (
     LARGEST_STAMP_S,
+    LEAST_NS,
     PER_SECOND,
     WAYS,
     FilePoses,
@@ -48,7 +49,6 @@ _TUM_WIDTHS = (8, *_COVARIANCE_WIDTHS)
 _MATRIX_WIDTHS = (13, 17)
 _LAST_NUMBER = 1e8  # whole numbers before matrices are those of frames up to here: 38 days of 30 a second
 
-_LEAST_NS = 1e17  # 1973 in nanoseconds since 1970, and 3e9 years in seconds: stamps from here on are nanoseconds
 _DAY_S = 86_400.0
 _SHORTEST_GAP_S = 1e-4  # the preset's highest rate is 10 kHz: what is closer was not meant as nanoseconds
 _QUAT_NORM_TOLERANCE = 1e-2  # chosen: three digits are mended, other mistakes refused
@@ -81,7 +81,7 @@ def _stamped_poses(name: StampedFormat, file: PoseFile, options: ReadOptions) ->
     poses = _posed(table, (1, 2, 3), (4, 5, 6, 7), _ORDERS[columns.w_first])
     format_name = name if declared or name == "vslamlab" else "euroc" if columns.w_first else "tum"
     if guessed and unit == "ns" and format_name == "tum":
-        notes += (f"its time stamps, from {_LEAST_NS:g} on, are read as nanoseconds",)
+        notes += (f"its time stamps, from {LEAST_NS:g} on, are read as nanoseconds",)
     if columns.others:
         notes += ("its header names several poses: the first is read",)
     return FilePoses(format_name, poses, stamps_s, notes=(*notes, *equal))
@@ -135,7 +135,7 @@ def _check_whole_stamps(table: PoseRows, stamps: Sequence[str]) -> None:
     euroc = Message(PresetKey("format", "euroc"), " (w first) with ", PresetKey("stamp_unit", "ns"))
     remedy = Message("say which: ", euroc, ", or ", PresetKey("format", "tum"), " (w last)")
     if not all(map(_WHOLE.fullmatch, stamps)):
-        unclear = table.values[:, 0] >= _LEAST_NS
+        unclear = table.values[:, 0] >= LEAST_NS
         table.fail_where(unclear, "nanoseconds with a point may be EuRoC's columns or TUM's", remedy=remedy)
 
 
@@ -190,7 +190,7 @@ def _numbered_matrices(file: PoseFile, options: ReadOptions) -> FilePoses:
     table.fail_where(late, "its number {} does not come after the one before it", of=np.array(stamps))
     if options.stamp_unit is None and (first == np.floor(first)).all() and 0.0 <= first[0] <= first[-1] < _LAST_NUMBER:
         return FilePoses("kitti360", poses, numbers=first, sparse=True)
-    unit = options.stamp_unit or ("ns" if (first >= _LEAST_NS).all() else "s")
+    unit = options.stamp_unit or ("ns" if (first >= LEAST_NS).all() else "s")
     stamps_s = _seconds(stamps, unit)
     _check_stamps(table, stamps, stamps_s, unit)
     _check_order(table, stamps, stamps_s)
@@ -233,7 +233,7 @@ def _unit(
         return ("ns" if whole_ns else "s"), False
     if columns.w_first and whole_ns:
         return "ns", True
-    return ("ns" if (table.values[:, 0] >= _LEAST_NS).all() else "s"), True
+    return ("ns" if (table.values[:, 0] >= LEAST_NS).all() else "s"), True
 
 
 def _seconds(stamps: Sequence[str], unit: StampUnit) -> Float64:
@@ -299,7 +299,7 @@ def _is_euroc(file: PoseFile) -> bool:
     whole = file.lines.commas and bool(_WHOLE.fullmatch(first))
     if file.first_widths[0] in _EUROC_WIDTHS:
         return whole or file.first_widths[0] == _EUROC_WIDTH
-    return whole and float(first) >= _LEAST_NS
+    return whole and float(first) >= LEAST_NS
 
 
 def _is_vslamlab(file: PoseFile) -> bool:
