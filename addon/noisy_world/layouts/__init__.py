@@ -90,6 +90,8 @@ def find_sequence(folder: Path, rate_hz: float | None = None, poses: PosePolicy 
         read = layout.read(folder, rate_hz, poses)
         return with_imu(in_metres(read, getattr(layout, "depth_scale_per_m", None)))
     if not found:
-        raise InputError(folder, "is no sequence", remedy=f"it has to have the files of a layout: {known_recordings()}")
+        told = "or a preset says where its files are: sequence: {folder, rgb, depth, poses, intrinsics}"
+        remedy = f"it has to have the files of a layout: {known_recordings()}; {told}"
+        raise InputError(folder, "is no sequence", remedy=remedy)
     several = " and of ".join(layout.label for layout in found)
     raise InputError(folder, f"has the files of {several}", remedy="leave those of one layout in it")
