@@ -351,7 +351,7 @@ class Overlay:
         if not taken_ns.any():  # headers say no time: those of recording count, as where the bag is read
             taken_ns = log_ns
         order = np.argsort(taken_ns, kind="stable")
-        rows = [_nearest(taken_ns, order, stamp_ns) for stamp_ns in stamps_ns]
+        rows = _nearest(taken_ns[order], order, np.array(stamps_ns, np.int64))
         if all(row is None for row in rows):
             problem = f"has no image of {topic.name} at the stamp of a frame of {self.stored.folder}"
             raise InputError(self.bag.path, problem, remedy="name the bag that the sequence was made of")
@@ -438,12 +438,17 @@ class Overlay:
         return self.ros.serialised(self.ros.camera(self._header(topic, row, stamp_ns, frame), camera, lens))
 
 
-def _nearest(stamps_ns: NDArray[np.int64], order: NDArray[np.intp], stamp_ns: int) -> int | None:
-    """Return the first row with the nearest stamp; None where none is as near as seconds in float64 are rounded."""
-    at = int(np.searchsorted(stamps_ns[order], stamp_ns))
-    near = [int(order[place]) for place in (at - 1, at) if 0 <= place < len(order)]
-    best = min(near, key=lambda row: abs(int(stamps_ns[row]) - stamp_ns))
-    return best if abs(int(stamps_ns[best]) - stamp_ns) <= _SAME_NS else None
+def _nearest(stamps_ns: NDArray[np.int64], rows: NDArray[np.intp], wanted_ns: NDArray[np.int64]) -> list[int | None]:
+    """Return for each stamp the first row of the nearest one; None beyond what seconds in float64 are rounded by.
+
+    stamps_ns: in order. rows: of each.
+    """
+    after = np.searchsorted(stamps_ns, wanted_ns).clip(0, len(stamps_ns) - 1)
+    before = np.searchsorted(stamps_ns, stamps_ns[np.maximum(after - 1, 0)])
+    sooner = np.abs(stamps_ns[before] - wanted_ns) < np.abs(stamps_ns[after] - wanted_ns)
+    best = np.where(sooner, before, after)
+    near = np.abs(stamps_ns[best] - wanted_ns) <= _SAME_NS
+    return [row if fits else None for row, fits in zip(rows[best].tolist(), near.tolist(), strict=True)]
 
 
 def _as_encoded(rgb: NDArray[np.uint8], encoding: str) -> tuple[NDArray[Any], str]:
