@@ -176,3 +176,33 @@ def test_classes_are_those_of_the_objects_and_named(tmp_path):
     for wrong, said in (({"id": 7, "class_name": "wall"}, "class_id"), ({**objects[0], "class_id": 70000}, "70000")):
         names.write_text(json.dumps({"objects": [wrong]}))
         refused(lambda: run(preset, tmp_path / "other"), names=["info_semantic.json: ", said])
+
+
+def test_an_embedded_room_knows_its_things_and_their_classes(tmp_path):
+    document = {
+        "scenes": [{"name": "room", "mesh": "embedded:room", "trajectory": {"handheld": {"frames": 2, "rate_hz": 1}}}],
+        "camera": {"width": 64, "height": 48, "fx": 32, "fy": 32, "cx": 31.5, "cy": 23.5},
+        "render": RAYS,
+        "settings": [{"name": "clean"}],
+        "output": {"modalities": ["instance", "semantic"]},
+    }
+    preset, out = tmp_path / "room.yaml", tmp_path / "out"
+    preset.write_text(yaml.safe_dump(document))
+    run(preset, out)
+    things = json.loads((out / "clean/room/instance.json").read_text())["objects"]
+    named = {item["id"]: item["name"] for item in json.loads((out / "clean/room/semantic.json").read_text())["classes"]}
+    assert {"sofa", "chair", "wall", "floor", "book"} <= set(named.values())
+    assert [thing["name"] for thing in things].count("chair") == 4  # about the table
+    of_thing = {0: ""} | {thing["id"]: thing["name"] for thing in things}
+    seen: set[str] = set()
+    for path in sorted((out / "clean/room/instance").iterdir()):
+        ids, classes = (
+            cv2.imread(str(file), cv2.IMREAD_UNCHANGED) for file in (path, out / "clean/room/semantic" / path.name)
+        )
+        pairs = {
+            (of_thing[one], {0: "", **named}[other]) for one, other in zip(ids.ravel(), classes.ravel(), strict=True)
+        }
+        assert all(thing == category for thing, category in pairs)
+        assert (ids > 0).mean() > 0.95
+        seen |= {category for _, category in pairs}
+    assert len(seen) > 3

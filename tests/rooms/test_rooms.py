@@ -173,7 +173,8 @@ def drawn(tmp_path, monkeypatch):
     def draw(seed):
         count.append(seed)
         square = np.array([[0, 0, 0], [1_000_000, 0, 0], [0, 1, 0], [1, 1, 333_333]], np.int32)
-        return rooms._Drawn(square, np.arange(12, dtype=np.uint8).reshape(4, 3) * 20, np.array([[2, 2]], np.int32))
+        codes, shapes = np.arange(12, dtype=np.uint8).reshape(4, 3) * 20, np.array([[2, 2]], np.int32)
+        return rooms._Drawn(square, codes, shapes, np.array([1], np.int32), np.array([2], np.int32))
 
     monkeypatch.setattr(rooms, "_draw", draw)
     return count

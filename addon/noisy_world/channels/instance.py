@@ -12,7 +12,7 @@ from ..core.errors import InputError
 from ..core.file_access import read_json
 from ..images.pixels import UINT16_MAX
 from ..scenes.polygon_mesh import OBJECT_ID as PROPERTY
-from ..scenes.polygon_mesh import OBJECT_NAMES, Mesh, SceneObject
+from ..scenes.polygon_mesh import OBJECT_NAMES, Mesh, SceneObject, is_embedded
 from .channel import Surface, SurfaceChannel
 
 
@@ -40,6 +40,8 @@ class Instance(SurfaceChannel):
         """Return why a mesh's file has no objects, or ""."""
         from ..scenes.ply import face_properties  # few datasets have objects
 
+        if is_embedded(mesh):
+            return ""
         path = Path(mesh)
         if path.suffix.lower() == ".ply" and path.is_file() and PROPERTY in face_properties(path):
             return ""
@@ -60,7 +62,7 @@ class Instance(SurfaceChannel):
 
         Raises InputError where the file of names is damaged.
         """
-        names: dict[int, str] = {}
+        names = {number: name for number, (_, name) in enumerate(mesh.object_classes, 1)}
         for beside in self.files(path):
             names |= _names(beside)
         ids = np.unique(known_objects(mesh))

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ..core.errors import InputError
 from ..core.file_access import read_json
 from ..images.pixels import UINT16_MAX
-from ..scenes.polygon_mesh import OBJECT_NAMES, Mesh, SceneObject
+from ..scenes.polygon_mesh import OBJECT_NAMES, Mesh, SceneObject, is_embedded
 from .channel import Surface, SurfaceChannel
 from .instance import CHANNEL as INSTANCE
 from .instance import known_objects
@@ -43,7 +43,11 @@ class Semantic(SurfaceChannel):
         """Return why a mesh's file has no classes, or ""."""
         if lacking := INSTANCE.problem(mesh):
             return lacking
-        return "" if self.files(mesh) else f"there is no {OBJECT_NAMES} beside it, which says its objects' classes"
+        return (
+            ""
+            if is_embedded(mesh) or self.files(mesh)
+            else f"there is no {OBJECT_NAMES} beside it, which says its objects' classes"
+        )
 
     def problem_of(self, objects: Callable[[], Sequence[SceneObject]]) -> str:
         """Return why a scene in Blender has no classes, or ""."""
@@ -58,7 +62,8 @@ class Semantic(SurfaceChannel):
     def of_mesh(self, mesh: Mesh | None) -> Callable[[Surface], NDArray[Any]]:
         """Return what gives the classes (H, W) uint16; all 0 of a mesh without a file of names."""
         if mesh is None or mesh.names_path is None:
-            return _looked_up({})
+            known = () if mesh is None else mesh.object_classes
+            return _looked_up({number: class_id for number, (class_id, _) in enumerate(known, 1)})
         return _looked_up({number: found[0] for number, found in _classes(mesh.names_path).items()})
 
     def of_objects(self, objects: Sequence[SceneObject]) -> Callable[[Surface], NDArray[Any]]:
@@ -71,7 +76,7 @@ class Semantic(SurfaceChannel):
 
         Raises InputError where the file that says them is damaged.
         """
-        found: dict[int, str] = {}
+        found = dict(mesh.object_classes)
         there = set(np.unique(known_objects(mesh)).tolist())
         for beside in self.files(path):
             found |= {class_id: name for number, (class_id, name) in _classes(beside).items() if number in there}

@@ -44,14 +44,19 @@ class _Drawn:
     """A room in whole numbers, which files hold exactly: its sheets of vertices one after the other.
 
     vertices_um: (V, 3) int32, as the last bits of a sine differ between processors. codes: (V, 3) uint8, of the
-    colours. shapes: (S, 2) int32, the rows and columns of each sheet.
+    colours. shapes: (S, 2) int32, the rows and columns of each sheet. objects: (S,) int32, the thing that it is a part
+    of, from 1 on; 0 of none. classes: (O,) int32, of each thing.
     """
 
     vertices_um: NDArray[np.int32]
     codes: NDArray[np.uint8]
     shapes: NDArray[np.int32]
+    objects: NDArray[np.int32]
+    classes: NDArray[np.int32]
 
     def mesh(self) -> Mesh:
+        from .surfaces import CLASSES
+
         corners: list[NDArray[np.int32]] = []
         first = 0
         for rows, columns in self.shapes.tolist():
@@ -64,6 +69,8 @@ class _Drawn:
             rgb=np.divide(self.codes, 255, dtype=np.float32),
             corner_vertices=quads.ravel(),
             face_starts=np.arange(0, quads.size, 4, dtype=np.int32),
+            object_ids=np.repeat(self.objects.astype(np.int64), np.prod(self.shapes - 1, axis=1)),
+            object_classes=tuple((number, CLASSES[number - 1]) for number in self.classes.tolist()),
         )
 
 
@@ -123,7 +130,18 @@ def _draw(seed: int) -> _Drawn:
         np.rint(vertices_m * 1e6).astype(np.int32),
         np.rint(lit(piece, lighting) * 255).astype(np.uint8),
         np.array([sheet.points_m.shape[:2] for sheet in piece.sheets], dtype=np.int32),
+        *_things(piece),
     )
+
+
+def _things(piece: "Piece") -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+    """Return which thing each sheet is a part of, from 1 on and 0 for none, and the class of each thing."""
+    from .surfaces import CLASSES, Thing
+
+    numbers: dict[Thing, int] = {}
+    objects = [0 if s.thing is None else numbers.setdefault(s.thing, len(numbers) + 1) for s in piece.sheets]
+    classes = [CLASSES.index(found.category) + 1 for found in numbers]
+    return np.array(objects, dtype=np.int32), np.array(classes, dtype=np.int32)
 
 
 def _digest() -> str:

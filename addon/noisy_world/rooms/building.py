@@ -15,7 +15,7 @@ import numpy as np
 from . import surfaces as pt
 from .light import Window
 from .openings import CURTAIN_CODES, REVEAL_M, TRIM, Hole, Outlook, curtains, door, outdoors, window
-from .surfaces import Array, Painter, Piece, Point, box, joined, placed, rect, shadeless
+from .surfaces import Array, Painter, Piece, Point, box, joined, placed, rect, shadeless, thing
 
 WALL_CELL_M = 0.018  # distance of the walls' vertices, which carry the texture; chosen: detail against size
 DOOR_M = (0.9, 2.06)  # width and height
@@ -83,6 +83,7 @@ def between(lines_m: Array, low: float, high: float) -> Array:
     return np.concatenate([[0.0], inner - low, [high - low]])
 
 
+@thing("wall")
 def surface(wall: Wall, coat: Coat, z_m: tuple[float, float], holes: tuple[Hole, ...] = ()) -> Piece:
     """A wall's surface from the lower to the upper height, without its holes."""
     low, high = z_m
@@ -122,6 +123,7 @@ _BEHIND_M = 0.002  # of the lining behind walls, floor and ceiling
 _LINING = Coat(pt.plain("#8a8478", 1000), 0.4)
 
 
+@thing("wall")
 def lining(corners_m: tuple[tuple[float, float], ...], walls_: list[Wall], holes: dict[int, tuple[Hole, ...]]) -> Piece:
     """A coarse second shell just behind the first one, with the same holes.
 
@@ -149,6 +151,7 @@ def _turns_right(first: tuple[int, int], second: tuple[int, int]) -> bool:
     return first[0] * second[1] - first[1] * second[0] < 0
 
 
+@thing("wall")
 def strip(wall: Wall, z_m: tuple[float, float], out_m: float, paint: Painter, gaps: tuple[Hole, ...] = ()) -> Piece:
     """A bar along the wall, left out where holes are: skirting board, dado rail, cornice."""
     low, high = z_m
@@ -182,11 +185,13 @@ def slabs(corners_m: tuple[tuple[float, float], ...]) -> list[tuple[float, float
     return found
 
 
+@thing("floor")
 def ground(corners_m: tuple[tuple[float, float], ...], coat: Coat, *, turned: bool = False) -> Piece:
     """The floor of a plan at z = 0; u runs along x, or along y where it is turned."""
     return _level(corners_m, 0.0, coat, turned=turned)
 
 
+@thing("ceiling")
 def ceiling(corners_m: tuple[tuple[float, float], ...], height_m: float, coat: Coat, *, turned: bool = False) -> Piece:
     """The ceiling of a plan."""
     return _level(corners_m, height_m, coat, turned=turned)
@@ -249,6 +254,7 @@ def closed_door(wall: Wall, hole: Hole, code: str) -> Piece:
     return placed(placed(leaf, (0.0, 0.0, 0.0), 180.0), wall.at((hole[0] + hole[1]) / 2), wall.yaw_deg)
 
 
+@thing("door")
 def passage(wall: Wall, hole: Hole, thick_m: float, floor: Painter) -> Piece:
     """The inside of a hole through a wall of that thickness: jambs, lintel, threshold, and a frame on both sides."""
     a, b, _, top = hole

@@ -19,6 +19,7 @@ from .surfaces import (
     rod,
     rounded_box,
     shadeless,
+    thing,
     tilted,
     tube,
 )
@@ -29,6 +30,7 @@ _DARK = pt.plain("#34353a", 1701, grain=0.2)
 DESK_M = 0.74  # height of a desk's top
 
 
+@thing("table")
 def desk(width_m: float, timber: Painter, *, depth_m: float = 0.78, drawers: bool = True) -> Piece:
     """A desk about its origin; who sits at it sits at -y and looks towards +y."""
     w, d = width_m / 2, depth_m / 2
@@ -43,6 +45,7 @@ def desk(width_m: float, timber: Painter, *, depth_m: float = 0.78, drawers: boo
     return joined(parts)
 
 
+@thing("cabinet")
 def pedestal(code: str) -> Piece:
     """Three drawers on castors, 0.4 m wide, the back at y = 0."""
     steel = pt.plain(code, 1705, grain=0.08)
@@ -55,6 +58,7 @@ def pedestal(code: str) -> Piece:
     return joined(parts)
 
 
+@thing("screen")
 def monitor(seed: int, *, width_m: float = 0.6) -> Piece:
     """A screen on its foot, about the origin, facing -y."""
     w, h, low = width_m / 2, 0.57 * width_m, 0.14
@@ -74,6 +78,7 @@ def monitor(seed: int, *, width_m: float = 0.6) -> Piece:
     return shadeless(joined(parts)) + Piece((), (((-w, -0.01, low), (w, 0.025, low + h)),))
 
 
+@thing("keyboard")
 def keyboard() -> Piece:
     """A keyboard and a mouse, about the origin."""
     keys = pt.checks(["#3a3b40", "#2c2d31", "#45464b", "#d8d6cf"], 0.019, 1710)
@@ -99,6 +104,7 @@ def workplace(seed: int, timber: Painter, *, width_m: float = 1.6, screens: int 
     return joined(parts)
 
 
+@thing("paper")
 def papers(seed: int) -> Piece:
     """A few printed sheets lying askew, about the origin."""
     parts = []
@@ -111,6 +117,7 @@ def papers(seed: int) -> Piece:
     return joined(parts)
 
 
+@thing("chair")
 def swivel_chair(cloth: Painter) -> Piece:
     """An office chair on five castors, about its origin, looking towards +y."""
     parts = [
@@ -135,6 +142,7 @@ def swivel_chair(cloth: Painter) -> Piece:
     return joined(parts)
 
 
+@thing("board")
 def board(width_m: float, height_m: float, seed: int, *, pinned: bool = False) -> Piece:
     """A whiteboard, or one of cork, on the wall at y = 0, its lower edge at z = 0, in the middle of x = 0."""
     w = width_m / 2
@@ -158,6 +166,7 @@ def board(width_m: float, height_m: float, seed: int, *, pinned: bool = False) -
     return shadeless(joined(parts))
 
 
+@thing("cabinet")
 def cabinet_row(count: int, codes: list[str], height_m: float, seed: int) -> Piece:
     """Steel cupboards beside each other, 0.8 m each, with lateral drawers; the middle of the row at x = 0."""
     parts = []
@@ -187,6 +196,7 @@ def cabinet_row(count: int, codes: list[str], height_m: float, seed: int) -> Pie
     return joined(parts)
 
 
+@thing("lamp")
 def ceiling_light(centre_m: Point, size_m: tuple[float, float]) -> Piece:
     """A flat luminaire below the ceiling; its light is a lamp of the room's lighting."""
     x, y, z = centre_m
@@ -197,6 +207,7 @@ def ceiling_light(centre_m: Point, size_m: tuple[float, float]) -> Piece:
     return shadeless(frame) + face
 
 
+@thing("lamp")
 def tube_light(start_m: Point, length_m: float, ceiling_m: float, *, along_x: bool = True) -> Piece:
     """A slim lamp that hangs on two wires."""
     x, y, z = start_m
@@ -212,6 +223,7 @@ def tube_light(start_m: Point, length_m: float, ceiling_m: float, *, along_x: bo
     return shadeless(joined(parts))
 
 
+@thing("bin")
 def bin_(code: str, seed: int) -> Piece:
     """A waste bin with crumpled paper."""
     wire = pt.checks([code, "#26262a", code, code], 0.022, seed)
@@ -225,6 +237,7 @@ def bin_(code: str, seed: int) -> Piece:
     return shadeless(joined(parts)) + Piece((), (((-0.1, -0.1, 0.0), (0.1, 0.1, 0.28)),))
 
 
+@thing("printer")
 def printer() -> Piece:
     """An office printer on its stand, 0.6 m wide, its back at y = 0."""
     shell, dark = pt.plain("#e3e2dc", 1740, grain=0.07), _DARK
@@ -240,6 +253,7 @@ def printer() -> Piece:
     return joined(parts)
 
 
+@thing("partition")
 def screen_wall(width_m: float, height_m: float, cloth: Painter) -> Piece:
     """A padded partition between desks, standing on the origin along x."""
     w = width_m / 2
@@ -248,6 +262,7 @@ def screen_wall(width_m: float, height_m: float, cloth: Painter) -> Piece:
     return joined(parts)
 
 
+@thing("water cooler")
 def water_cooler() -> Piece:
     """A cooler with its bottle, the back at y = 0."""
     shell = pt.plain("#e6e6e2", 1750, grain=0.07)
@@ -269,6 +284,7 @@ def water_cooler() -> Piece:
     return joined(parts)
 
 
+@thing("table")
 def conference_table(length_m: float, width_m: float, timber: Painter) -> Piece:
     """A long table on two legs, about its origin, its top at DESK_M, with a sunk box for cables."""
     w, d = length_m / 2, width_m / 2
@@ -280,6 +296,7 @@ def conference_table(length_m: float, width_m: float, timber: Painter) -> Piece:
     return joined(parts)
 
 
+@thing("laptop")
 def laptop(seed: int) -> Piece:
     """An open laptop, about the origin; who uses it sits at -y."""
     keys = pt.checks(["#55565b", "#3a3b40", "#2c2d31", "#6b6c72"], 0.018, seed)
@@ -298,6 +315,7 @@ TOP_M = 0.92
 DEPTH_M = 0.62
 
 
+@thing("cabinet")
 def units(count: int, face: Painter, worktop: Painter, stove: int, sink: int) -> Piece:
     """Base units of 0.6 m from x = 0 on; the numbers of those that carry the stove and the sink."""
     width = 0.6 * count
@@ -364,6 +382,7 @@ def _sink() -> Piece:
     return shadeless(joined(parts))
 
 
+@thing("cabinet")
 def wall_units(count: int, face: Painter, *, low_m: float = 1.48, high_m: float = 2.2) -> Piece:
     """Cupboards on the wall from x = 0 on, 0.6 m each."""
     width, d = 0.6 * count, 0.34
@@ -378,6 +397,7 @@ def wall_units(count: int, face: Painter, *, low_m: float = 1.48, high_m: float 
     return joined(parts)
 
 
+@thing("fridge")
 def fridge(code: str) -> Piece:
     """A round-edged fridge with magnets and notes on its door, 0.62 m wide."""
     coat = pt.plain(code, 1630, grain=0.06, patch=0.06)
@@ -397,12 +417,14 @@ def fridge(code: str) -> Piece:
     return joined(parts)
 
 
+@thing("wall")
 def splashback(width_m: float, codes: list[str], seed: int, *, low_m: float = TOP_M, high_m: float = 1.48) -> Piece:
     """Tiles on the wall between worktop and wall units, from x = 0 on."""
     paint = tiles(codes, "#d9d3c6", (0.15, 0.07), seed, bond=0.5)
     return rect((0.0, -0.006, low_m), (width_m, 0, 0), (0, 0, high_m - low_m), 0.0125, paint)
 
 
+@thing("kitchenware")
 def clutter() -> Piece:
     """What stands on a worktop of 2.4 m from x = 0 on: jars, a board, a kettle, mugs, a knife block."""
     oak = pt.wood("#c9a06c", "#94683c", 1660)

@@ -24,6 +24,7 @@ from .surfaces import (
     rounded_box,
     shadeless,
     sheet,
+    thing,
     tilted,
     tube,
 )
@@ -36,6 +37,7 @@ STEEL = pt.plain("#4a4744", 502, grain=0.18)
 SOFA_CLOTH = pt.weave("#4f7f88", "#a9c5c4", 510, thread_m=0.02)
 
 
+@thing("sofa")
 def sofa(cloth: Painter = SOFA_CLOTH) -> Piece:
     """A sofa for three with cushions and a throw."""
     cell = 0.0205
@@ -91,6 +93,7 @@ def _blanket() -> Piece:
     return Piece((sheet(np.stack([x, v - 0.3, z], -1)[:, ::-1], paint(u, v)[:, ::-1]),))
 
 
+@thing("table")
 def coffee_table(timber: Painter = WALNUT) -> Piece:
     """A low table of 1.16 x 0.62 m, its top at 0.432 m, on thin legs."""
     top = rounded_box((-0.58, -0.31, 0.405), (0.58, 0.31, 0.432), 0.01, 0.011, timber)
@@ -105,6 +108,7 @@ def coffee_table(timber: Painter = WALNUT) -> Piece:
     return top + shadeless(joined([*rail, *legs]))
 
 
+@thing("table")
 def dining_table(timber: Painter = OAK) -> Piece:
     """A table of 1.6 x 0.9 m, its top at 0.752 m."""
     top = rounded_box((-0.8, -0.45, 0.722), (0.8, 0.45, 0.752), 0.012, 0.012, timber)
@@ -125,6 +129,7 @@ def dining_table(timber: Painter = OAK) -> Piece:
 CHAIR_WOOD = pt.wood("#7a4f31", "#47291a", 520)
 
 
+@thing("chair")
 def chair(seat_paint: Painter, dark: Painter = CHAIR_WOOD) -> Piece:
     """A spindle-back chair with a padded seat; it looks towards -y."""
     parts = [
@@ -157,6 +162,7 @@ def chair(seat_paint: Painter, dark: Painter = CHAIR_WOOD) -> Piece:
 DOOR_WOOD = pt.wood("#b98a5a", "#7d5532", 550)
 
 
+@thing("cabinet")
 def cabinet(size_m: Point, doors: int, paint: Painter, face: Painter = DOOR_WOOD) -> Piece:
     """A low cupboard on thin legs with slatted doors and small knobs, its back at y = 0; size: width, height, depth."""
     width_m, height_m, depth_m = size_m
@@ -194,6 +200,7 @@ def cabinet(size_m: Point, doors: int, paint: Painter, face: Painter = DOOR_WOOD
     return joined(parts)
 
 
+@thing("screen")
 def television() -> Piece:
     """A flat screen on two feet, 1.24 m wide."""
     black = pt.plain("#2b2a2c", 560, grain=0.15)
@@ -256,6 +263,7 @@ def furniture() -> Piece:
 # A piece has its back at y = 0, or is about its own origin where its docstring says so.
 
 
+@thing("bed")
 def bed(width_m: float, timber: Painter, cover: Painter, linen: Painter, cushion: Painter) -> Piece:
     """A bed with a headboard, pillows and a quilt that hangs over its sides; 2.1 m long."""
     w = width_m / 2
@@ -289,6 +297,7 @@ def _coverlet(half_m: float, paint: Painter) -> Piece:
     return Piece((sheet(np.stack([x, y, z], -1)[::-1], paint(a + 5, b)[::-1]),))
 
 
+@thing("cabinet")
 def drawers(size_m: Point, columns: int, rows: int, timber: Painter, face: Painter) -> Piece:
     """A chest of drawers with knobs; size: width, height, depth."""
     w, h, d = size_m[0] / 2, size_m[1], size_m[2]
@@ -307,6 +316,7 @@ def drawers(size_m: Point, columns: int, rows: int, timber: Painter, face: Paint
     return joined(parts)
 
 
+@thing("cabinet")
 def wardrobe(size_m: Point, doors: int, timber: Painter, face: Painter) -> Piece:
     """A wardrobe with panelled doors and a cornice; size: width, height, depth."""
     w, h, d = size_m[0] / 2, size_m[1], size_m[2]
@@ -328,6 +338,7 @@ def wardrobe(size_m: Point, doors: int, timber: Painter, face: Painter) -> Piece
     return joined(parts)
 
 
+@thing("chair")
 def armchair(cloth: Painter, legs: Painter) -> Piece:
     """A wide chair with arms, about its origin, looking towards -y."""
     cell = 0.019
@@ -351,6 +362,7 @@ def armchair(cloth: Painter, legs: Painter) -> Piece:
     return joined(parts)
 
 
+@thing("radiator")
 def radiator(width_m: float) -> Piece:
     """A ribbed radiator on the wall."""
     enamel = pt.plain("#e9e6dc", 1500, grain=0.07, grain_m=0.02)
@@ -369,6 +381,7 @@ def radiator(width_m: float) -> Piece:
     return shadeless(joined([*ribs, *pipe, *feet])) + block
 
 
+@thing("shelf")
 def wall_shelf(width_m: float, timber: Painter, seed: int) -> Piece:
     """A board on two brackets with books on it, its top at z = 0."""
     w = width_m / 2
@@ -379,6 +392,7 @@ def wall_shelf(width_m: float, timber: Painter, seed: int) -> Piece:
     return joined(parts)
 
 
+@thing("rack")
 def coat_rack(width_m: float, timber: Painter, codes: list[str], seed: int) -> Piece:
     """A board with hooks at eye height, and a coat on all but one of them."""
     w = width_m / 2
@@ -418,6 +432,7 @@ def _coat(code: str, seed: int) -> Piece:
     return joined([Piece((sheet(points, rgb[::-1]),)), *sleeves])
 
 
+@thing("bench")
 def bench(width_m: float, timber: Painter, cushion: Painter) -> Piece:
     """A bench with a cushion and boots below it."""
     w = width_m / 2
@@ -439,6 +454,7 @@ def _shoe(x_m: float, skin: Painter) -> Piece:
     return rounded_box((x_m, -0.34, 0.151), (x_m + 0.09, -0.08, 0.24), 0.04, 0.02, skin, arc=3)
 
 
+@thing("lamp")
 def table_lamp(base: Painter, shade: Painter) -> Piece:
     """A lamp to stand on something; its bulb is 0.38 m above the origin."""
     parts = [
@@ -450,6 +466,7 @@ def table_lamp(base: Painter, shade: Painter) -> Piece:
     return shadeless(joined(parts))
 
 
+@thing("table")
 def mirror_table(timber: Painter) -> Piece:
     """A narrow hall table with a bowl's shelf, 0.9 m wide, its top at 0.8 m."""
     parts = [
@@ -465,6 +482,7 @@ def mirror_table(timber: Painter) -> Piece:
     return joined(parts)
 
 
+@thing("basket")
 def basket(code: str, seed: int) -> Piece:
     """A round wicker basket with rolled blankets, about its origin."""
     wicker = pt.weave(code, "#6b4a2b", seed, thread_m=0.022)
@@ -478,6 +496,7 @@ def basket(code: str, seed: int) -> Piece:
     return shadeless(joined(parts)) + Piece((), (((-0.18, -0.18, 0.0), (0.18, 0.18, 0.36)),))
 
 
+@thing("cabinet")
 def chest(size_m: Point, timber: Painter, seed: int) -> Piece:
     """A trunk with iron bands; size: width, height, depth."""
     w, h, d = size_m[0] / 2, size_m[1], size_m[2]
@@ -490,6 +509,7 @@ def chest(size_m: Point, timber: Painter, seed: int) -> Piece:
     return joined(parts)
 
 
+@thing("easel")
 def easel(image: Painter) -> Piece:
     """A painter's easel with a canvas of 0.7 x 0.9 m, about its origin, its front towards -y."""
     beech = pt.wood("#d2b07c", "#a87f4c", 1540)
@@ -506,6 +526,7 @@ def easel(image: Painter) -> Piece:
     return joined(parts)
 
 
+@thing("stool")
 def stool(seat: Painter, height_m: float = 0.66) -> Piece:
     """A round stool on four legs, about its origin."""
     h = height_m

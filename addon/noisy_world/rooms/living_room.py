@@ -14,7 +14,7 @@ from .finishes import garden
 from .furniture import COFFEE_AT_M, CONSOLE_AT_M, SIDEBOARD_AT_M, TABLE_AT_M, furniture
 from .light import Lighting, Window
 from .openings import REVEAL_M, TRIM, Hole, curtains, door, outdoors, window
-from .surfaces import Array, Painter, Piece, Point, box, joined, placed, rect, rounded_box, shadeless, sheet
+from .surfaces import Array, Painter, Piece, Point, box, joined, placed, rect, rounded_box, shadeless, sheet, thing
 from .things import (
     clock,
     floor_lamp,
@@ -48,11 +48,13 @@ LAMPS_M = ((-2.86, 2.06, 1.55, 0.24), (1.75, 0.35, 1.62, 0.26))  # x, y, z and t
 LIGHTING = Lighting(INTERIOR_MIN_M, INTERIOR_MAX_M, tuple(Window(1, 1, Y1, w) for w in WINDOWS_M), LAMPS_M)
 
 
+@thing("floor")
 def _floor() -> Piece:
     paint = pt.planks("#c99c6b", "#8f6238", "#3d2817", 10)
     return rect((X0, Y0, 0), (X1 - X0, 0, 0), (0, Y1 - Y0, 0), 0.024, paint, v_m=pt.plank_rows(Y1 - Y0, 4))
 
 
+@thing("ceiling")
 def _ceiling() -> Piece:
     boards = pt.planks("#f1e7d3", "#d2bd9a", "#8a7757", 40)
     flat = rect((X0, Y1, Z1), (X1 - X0, 0, 0), (0, Y0 - Y1, 0), 0.034, boards, v_m=pt.plank_rows(Y1 - Y0, 2))
@@ -64,6 +66,7 @@ def _ceiling() -> Piece:
     return joined([flat, *beams])
 
 
+@thing("wall")
 def _wall(
     start: Point,
     along: Point,
@@ -100,6 +103,7 @@ def _between(columns_m: Array, low: float, high: float) -> Array:
     return np.concatenate([[0.0], inner - low, [high - low]])
 
 
+@thing("wall")
 def _panelling(start: Point, along: Point, gaps: tuple[tuple[float, float], ...]) -> Piece:
     """Skirting board and dado rail on a wall, left out at the gaps (from, to)."""
     dx, dy, length = along
@@ -146,6 +150,7 @@ def _walls() -> Piece:
     return joined([*parts, _brick_wall()])
 
 
+@thing("wall")
 def _cornice(start: Point, end: tuple[float, float]) -> Piece:
     low = (min(start[0], end[0]), min(start[1], end[1]))
     high = (max(start[0], end[0]), max(start[1], end[1]))
@@ -155,6 +160,7 @@ def _cornice(start: Point, end: tuple[float, float]) -> Piece:
     return shadeless(box((low[0], y[0], Z1 - 0.07), (high[0], y[1], Z1), 0.025, TRIM, skip="xXZ"))
 
 
+@thing("wall")
 def _brick_wall() -> Piece:
     """The east wall: bricks that stand 4 mm proud of their mortar."""
     u_m, v_m = pt.brick_grid(Y1 - Y0, Z1)

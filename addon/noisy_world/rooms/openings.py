@@ -24,6 +24,7 @@ from .surfaces import (
     rod,
     shadeless,
     sheet,
+    thing,
     tube,
 )
 
@@ -37,6 +38,7 @@ _PAINTED = pt.plain("#e9e4d6", 300, grain=0.04, patch=0.04)
 TRIM = pt.wood("#efe9da", "#d8cfba", 301)
 
 
+@thing("window")
 def window(hole: Hole, y_m: float, seed: int) -> Piece:
     """Reveal, sill, frame and glazing bars of a window in a wall at y_m whose room lies at lower y."""
     x_low, x_high, z_low, z_high = hole
@@ -82,6 +84,7 @@ def pane_bars_m(window: tuple[float, float, float, float]) -> tuple[list[float],
     return _mullions(x_low, x_high), [z_low + (z_high - z_low) * k / 3 for k in (1, 2)]
 
 
+@thing("outdoors")
 def outdoors(low_m: Point, high_m: Point, eye_m: Point, view: Outlook) -> Piece:
     """What is behind windows: a glowing box, open towards -y, whose picture is right from eye_m."""
     low, high, eye = np.array(low_m), np.array(high_m), np.array(eye_m)
@@ -123,6 +126,7 @@ def _curtain(x_low: float, x_high: float, y_m: float, seed: int, codes: list[str
 CURTAIN_CODES = ["#e8dcc0", "#d9a441", "#e8dcc0", "#b5653a", "#e8dcc0", "#5f7f78"]
 
 
+@thing("curtain")
 def curtains(x_low: float, x_high: float, y_m: float, seed: int, codes: list[str] = CURTAIN_CODES) -> Piece:
     """Two curtains, striped in six colours, on a brass rod before a window in a wall at y_m."""
     brass = pt.plain("#a8803e", 310, grain=0.12)
@@ -144,6 +148,7 @@ def curtains(x_low: float, x_high: float, y_m: float, seed: int, codes: list[str
     return joined([*parts[:2], *map(shadeless, parts[2:])])
 
 
+@thing("door")
 def door(hole: Hole, y_m: float, code: str = "#6f918b") -> Piece:
     """A panelled door with its frame, in a wall at y_m whose room lies at higher y."""
     x_low, x_high, _, top = hole

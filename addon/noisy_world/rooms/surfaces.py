@@ -7,10 +7,11 @@ Everything is a sheet: an open grid of R x C points with its own vertices, so th
 Seen from its outer side, columns run to the right and rows upwards: column step x row step = outward normal.
 """
 
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, replace
+from functools import wraps
 from itertools import pairwise
-from typing import Any, TypeAlias
+from typing import Any, ParamSpec, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +20,23 @@ Array: TypeAlias = NDArray[Any]  # of floats; pyright takes three times as long 
 Point: TypeAlias = tuple[float, float, float]
 # (u_m, v_m), each (R, C) in metres along the surface -> (R, C, 3) display-encoded colours.
 Painter: TypeAlias = Callable[[Array, Array], Array]
+P = ParamSpec("P")
+
+
+# The classes of things in rooms, by which their masks are numbered from 1 on: new ones come last.
+CLASSES = (
+    *("wall", "floor", "ceiling", "window", "outdoors", "curtain", "door", "table", "chair", "sofa", "bed", "cabinet"),
+    *("shelf", "lamp", "screen", "picture", "clock", "mirror", "rug", "plant", "vase", "book", "box", "bin", "basket"),
+    *("radiator", "bench", "stool", "rack", "board", "partition", "printer", "keyboard", "laptop", "fridge"),
+    *("water cooler", "tableware", "kitchenware", "toy", "paper", "easel"),
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Thing:
+    """A thing that has a name of its own, its class; two of one class are two things."""
+
+    category: str
 
 
 @dataclass(frozen=True)
@@ -27,12 +45,14 @@ class Sheet:
 
     points_m, normals, rgb: (R, C, 3) float64; rgb is the colour under white light, display-encoded.
     glow: 0 for a surface that the room lights, 1 for one that shows its own colour (sky, screen, lampshade).
+    thing: what it is a part of; None of nothing that is named.
     """
 
     points_m: Array
     normals: Array
     rgb: Array
     glow: float = 0.0
+    thing: Thing | None = None
 
 
 @dataclass(frozen=True)
@@ -56,6 +76,34 @@ def joined(pieces: Iterable[Piece]) -> Piece:
     """All sheets and blockers of many pieces, in order."""
     listed = list(pieces)
     return Piece(tuple(s for p in listed for s in p.sheets), tuple(b for p in listed for b in p.blockers_m))
+
+
+def thing(category: str) -> Callable[[Callable[P, Piece]], Callable[P, Piece]]:
+    """Decorate what builds a thing: those of its sheets that belong to nothing yet belong to one of this class."""
+    if category not in CLASSES:
+        raise ValueError(f"{category!r} is no class of things in rooms")
+
+    def decorate(build: Callable[P, Piece]) -> Callable[P, Piece]:
+        @wraps(build)
+        def made(*args: P.args, **kwargs: P.kwargs) -> Piece:
+            return named(build(*args, **kwargs), category)
+
+        return made
+
+    return decorate
+
+
+def named(piece: Piece, category: str) -> Piece:
+    """The piece, whose sheets that belong to nothing yet belong to one thing of this class."""
+    one = Thing(category)
+    return Piece(tuple(s if s.thing else replace(s, thing=one) for s in piece.sheets), piece.blockers_m)
+
+
+def _others(sheets: tuple[Sheet, ...]) -> Iterator[Thing | None]:
+    """Yield what copies of sheets are parts of: as many other things of the same classes."""
+    others: dict[Thing, Thing] = {}
+    for sheet in sheets:
+        yield None if sheet.thing is None else others.setdefault(sheet.thing, Thing(sheet.thing.category))
 
 
 def shadeless(piece: Piece) -> Piece:
@@ -304,7 +352,10 @@ def _transformed(piece: Piece, rotation: Array, at_m: Point) -> Piece:
     normals = turn(np.concatenate([s.normals.reshape(-1, 3) for s in piece.sheets]))
     ends = np.cumsum([s.points_m.size // 3 for s in piece.sheets])[:-1]
     parts = zip(piece.sheets, np.split(points, ends), np.split(normals, ends), strict=True)
-    sheets = tuple(Sheet(p.reshape(s.points_m.shape), n.reshape(s.points_m.shape), s.rgb, s.glow) for s, p, n in parts)
+    sheets = tuple(
+        Sheet(p.reshape(s.points_m.shape), n.reshape(s.points_m.shape), s.rgb, s.glow, other)
+        for (s, p, n), other in zip(parts, _others(piece.sheets), strict=True)
+    )
     blockers = []
     for low, high in piece.blockers_m:
         corners = turn(np.array([[(low, high)[i >> k & 1][k] for k in range(3)] for i in range(8)])) + shift
@@ -314,7 +365,10 @@ def _transformed(piece: Piece, rotation: Array, at_m: Point) -> Piece:
 
 def _moved(piece: Piece, by_m: Point) -> Piece:
     shift = np.array(by_m, np.float64)
-    sheets = tuple(Sheet(s.points_m + shift, s.normals, s.rgb, s.glow) for s in piece.sheets)
+    sheets = tuple(
+        Sheet(s.points_m + shift, s.normals, s.rgb, s.glow, other)
+        for s, other in zip(piece.sheets, _others(piece.sheets), strict=True)
+    )
     moved = tuple((_sum(low, by_m), _sum(high, by_m)) for low, high in piece.blockers_m)
     return Piece(sheets, moved)
 

@@ -24,6 +24,7 @@ from .surfaces import (
     rounded_box,
     shadeless,
     sheet,
+    thing,
     tilted,
     tube,
 )
@@ -35,6 +36,7 @@ BLACK = pt.plain("#35322f", 701, grain=0.2)
 RUG = pic.rug(2.6, 1.8, 711)
 
 
+@thing("rug")
 def rug(paint: Painter = RUG, hem_code: str = "#7c3022", size_m: tuple[float, float] = (2.6, 1.8)) -> Piece:
     """A rug about the origin with tassels at its short sides; painted from its corner on."""
     length, width = size_m
@@ -57,6 +59,7 @@ def rug(paint: Painter = RUG, hem_code: str = "#7c3022", size_m: tuple[float, fl
     return Piece((top,)) + shadeless(joined([hem, *tassels]))
 
 
+@thing("picture")
 def framed(width_m: float, height_m: float, paint: Painter, frame: Painter, *, mat_m: float = 0.0) -> Piece:
     """A picture hung flat on a wall at y = 0, its centre at the origin, facing -y."""
     w, h, rim = width_m / 2, height_m / 2, 0.03
@@ -78,6 +81,7 @@ def framed(width_m: float, height_m: float, paint: Painter, frame: Painter, *, m
     return shadeless(joined(parts))
 
 
+@thing("clock")
 def clock() -> Piece:
     """A round wall clock about the origin, facing -y: a drum with a dial, built lying down and stood up."""
     dial = disc((0, 0, 0), 0.17, 0.008, pic.clock_face(0.17))
@@ -93,6 +97,7 @@ def clock() -> Piece:
 SHADE = pt.stripes(["#ffe7b0", "#f0cb86"], [0.044, 0.022], 770)
 
 
+@thing("lamp")
 def floor_lamp(bulb_m: Point, shade: Painter = SHADE) -> Piece:
     """A lamp that stands on the floor below its bulb."""
     x, y, z = bulb_m
@@ -114,6 +119,7 @@ def floor_lamp(bulb_m: Point, shade: Painter = SHADE) -> Piece:
 PENDANT_CODES = ["#2f5a55", "#c9a35e", "#2f5a55", "#244843", "#2f5a55", "#c9a35e"]
 
 
+@thing("lamp")
 def pendant(bulb_m: Point, ceiling_m: float, codes: list[str] = PENDANT_CODES) -> Piece:
     """A lamp with a striped shade of metal, on a cord from the ceiling."""
     x, y, z = bulb_m
@@ -141,6 +147,7 @@ def _glowing(piece: Piece) -> Piece:
     return Piece(tuple(replace(s, glow=1.0) for s in piece.sheets))
 
 
+@thing("tableware")
 def mug(paint: Painter) -> Piece:
     """A mug of coffee."""
     t = np.arange(9) / 8.0 * np.pi
@@ -151,6 +158,7 @@ def mug(paint: Painter) -> Piece:
     return joined([body, disc((0, 0, 0.078), 0.0365, 0.009, pt.plain("#4a2d1a", 810)), tube(handle, 0.0055, 6, paint)])
 
 
+@thing("tableware")
 def fruit_bowl(seed: int) -> Piece:
     """A bowl with five fruits."""
     glaze = pt.stripes(["#2f5a6b", "#e9dfc9", "#2f5a6b", "#c9a35e"], [0.02, 0.012, 0.02, 0.012], seed)
@@ -180,6 +188,7 @@ def fruit_bowl(seed: int) -> Piece:
     return shadeless(joined(parts))
 
 
+@thing("tableware")
 def place_setting() -> Piece:
     """A mat with a plate, a knife and a fork."""
     cloth = pt.checks(["#efe3cb", "#c9714e", "#e6d0a8"], 0.02, 830)
@@ -196,6 +205,7 @@ def place_setting() -> Piece:
     return shadeless(joined([mat, dish, well, *tools]))
 
 
+@thing("box")
 def open_carton() -> Piece:
     """An open carton with a soft toy and a roll of paper in it."""
     card = pt.plain("#bb9162", 840, grain=0.08)
@@ -228,6 +238,7 @@ def open_carton() -> Piece:
     return joined([parts[0], *map(shadeless, parts[1:]), *map(shadeless, cuddly), shadeless(tube_)])
 
 
+@thing("toy")
 def toys() -> Piece:
     """A tower of blocks and some that fell, a ball."""
     codes = ("#d9482f", "#e8b13c", "#3f7fa6", "#5f9a50", "#e8dcc4", "#c9714e")
@@ -254,6 +265,7 @@ def toys() -> Piece:
 POUF_CODES = ["#e0b14e", "#d9a743", "#b8842f"]
 
 
+@thing("stool")
 def pouf(codes: list[str] = POUF_CODES) -> Piece:
     """A knitted pouf."""
     knit = pt.stripes(codes, [0.022, 0.022, 0.0168], 870)
@@ -318,6 +330,7 @@ def _spine(width_m: float, height_m: float, seed: int) -> Painter:
     return paint
 
 
+@thing("book")
 def book(width_m: float, height_m: float, depth_m: float, seed: int) -> Piece:
     """An upright book on the origin with its spine at y = 0 and its pages behind."""
     spine = _spine(width_m, height_m, seed)
@@ -362,6 +375,7 @@ def stack(count: int, seed: int, yaw_deg: float = 0.0) -> Piece:
     return joined(parts)
 
 
+@thing("vase")
 def vase(seed: int, height_m: float, paint: Painter) -> Piece:
     """A vase on the origin; seed decides how wide it is."""
     h = height_m
@@ -405,6 +419,7 @@ def _shelf_fill(shelf: Shelf, number: int, width_m: float, room_m: float) -> Pie
     return joined(things)
 
 
+@thing("shelf")
 def bookshelf(shelf: Shelf) -> Piece:
     """A bookshelf full of books, its back at y = 0."""
     t, w, h, d, timber = 0.024, shelf.width_m, shelf.height_m, shelf.depth_m, shelf.timber
@@ -476,6 +491,7 @@ def _palm(fronds: int, height_m: float, seed: int) -> Piece:
     return joined(parts)
 
 
+@thing("plant")
 def potted_palm() -> Piece:
     """A palm, 1.5 m with its banded clay pot, standing on the origin."""
     pot = pt.stripes(["#c9714e", "#c9714e", "#f0e2c8", "#2f5a55", "#f0e2c8"], [0.16, 0.03, 0.014, 0.024, 0.014], 790)
@@ -490,6 +506,7 @@ def potted_palm() -> Piece:
     return shadeless(joined([body, soil, placed(_palm(16, 1.15, 792), (0, 0, 0.32))])) + blocker
 
 
+@thing("plant")
 def trailing_plant() -> Piece:
     """A small pot whose shoots hang down in front (-y)."""
     parts = [
@@ -516,6 +533,7 @@ def trailing_plant() -> Piece:
     return joined(parts)
 
 
+@thing("plant")
 def flowers() -> Piece:
     """A jug of tulips."""
     jug = pt.terrazzo("#f0e8d6", ["#3d6470", "#7fa0a8"], 820, chip_m=0.022)

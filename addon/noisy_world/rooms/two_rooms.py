@@ -23,7 +23,7 @@ from .fittings import TOP_M, bin_, clutter, desk, fridge, keyboard, monitor, pap
 from .furniture import armchair, chair, dining_table, easel, radiator, stool, wall_shelf
 from .light import Lighting
 from .openings import city, garden_from
-from .surfaces import Piece, joined, placed, shadeless
+from .surfaces import Piece, joined, placed, shadeless, thing
 from .things import (
     Shelf,
     bookshelf,
@@ -175,6 +175,7 @@ def _study(sides: list[Wall]) -> list[Piece]:
     ]
 
 
+@thing("shelf")
 def shelf_low() -> Piece:
     """A low shelf with a plant and a vase on it."""
     low = bookshelf(Shelf(1.5, 0.72, 0.3, 2, 2, _BIRCH, _BIRCH, 710, ((1, 1),)))

@@ -43,6 +43,7 @@ class Mesh:
     texture: what is shown instead of other colours, where a face has a picture.
     object_ids: (F,) int64, the object that each face belongs to, as the file numbers them; None where it does not.
     names_path: the file beside the mesh's that names these objects and their classes, where there is one.
+    object_classes: number and name of the class of each object from 1 on, where the mesh knows them itself.
     """
 
     vertices_m: NDArray[np.float64]
@@ -54,6 +55,7 @@ class Mesh:
     texture: Texture | None = None
     object_ids: NDArray[np.int64] | None = None
     names_path: Path | None = None
+    object_classes: tuple[tuple[int, str], ...] = ()
 
     @property
     def face_sizes(self) -> NDArray[np.int32]:
