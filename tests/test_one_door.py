@@ -16,7 +16,7 @@ BY_NAME = {
     "io": ("open", "FileIO"),
 }
 SHORT = {"np": "numpy", "pd": "pandas"}
-OPENED = ("file", "stream", "StringIO")  # what is open already has such a name, and has come through the door
+OPENED = ("file", "stream", "StringIO", "BytesIO")  # open already, through the door, or in memory
 ELSEWHERE = {
     "core/file_access.py": "the door, and folders that are locked",
     "core/packages.py": "the files of our own modules, and the metadata of the installed package",
@@ -56,6 +56,8 @@ def is_read(call):
 
 def first_name(argument):
     called = argument.func if isinstance(argument, ast.Call) else argument
+    if isinstance(argument, ast.Call) and isinstance(called, ast.Attribute):
+        return called.attr
     return called.id if isinstance(called, ast.Name) else ""
 
 
@@ -111,6 +113,7 @@ def test_what_is_excepted_is_there():
         ("file_access.read_text(path)", False),
         ("np.load(file)", False),
         ("pd.read_csv(StringIO(text))", False),
+        ("np.load(io.BytesIO(data))", False),
     ],
 )
 def test_the_rule_tells_what_reads(line, reads):
