@@ -232,10 +232,6 @@ class Journal:
                 path.parent.mkdir(parents=True, exist_ok=True)
                 self._file = path.open("ab", buffering=0)
 
-    def append(self, sequence: str, record: FrameRecord) -> None:
-        """Add a frame whose files are written."""
-        self.append_line(journal_line(sequence, record))
-
     def append_all(self, records: Iterable[tuple[str, FrameRecord]]) -> None:
         """Add frames whose files are written, with their sequences, some hundred lines at once."""
         for lines in batched(records, AT_ONCE):

@@ -119,21 +119,6 @@ def _plausible(records: Iterable[FrameRecord], names: FrameNames, count: int) ->
             yield replace(record, files={name: digest for name, digest in record.files.items() if name in own})
 
 
-class SequenceJournal:
-    """The journal of a scene, for one of its sequences."""
-
-    def __init__(self, journal: Journal, folder: str) -> None:
-        self._journal = journal
-        self._folder = folder
-
-    def append(self, record: FrameRecord) -> None:
-        """Add a frame whose files are written."""
-        self._journal.append(self._folder, record)
-
-    def close(self) -> None:
-        """Do nothing: the dataset closes its journals."""
-
-
 class Dataset:
     """The folder of a dataset while a run writes to it.
 
@@ -400,10 +385,14 @@ class Dataset:
             for name in self.format.folders:
                 (self.out / folder / name).mkdir(parents=True, exist_ok=True)
 
-    def journal(self, folder: str) -> "SequenceJournal":
+    def begin(self, folder: str) -> None:
         """Open the journal of a sequence that this run writes, and create the sequence's folders."""
         self.make_folders(folder)
-        return SequenceJournal(self._journal_of(folder, "0"), folder)
+        self._journal_of(folder, "0")
+
+    def append(self, folder: str, records: Iterable[FrameRecord]) -> None:
+        """Record frames of a sequence that was begun, whose files are written. Threads may share it."""
+        self._journal_of(folder, "0").append_all((folder, record) for record in records)
 
     def append_merged(self, frames: Mapping[str, Iterable[FrameRecord]]) -> None:
         """Record frames whose files were moved here from a shard, by the sequence's folder."""
@@ -447,7 +436,7 @@ class Dataset:
     def _keep_finished(self, folder: str, digest: str) -> None:
         """Record in a journal what is finished, where frames.jsonl becomes another before the manifest does."""
         if self._stand(folder) and self._there.files[folder][FRAMES] != digest:
-            self._journal_of(folder, "0").append_all((folder, record) for record in self.finished_records(folder))
+            self.append(folder, self.finished_records(folder))
         self._standing[folder] = False
 
     def write_text(self, name: str, text: str) -> str:

@@ -550,8 +550,31 @@ class _Records:
         return None if self._table is None else self._table.record(place, MEND)
 
 
-class FrameOfFiles(Frame):
-    """A frame on disk."""
+class FrameInFile(Frame):
+    """A frame whose images are files, in a folder or in a tar."""
+
+    @abstractmethod
+    def _file(self, channel: str) -> str:
+        """Return the name of a channel's file. Raises InputError where there is none."""
+
+    @abstractmethod
+    def _place(self, channel: str) -> str:
+        """Return where a channel's file is, for messages."""
+
+    @property
+    def rgb_uncompressed(self) -> NDArray[np.uint8] | NDArray[np.float32]:
+        """Colour (H, W, 3), RGB. Raises InputError where the file is a JPEG."""
+        if not self._file(RGB.name).endswith((".png", ".exr")):
+            remedy = "open the recipe for what it was before, or take rgb"
+            raise InputError(self._place(RGB.name), "is compressed with loss", remedy=remedy)
+        return self.rgb
+
+    def _other(self, channel: str) -> NDArray[Any]:
+        return decoded(channel, self._file(channel), self.image_bytes(channel), self._place(channel))
+
+
+class FrameOfFiles(FrameInFile):
+    """A frame in a folder."""
 
     def __init__(self, sequence: str, index: int, place: int, stored: StoredSequence, records: _Records) -> None:
         """Read its record. place: among the images."""
@@ -578,35 +601,28 @@ class FrameOfFiles(Frame):
         return as_bytes(self._files.rgb)
 
     @property
-    def rgb_uncompressed(self) -> NDArray[np.uint8] | NDArray[np.float32]:
-        """Colour (H, W, 3), RGB. Raises InputError where the file is a JPEG."""
-        path = self._files.rgb_file
-        if path.suffix not in (".png", ".exr"):
-            remedy = "open the recipe for what it was before, or take rgb"
-            raise InputError(path, "is compressed with loss", remedy=remedy)
-        return self.rgb
-
-    @property
     def depth_m(self) -> NDArray[np.float32]:
         """Planar depth (H, W) in metres, 0 = void. Raises InputError where the file is no 16-bit image."""
         return self._files.depth_m
 
     def image_bytes(self, channel: str) -> bytes:
         """Return the content of the file of a channel's image."""
+        data = _content(self._path(channel))
+        if channel not in COLOUR_AND_DEPTH and sha256_of_bytes(data) not in self._digests.values():
+            raise InputError(self._path(channel), "is not as it was written", remedy=MEND)
+        return data
+
+    def _file(self, channel: str) -> str:
+        return self._path(channel).name
+
+    def _place(self, channel: str) -> str:
+        return str(self._path(channel))
+
+    def _path(self, channel: str) -> Path:
         if channel in COLOUR_AND_DEPTH:
             file = self._files.depth_file if CHANNELS[channel].paired else self._files.rgb_file
             assert file is not None, "there is no depth"
-            return _content(file)
-        data = _content(self._other_file(channel))
-        if sha256_of_bytes(data) not in self._digests.values():
-            raise InputError(self._other_file(channel), "is not as it was written", remedy=MEND)
-        return data
-
-    def _other(self, channel: str) -> NDArray[Any]:
-        path = self._other_file(channel)
-        return decoded(channel, path.name, self.image_bytes(channel), str(path))
-
-    def _other_file(self, channel: str) -> Path:
+            return file
         name = file_of(channel, self._digests)
         if name is None:
             raise InputError(self._folder / FRAMES, f"names no {CHANNELS[channel].spoken}", where=f"frame {self.index}")
@@ -766,7 +782,7 @@ def _sequence_of(opened: Opened, name: str) -> OpenedSequence:
     return opened[name]
 
 
-class PackedFrame(Frame):
+class PackedFrame(FrameInFile):
     """A frame in a tar. It can be pickled: it keeps its row and where the dataset is."""
 
     def __init__(self, opened: OpenedPacked, sequence: str, row: dict[str, Any]) -> None:
@@ -787,19 +803,11 @@ class PackedFrame(Frame):
     @property
     def rgb(self) -> NDArray[np.uint8] | NDArray[np.float32]:
         """Colour (H, W, 3), RGB; light of an EXR. Raises InputError where the file is damaged."""
-        if self._row.get("rgb_file", "").endswith(".exr"):
+        if self._file(RGB.name).endswith(".exr"):
             return self._other(RGB.name)
         import cv2
 
         return self._decoded("rgb", cv2.IMREAD_COLOR_RGB)
-
-    @property
-    def rgb_uncompressed(self) -> NDArray[np.uint8] | NDArray[np.float32]:
-        """Colour (H, W, 3), RGB. Raises InputError where the file is a JPEG."""
-        if not self._row.get("rgb_file", ".png").endswith((".png", ".exr")):
-            remedy = "open the recipe for what it was before, or take rgb"
-            raise InputError(self._place("rgb"), "is compressed with loss", remedy=remedy)
-        return self.rgb
 
     @property
     def depth_m(self) -> NDArray[np.float32]:
@@ -809,14 +817,10 @@ class PackedFrame(Frame):
         steps = self._decoded("depth", cv2.IMREAD_UNCHANGED)
         return (steps / self._opened.packed.depth_scale_per_m).astype(np.float32)
 
-    def _other(self, channel: str) -> NDArray[Any]:
-        return decoded(channel, self._row.get(f"{channel}_file", ""), self.image_bytes(channel), self._place(channel))
-
     def image_bytes(self, channel: str) -> bytes:
         """Return the file of a channel's image. Raises InputError where it is not there, or not as it was written."""
+        self._file(channel)
         packed, row = self._opened.packed, self._row
-        if f"{channel}_offset" not in row:
-            raise InputError(packed.store.text, f"holds no {CHANNELS[channel].spoken}")
         start = row[f"{channel}_offset"]
         data = packed.store.read_range(row["tar"], start, start + row[f"{channel}_size"])
         if sha256_of_bytes(data) != row[f"{channel}_sha256"]:
@@ -832,6 +836,10 @@ class PackedFrame(Frame):
             raise InputError(self._place(modality), "is no image", remedy=AGAIN)
         return image
 
-    def _place(self, modality: Modality) -> str:
-        packed = self._opened.packed
-        return f"{packed.store.of(self._row['tar'])}: {self._row.get(f'{modality}_file', CHANNELS[modality].spoken)}"
+    def _file(self, channel: str) -> str:
+        if f"{channel}_file" not in self._row:
+            raise InputError(self._opened.packed.store.text, f"holds no {CHANNELS[channel].spoken}")
+        return self._row[f"{channel}_file"]
+
+    def _place(self, channel: str) -> str:
+        return f"{self._opened.packed.store.of(self._row['tar'])}: {self._file(channel)}"

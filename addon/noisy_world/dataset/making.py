@@ -26,7 +26,7 @@ from ..core.progress import Progress
 from ..layouts import Modality, OutputFormat
 from ..perturbations.steps import Setting
 from ..render.source import OpenSource, PreparedSource, RenderedFrame, SourceFrame, light_seen
-from .dataset_folder import Dataset, FinishedImages, SequenceJournal
+from .dataset_folder import Dataset, FinishedImages
 from .frame import CleanFrame, CleanFrames, PlannedFrame, cameras_of, clean_frames_of
 from .plan import Plan, Render
 from .rendering import open_render, render_options, source_paths
@@ -193,15 +193,10 @@ class FrameWriter:
         self._sequences = [sequence for sequence in render.sequences if sequence.frames]
         self._channels = [name for name in in_order(dataset.format.modalities) if not CHANNELS[name].pairs]
         self.finished = finished
-        self._journals: list[SequenceJournal] = []
-        with contextlib.ExitStack() as opened:
-            for sequence in self._sequences:
-                self._journals.append(dataset.journal(sequence.folder))
-                opened.callback(self._journals[-1].close)
-            opened.pop_all()  # all of them could be opened
+        for sequence in self._sequences:
+            dataset.begin(sequence.folder)
         self._pool = ThreadPoolExecutor(ENCODERS, thread_name_prefix="encoder")
         self._waiting: deque[tuple[Future[Lost | None], int]] = deque()  # and how many frames are finished with it
-        self._lock = threading.Lock()
         self.first_lost: Lost | None = None
 
     def submit(self, clean: CleanFrame, frames: FrameOf) -> int:
@@ -239,13 +234,13 @@ class FrameWriter:
         """Write all that shows a clean frame; return the first frame whose image does not hold its depth."""
         lost = None
         files = FrameFiles(self._dataset, clean, self.finished, self._timer)
-        for sequence, journal in zip(self._sequences, self._journals, strict=True):
+        for sequence in self._sequences:
             records = [
                 record
                 for modality in self._channels
                 for record in self._write_images(modality, sequence, clean, files, frames)
             ]
-            self._append(journal, records)
+            self._append(sequence, records)
             for record in records:
                 if lost is None and record.out_of_range is not None:
                     lost = Lost(sequence, record.frame, record.out_of_range)
@@ -254,16 +249,15 @@ class FrameWriter:
     def _write_pair(self, pair: "CleanPair") -> None:
         """Write all that leads from one clean frame to another."""
         files = FrameFiles(self._dataset, pair, self.finished, self._timer)
-        for sequence, journal in zip(self._sequences, self._journals, strict=True):
+        for sequence in self._sequences:
             for channel in pair_channels(self._dataset.format.modalities):
                 with self._timer.on(f"making {channel.spoken}"):
                     written = list(self._write_images(channel.name, sequence, pair, files, PlannedFrame))
-                self._append(journal, written)
+                self._append(sequence, written)
 
-    def _append(self, journal: SequenceJournal, records: list[FrameRecord]) -> None:
-        with self._lock, self._timer.on("journals"):
-            for record in records:
-                journal.append(record)
+    def _append(self, sequence: PlannedSequence, records: list[FrameRecord]) -> None:
+        with self._timer.on("journals"):
+            self._dataset.append(sequence.folder, records)
 
     def _write_images(
         self,
@@ -294,8 +288,6 @@ class FrameWriter:
     def __exit__(self, *_: object) -> None:
         # After an error, queued frames are dropped; the next run makes them.
         self._pool.shutdown(wait=True, cancel_futures=True)
-        for journal in self._journals:
-            journal.close()
 
 
 class FrameFiles:

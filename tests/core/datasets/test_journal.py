@@ -20,12 +20,12 @@ def record(frame, digest="a"):
 def work(tmp_path):
     """A working folder with what two processes have written, one of which was killed within a line."""
     first, second = (Journal(journal_path(tmp_path, name, "box")) for name in ("0", "merged-1"))
-    first.append(ONE, record(0))
+    first.append_all([(ONE, record(0))])
     first.append_all((TWO, record(frame)) for frame in range(3))
-    second.append(ONE, record(1))
+    second.append_all([(ONE, record(1))])
     second.append_line(journal_line(ONE, record(2))[:-20])
     hall = Journal(journal_path(tmp_path, "0", "hall"))
-    hall.append(OTHER, record(7))
+    hall.append_all([(OTHER, record(7))])
     for journal in (first, second, hall):
         journal.close()
     return tmp_path
@@ -40,7 +40,7 @@ def test_lines_are_read_once_and_a_torn_one_never(work):
     journals.read_on()
     assert frames(journals) == {ONE: [0, 1], OTHER: [7], TWO: [0, 1, 2]}
     again = Journal(journal_path(work, "merged-1", "box"))  # cuts what was torn
-    again.append(ONE, record(2, "b"))
+    again.append_all([(ONE, record(2, "b"))])
     again.close()
     journals.read_on()
     assert frames(journals)[ONE] == [0, 1, 2]
@@ -58,7 +58,7 @@ def test_a_line_of_which_a_part_is_written_is_an_error(work):
     journal, limits = Journal(path), resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (path.stat().st_size + 10, limits[1]))
     try:
-        refused(journal.append, ONE, record(3), names="no space left", error=StorageError)
+        refused(journal.append_all, [(ONE, record(3))], names="no space left", error=StorageError)
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, limits)
         journal.close()
