@@ -10,6 +10,7 @@ import shutil
 import subprocess
 import sys
 import threading
+from dataclasses import replace
 from pathlib import Path
 
 import fake_session
@@ -25,7 +26,7 @@ from noisy_world.cli import command, entry, sharding
 from noisy_world.cli.sharding import missing_shards
 from noisy_world.dataset.dataset_folder import Dataset
 from noisy_world.core.atomic_files import FolderLock
-from noisy_world.dataset.shards import merge_shard, read_shard, shard_folder
+from noisy_world.dataset.shards import merge_shard, read_shard, shard_folder, take_up
 from noisy_world.core.errors import BusyError, StorageError
 from noisy_world.dataset.shards import Shard, shards_of
 from noisy_world.preset.keys import read_preset
@@ -205,6 +206,9 @@ def test_a_shard_of_something_else_is_refused(world, tmp_path):
     shutil.copytree(folder, lying)
     refused(merge, other, tmp_path / "made", names=[str(lying), "render.samples was 2, is 1"], error=StorageError)
     assert (lying / "shard.json").exists(), "nothing is lost"
+    # Killed before its first frame it holds nothing that could be of something else.
+    take_up(lying, replace(read_shard(lying), frames={}))
+    assert merge(other, tmp_path / "made")
     assert merge(plan, tmp_path / "made")
 
 

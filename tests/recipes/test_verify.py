@@ -14,7 +14,7 @@ from recipes_made import progress
 from refusals import refused
 from recipes_made import noisy_world as command
 
-from noisy_world.dataset.recipe import FrameNumbers, read_recipe, recipe_of
+from noisy_world.dataset.recipe import BLOCK_FRAMES, FrameNumbers, blocks_of, read_recipe, recipe_of
 from noisy_world.dataset.remaking import verify
 
 LATE = "late/box/results"
@@ -97,6 +97,15 @@ def test_numbers_of_frames():
     assert (len(FrameNumbers.of([])), list(numbers.within(slice(3, 4)))) == (0, [])
     with pytest.raises(IndexError):
         numbers[6]
+
+
+@pytest.mark.parametrize(
+    ("start", "count", "blocks"),
+    [(0, BLOCK_FRAMES, [0]), (0, BLOCK_FRAMES + 1, [0, 1]), (BLOCK_FRAMES - 1, 1, [0]), (BLOCK_FRAMES, 1, [1])],
+)
+def test_a_whole_block_of_frames_is_one(start, count, blocks):
+    numbers = FrameNumbers([range(start, start + count)])
+    assert (blocks_of(numbers), numbers.least_blocks(BLOCK_FRAMES)) == (blocks, len(blocks))
 
 
 # --- verifying ---
