@@ -3,6 +3,7 @@
 
 import json
 import struct
+from decimal import Decimal
 
 import cv2
 import numpy as np
@@ -322,6 +323,51 @@ def test_lost_frames_are_left_out_and_another_camera_is_told(tmp_path, capsys):
     assert [info.header.stamp.nanosec for _, info in found["/camera/color/camera_info"]] == [
         info.header.stamp.nanosec for _, info in was["/camera/color/camera_info"]
     ]
+
+
+@cases("form", ["ros1", "mcap", "db3"])
+def test_frames_between_those_of_the_bag_are_put_in_by_time(tmp_path, form, capsys):
+    (tmp_path / form).mkdir()
+    bag = walk(tmp_path / form, form)
+    source = bag if form == "ros1" else bag / f"walk.{form}"
+    folder = perturbed(tmp_path / form / "made", source)
+    (folder / "frames.jsonl").unlink()  # which would say the stamps too
+    for name, later_s in {"rgb": ("0.007", "0", "0.007", "0"), "depth": ("0", "0.003", "0", "0")}.items():
+        rows = [row.split() for row in (folder / f"{name}.txt").read_text().splitlines() if row[0] != "#"]
+        late = [f"{Decimal(stamp) + Decimal(more)} {file}" for (stamp, file), more in zip(rows, later_s, strict=True)]
+        (folder / f"{name}.txt").write_text("\n".join(late) + "\n")
+    out = tmp_path / form / f"copy{source.suffix}"
+    assert command.run("bag", [str(folder), "--out", str(out), "--over", str(source)], ENTRY) == 0
+    assert "2 frames are put in" in capsys.readouterr().out
+    colours = messages(out)["/camera/color/image_raw"]
+    expected = [START_NS + number * STEP_NS + (number % 2 == 0) * 7_000_000 for number in range(4)]
+    np.testing.assert_allclose([stamp_of(item) for _, item in colours], expected, rtol=0, atol=1000)
+    dataset = find_sequence(folder)
+    for number, (_, item) in enumerate(colours):
+        np.testing.assert_array_equal(item.data.reshape(6, 8, 3), dataset.frame(number).rgb)
+    assert texts(out) == texts(source)
+    if form == "mcap":
+        _check_summary(out)
+
+
+def _check_summary(path):
+    """Hold what an MCAP file's end says against the records in its chunks, which are not compressed."""
+    everything = []
+    records = [(kind, content) for kind, content in _records(path) if kind in (6, 8, 11)]
+    indexes = [content for kind, content in records if kind == 8]
+    chunks = [content for kind, content in records if kind == 6]
+    for chunk, index in zip(chunks, indexes, strict=True):
+        inside, at, times = chunk[40:], 0, []  # behind its times, sizes, checksum and the name of no compression
+        while at < len(inside):
+            kind, length = struct.unpack_from("<BQ", inside, at)
+            times += [struct.unpack_from("<HIQ", inside, at + 9)[2]] if kind == 5 else []
+            at += 9 + length
+        assert struct.unpack_from("<QQ", chunk) == struct.unpack_from("<QQ", index) == (min(times), max(times))
+        everything += times
+    assert everything[-3:] == sorted(everything[-3:])  # those that were put in stand in the last one
+    (told,) = [content for kind, content in records if kind == 11]
+    count, first_ns, last_ns = (struct.unpack_from("<QHIIIIQQ", told)[field] for field in (0, 6, 7))
+    assert (count, first_ns, last_ns) == (len(everything), min(everything), max(everything))
 
 
 def _records(path):

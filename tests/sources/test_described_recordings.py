@@ -145,6 +145,17 @@ def test_images_and_poses_are_paired_by_time(tmp_path):
     np.testing.assert_allclose(found.trajectory.c2w, C2W[1:], rtol=0, atol=1e-9)
 
 
+def test_names_that_are_times_are_in_order_of_time(tmp_path):
+    for n, name in enumerate(times_s := ("1.25", "1.5", "2", "2.125")):  # by the numbers in it, 1.5 is before 1.25
+        image(tmp_path / f"r/shots/{name}.png", colour(K, n))
+    described = {"folder": str(tmp_path / "r"), "rgb": "shots/*.png", "intrinsics": INTRINSICS}
+    scene = {"sequence": {**described, "stamps": {"names": True}}}
+    path = preset_of(tmp_path / "p", scene, output={"modalities": ["rgb"]})
+    found = make_plan(read_preset(path)).scenes[0].source.stored
+    assert [path.stem for path in found.rgb_files] == list(times_s)
+    assert found.stamps.rgb.seconds.tolist() == [1.25, 1.5, 2, 2.125]
+
+
 def test_what_is_lost_is_left_out_and_said(tmp_path):
     matrices(written(tmp_path / "r"), np.where(np.arange(FRAMES)[:, None, None] == 1, np.nan, C2W))
     (tmp_path / "r/depth/3.png").unlink()
@@ -258,6 +269,13 @@ def test_lost_images_shift_no_pose(tmp_path):
         (tmp_path / "r" / name).unlink()
     found = stored_of(tmp_path / "r", PLAIN)
     assert [path.stem for path in found.rgb_files] == ["2", "3"]
+    np.testing.assert_allclose(found.trajectory.c2w, C2W[[2, 3]], rtol=0, atol=1e-12)
+    for name in ("shots", "depth"):  # counted from 1, the first of which is lost
+        for n in sorted((tmp_path / "r" / name).iterdir(), reverse=True):
+            n.rename(n.with_stem(str(int(n.stem) + 1)))
+        (tmp_path / "r" / name / "1.png").unlink(missing_ok=True)
+    found = stored_of(tmp_path / "r", PLAIN)
+    assert [path.stem for path in found.rgb_files] == ["3", "4"]
     np.testing.assert_allclose(found.trajectory.c2w, C2W[[2, 3]], rtol=0, atol=1e-12)
     matrices(tmp_path / "r", C2W[:2])  # as many as pairs: whose they are is not told otherwise
     np.testing.assert_allclose(stored_of(tmp_path / "r", PLAIN).trajectory.c2w, C2W[:2], rtol=0, atol=1e-12)

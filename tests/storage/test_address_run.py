@@ -2,6 +2,7 @@
 """Runs at an address against the same dataset made in a folder and published: cuttings, damage, refusals."""
 
 import json
+import os
 import shutil
 import sys
 import threading
@@ -218,7 +219,7 @@ def test_without_what_writes_the_table_nothing_is_begun(preset, dataset, place, 
     assert not folder.exists() or not list(folder.rglob("*"))
 
 
-def test_a_scratch_folder_of_somebody_else_is_refused(preset, place, tmp_path):
+def test_a_scratch_folder_of_somebody_else_is_refused(preset, place, tmp_path, monkeypatch):
     _, address, scratch = place
     _, there = destination_of(preset, address, scratch)
     scratch.mkdir()
@@ -226,6 +227,12 @@ def test_a_scratch_folder_of_somebody_else_is_refused(preset, place, tmp_path):
     there.folder.parent.symlink_to(tmp_path / "theirs")
     run, named = run_of(preset, address, scratch), (str(scratch), "user's own", "--scratch")
     refused(run.make_dataset, names=named, error=StorageError)
+    there.folder.parent.unlink()
+    there.folder.parent.mkdir()
+    with monkeypatch.context() as patched:
+        if sys.platform != "win32":
+            patched.setattr(os, "geteuid", lambda other=os.geteuid() + 1: other)
+            refused(run_of(preset, address, scratch).make_dataset, names=named, error=StorageError)
     file = tmp_path / "world.txt"
     file.touch()
     refused(lambda: run_of(preset, address, file).make_dataset(), names=(str(file), "written"), error=StorageError)
