@@ -13,7 +13,9 @@ from runs import run
 from scipy.spatial.transform import Rotation
 
 from noisy_world.dataset.plan import make_plan
+from noisy_world.core.schema import ConfigPath, parse
 from noisy_world.layouts import find_sequence
+from noisy_world.layouts.described import SequenceSpec, check_sequence
 from noisy_world.preset.keys import read_preset
 
 K = (33, 25, 30.0, 29.0, 15.5, 12.25)  # an odd size
@@ -220,6 +222,26 @@ def test_what_is_wrong_is_one_line_with_file_key_and_remedy(tmp_path, change, sa
     (tmp_path / "r/times.txt").write_text("0.5\n")
     path = preset_of(tmp_path / "p", {"sequence": {"folder": str(tmp_path / "r"), **PLAIN, **change}})
     refused(lambda: make_plan(read_preset(path)), names=said)
+
+
+def test_what_a_bag_says_itself_is_not_said_beside_it():
+    place = ConfigPath("p.yaml", "sequence")
+    topics = {
+        "rgb": {"files": "/c"},
+        "depth": {"files": "/d", "scale_per_m": 5000},
+        "poses": {"file": "/p", "body": "b"},
+    }
+    check_sequence(parse(SequenceSpec, {"bag": "w.bag", **topics}, place), place)
+    for name, said in {
+        "folder": "r",
+        "rgb": {"list": "rgb.txt"},
+        "depth": {"files": "/d", "void": [1]},
+        "poses": {"file": "/p", "axes": "ned"},
+        "intrinsics": {"fx": 1, "fy": 1, "cx": 1, "cy": 1},
+        "stamps": {"names": True},
+    }.items():
+        spec = parse(SequenceSpec, {"bag": "w.bag", name: said}, place)
+        refused(check_sequence, spec, place, names=f"p.yaml: sequence.{'bag' if name == 'folder' else name}: ")
 
 
 def test_colour_and_depth_that_cannot_be_paired_are_refused(tmp_path):

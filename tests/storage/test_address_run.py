@@ -229,9 +229,10 @@ def test_a_scratch_folder_of_somebody_else_is_refused(preset, place, tmp_path, m
     refused(run.make_dataset, names=named, error=StorageError)
     there.folder.parent.unlink()
     there.folder.parent.mkdir()
-    with monkeypatch.context() as patched:
-        if sys.platform != "win32":
-            patched.setattr(os, "geteuid", lambda other=os.geteuid() + 1: other)
+    if sys.platform != "win32":
+        other = os.geteuid() + 1
+        with monkeypatch.context() as patched:
+            patched.setattr(os, "geteuid", lambda: other)
             refused(run_of(preset, address, scratch).make_dataset, names=named, error=StorageError)
     file = tmp_path / "world.txt"
     file.touch()
