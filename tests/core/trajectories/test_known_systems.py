@@ -74,6 +74,12 @@ def test_tables_of_known_systems(write, name):
     is_expected(found.trajectory, SECONDS)
 
 
+def test_a_file_of_vins_fusion_in_simulated_time(write):
+    stamps_ns = [50_000_000 * k for k in range(4)]
+    found = read_trajectory_file(write(cells(stamps_ns, [], "pwxyz", ",", ["0.1", "0.2", "0.3", ""])))
+    is_expected(found.trajectory, [ns / 10**9 for ns in stamps_ns])
+
+
 def test_text_of_powershell(tmp_path):
     (tmp_path / "a.txt").write_bytes(("# from a window\r\n" + rows(STAMPS, "pxyzw", "\t")).encode("utf-16"))
     is_expected(read_trajectory_file(tmp_path / "a.txt").trajectory, SECONDS)

@@ -10,6 +10,7 @@ from refusals import refused
 
 from noisy_world.core.errors import InputError, NotFiniteError
 from noisy_world.evaluate.estimates import read_estimate
+from noisy_world.trajectories.pose_files import PER_SECOND
 from noisy_world.trajectories.formats import TRAJECTORY_FORMATS as FORMATS
 
 STEP_S = 0.05
@@ -46,12 +47,12 @@ def row(matrix, rows=4):
 # --- text ---
 
 
-@pytest.mark.parametrize("unit", ["s", "ns"])
+@pytest.mark.parametrize("unit", PER_SECOND)
 @pytest.mark.parametrize("first_s", [0.0, 1305031102.25])
-def test_tum_in_seconds_or_nanoseconds(tmp_path, unit, first_s):
+def test_tum_in_the_unit_of_the_frames(tmp_path, unit, first_s):
     numbers = [1, 2, 4]
     stamps = [first_s + k * STEP_S for k in numbers]
-    texts = [f"{t:.6f}" if unit == "s" else f"{t * 1e9:.6f}" for t in stamps]
+    texts = [f"{t * PER_SECOND[unit]:.6f}" for t in stamps]
     path = tmp_path / "estimate.txt"
     path.write_text("".join(f"{t} {k} 2 3 {QUAT_XYZW}\n" for t, k in zip(texts, numbers, strict=True)))
     found = read_estimate("tum", path, index_of(6, first_s))
@@ -85,6 +86,8 @@ def test_matrices_by_number(tmp_path):
         (tmp_path / f"poses/frame-{k:06d}.pose.txt").write_text("\n".join(row(line) for line in turned(k)))
     assert is_turned(read_estimate("matrices", tmp_path / "poses", INDEX), [0, 3, 5])
     refused(read_estimate, "matrices", tmp_path / "poses", index_of(4), names="frame 5")
+    (tmp_path / "poses.txt").write_text("".join(f"{k} {row(turned(k), 3)}" for k in (0, 3, 5)))  # as KITTI-360's
+    assert is_turned(read_estimate("auto", tmp_path / "poses.txt", INDEX), [0, 3, 5])
     log = tmp_path / "path.log"
     log.write_text("".join(f"{k} {k} {k + 1}\n" + "".join(row(line) for line in turned(k)) for k in (0, 2)))
     assert is_turned(read_estimate("log", log, INDEX), [0, 2])
@@ -106,6 +109,8 @@ def test_colmap(tmp_path):
         path.write_text("\n".join(lines) + end)
         assert is_turned(read_estimate("colmap", path, INDEX), [1, 4])
         assert is_turned(read_estimate("colmap", tmp_path, INDEX), [1, 4])
+    path.write_text("\r\n".join(lines).replace("rgb/", "C:\\data\\rgb\\"))
+    assert is_turned(read_estimate("colmap", path, INDEX), [1, 4])
     path.write_text("\n".join(lines).replace("000004.png", "left.png"))
     refused(read_estimate, "colmap", path, INDEX, names=[str(path), "line 3: 'rgb/left.png'"])
     path.write_text("\n".join(lines[:2]))
@@ -175,7 +180,8 @@ def test_arrays(tmp_path):
     np.savez(tmp_path / "numbered.npz", c2w=poses[[5, 2]], frames=[5, 2], other=poses)
     assert is_turned(read_estimate("array", tmp_path / "numbered.npz", INDEX), [2, 5])
     np.savez(tmp_path / "w2c.npz", w2c=np.linalg.inv(poses))
-    assert is_turned(read_estimate("array", tmp_path / "w2c.npz", INDEX, direction="w2c"), range(6))
+    for how in ({}, {"direction": "w2c"}):
+        assert is_turned(read_estimate("array", tmp_path / "w2c.npz", INDEX, **how), range(6))
     lost = poses.copy()
     lost[4:] = 0
     np.save(tmp_path / "lost.npy", lost)
