@@ -3,6 +3,7 @@
 
 import json
 import shutil
+from collections.abc import Callable
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from types import SimpleNamespace
@@ -21,30 +22,37 @@ from noisy_world.measure.looking import look_at, measured
 from noisy_world.sources.recording import Recording, read_recording
 
 GL = np.diag([1.0, -1.0, -1.0, 1.0])
+TURN_DEG = (1.2, -1.2, 1.0)
 
 
 @dataclass(frozen=True)
-class Turned(Recording):
-    """A recording whose depth is seen by a camera that is turned by a rotation vector in degrees."""
+class Changed(Recording):
+    """A recording with something done to its depth: a function of depth (H, W) and the camera's matrix."""
 
-    by_deg: tuple[float, ...] = ()
+    change: Callable[..., np.ndarray] = np.asarray
 
     @contextmanager
     def prepare(self, camera, note):
-        turn = (
-            camera.matrix @ Rotation.from_rotvec(self.by_deg, degrees=True).as_matrix() @ np.linalg.inv(camera.matrix)
-        )
         with super().prepare(camera, note) as opened:
 
             def frame(request):
                 seen = opened.frame(request)
-                size_px = seen.depth_m.shape[::-1]
-                depth_m = cv2.warpPerspective(seen.depth_m, turn, size_px, flags=cv2.INTER_NEAREST)
-                return SimpleNamespace(rgb=seen.rgb, depth_m=depth_m)
+                return SimpleNamespace(rgb=seen.rgb, depth_m=self.change(seen.depth_m, camera.matrix))
 
             made = SimpleNamespace(frame=frame)
             made.open = lambda *_: made
             yield made
+
+
+def turned(depth_m, matrix):
+    """Depth as a camera sees it that is turned by TURN_DEG."""
+    turn = matrix @ Rotation.from_rotvec(TURN_DEG, degrees=True).as_matrix() @ np.linalg.inv(matrix)
+    return cv2.warpPerspective(depth_m, turn, depth_m.shape[::-1], flags=cv2.INTER_NEAREST)
+
+
+def in_rows(depth_m, _):
+    """Depth in every sixth row alone, as a lidar has it."""
+    return np.where(np.arange(len(depth_m))[:, None] % 6 == 0, depth_m, 0)
 
 
 def recording(folder):
@@ -104,6 +112,13 @@ def test_nothing_is_said_of_a_sound_recording(walk, setting):
     assert late.low - 0.15 < 0 < late.high + 0.15
 
 
+def test_rows_of_a_lidar_are_no_edges(walk):
+    source = recording(walk / "clean/room")
+    found = told(Changed(source.stored, source.place, change=in_rows))
+    assert found.faults == ()
+    assert "void" in found.figures["depth_beside_colour_deg"].untold
+
+
 FAULTS = {
     "scale": (lambda source: scaled(source, 5), "farther_than_depth_says", 0.2),
     "late": (lambda source: with_frames(source, range(3, 100), range(97)), "depth_late_frames", 3.0),
@@ -111,9 +126,9 @@ FAULTS = {
     "imu": (lambda source: with_imu_later(source, 0.02), "imu_clock_by_poses_s", 0.02),
     "doubled": (doubled, "doubled_share", 1 / 7),
     "calibration": (
-        lambda source: Turned(source.stored, source.place, by_deg=(1.2, -1.2, 1.0)),
+        lambda source: Changed(source.stored, source.place, change=turned),
         "depth_beside_colour_deg",
-        np.linalg.norm((1.2, 1.2, 1.0)),
+        np.linalg.norm(TURN_DEG),
     ),
 }
 

@@ -30,6 +30,7 @@ MARGIN_PX = 3
 ZOOMS = np.arange(-0.12, 0.121, 0.02)
 ROLLS_DEG = np.arange(-3.0, 3.01, 0.5)
 LEAST_FRAMES = 6
+MOST_VOID = 0.5  # share of the pixels: more, such as between a lidar's rows, makes edges of its own
 LEAST_EDGES = 150.0  # pixels a frame
 LEAST_GAIN = 1.15  # times what edges fit as they lie
 
@@ -58,11 +59,16 @@ def calibration(footage: Footage, frames: Sequence[int], depth_later: int = 0) -
     camera = footage.camera.shrunk(WIDE_PX)
     colour: list[Maps] = []
     depth: list[Maps] = []
+    void: list[float] = []
     for one, other in sorted(pairs):
         grey, depth_m = footage.look(one).grey, footage.look(other).depth_m
-        if depth_m is not None and (depth_m > 0).any():
+        if depth_m is not None:
+            void.append(float(np.mean(depth_m <= 0)))
+        if depth_m is not None and void[-1] < 1:
             colour.append(_colour_edges(grey, camera))
             depth.append(_depth_edges(depth_m, camera))
+    if void and np.median(void) > MOST_VOID:
+        return _untold("most of depth is void")
     edges = np.mean([sum(float(map_.sum()) for map_ in maps) for maps in depth]) if depth else 0.0
     if len(depth) < LEAST_FRAMES or edges < LEAST_EDGES * camera.width_px / WIDE_PX:
         return _untold("depth has too few edges")
