@@ -101,7 +101,7 @@ def _fitted(colour: list[Maps], depth: list[Maps], camera: Intrinsics) -> Calibr
     least_deg = float(np.degrees(0.25 / camera.fx_px))  # a quarter of a pixel
     return Calibration(
         Figure.within(ANGLE, angle_deg, max(error_deg, least_deg), len(depth)),
-        Figure.within(ZOOM, -float(whole[3]), max(float(errors[3]), 1e-3), len(depth)),
+        Figure.within(ZOOM, 0.0 - float(whole[3]), max(float(errors[3]), 1e-3), len(depth)),
         np.degrees(whole[:3]),
     )
 

@@ -212,11 +212,12 @@ def _doubles(heap: _Heap, found: Doubled, whose: str) -> None:
     share = found.share.value
     if share is None or share < (DOUBLED if found.every else UNEVENLY):
         return
-    often = f"every {_ordinal(found.every)} image" if found.every else f"{share:.1%} of the images"
+    every = f"every {_ordinal(found.every)} image of {whose} is"
+    often = every if found.every else f"{share:.1%} of the images of {whose} are"
     how = "equal to" if found.exact else "all but equal to"
     heap.fault(
         found.share.name,
-        f"{often} of {whose} is doubled, {how} the one before ({share:.1%} of {found.share.samples} looked at); "
+        f"{often} doubled, {how} the one before ({share:.1%} of {found.share.samples} looked at); "
         "leave the doubles out",
     )
 
