@@ -4,12 +4,15 @@
 from itertools import product
 
 import pytest
+from worlds import write_world
 
 from noisy_world.perturbations.parsing import parse_settings
 from noisy_world.dataset import estimate
-from noisy_world.dataset.estimate import parts_made
+from noisy_world.dataset.estimate import described_sequences, parts_made
+from noisy_world.dataset.identity import plain_identity
+from noisy_world.dataset.plan import make_plan
 from noisy_world.dataset.sequence import lay_out
-from noisy_world.preset.keys import SettingSpec, SweepSpec
+from noisy_world.preset.keys import SettingSpec, SweepSpec, read_preset
 from noisy_world.core.schema import ConfigPath
 from noisy_world.perturbations import registry
 
@@ -59,3 +62,20 @@ def test_chains_share_where_all_steps_are_equal():
     fog = SettingSpec(name="fog", stream="s", perturb=({"fog": {"severity": 2}},))
     found = parts_made(sequences_of(fog, fast, SettingSpec(name="chain", stream="s", perturb=chain)), "rgb")
     assert found == pytest.approx({"fog/room": 1, "fast/room": 1, "chain/room": 1 / 4}, abs=NEAR)
+
+
+def test_a_setting_that_moves_pays_for_its_own_render(tmp_path):
+    moved = {"name": "moved", "perturb": [{"motion_deviation": {"rotation_deg": 3, "translation_m": 0.05}}]}
+
+    def costs_s(*settings):
+        plan = make_plan(read_preset(write_world(tmp_path / settings[-1]["name"], frames=2, settings=list(settings))))
+        found = described_sequences(plain_identity(plan, {}), registry())
+        return {sequence.setting: sequence.seconds_each for sequence in found}
+
+    (alone_s,) = costs_s({"name": "one"}).values()
+    link_s = estimate.SECONDS_PER_LINK
+    late = {"name": "late", "perturb": [{"desync": {"offset": 1}}]}
+    found = costs_s({"name": "clean"}, moved, late)
+    shared_s = (alone_s - link_s) / 2 + link_s  # of two that show one render
+    assert found == pytest.approx({"clean": shared_s, "late": shared_s, "moved": alone_s})
+    assert costs_s(moved) == pytest.approx({"moved": alone_s})
