@@ -11,7 +11,7 @@ import pytest
 import yaml
 from cases import cases
 from inertial_paths import GRAVITY_M_S2
-from made_bags import K, SIZE, START_NS, STEP_NS, compressed_depth, depth_mm, walk
+from made_bags import K, LATE_NS, SIZE, START_NS, STEP_NS, compressed_depth, depth_mm, walk
 from runs import planned, run
 from written import RIG, rows_of, world
 
@@ -231,6 +231,24 @@ def test_a_bag_is_perturbed_and_keeps_its_other_topics(tmp_path, form, compressi
                 assert np.mean(image.data) > np.mean(image_was.data) + 20
             else:
                 assert data == image_was.data.tobytes()
+
+
+@cases("shared", [False, True])
+def test_depth_has_its_own_time_and_lens(tmp_path, shared):
+    place = tmp_path / str(shared)
+    place.mkdir()
+    folder = perturbed(place / "made", walk(place, "ros1"))
+    (params,) = place.glob("made/out/**/cam_params.json")
+    document, lens = json.loads(params.read_text()), [0.1, -0.05, 0.001, 0.0]
+    depth = {"w": 8, "h": 6, "fx": 7, "fy": 7, "cx": 3.5, "cy": 2.5, "shares_lens": shared}
+    document |= {"distortion": {"model": "radial-tangential", "coefficients": lens}, "depth_camera": depth}
+    params.write_text(json.dumps(document))
+    assert command.run("bag", [str(folder), "--out", str(place / "own.bag")], ENTRY) == 0
+    found = messages(place / "own.bag")
+    for topic, late_ns, bent in (("/cam0", 0, True), ("/depth0", LATE_NS, shared)):
+        stamps_ns = [[stamp_of(item) for _, item in found[f"{topic}/{name}"]] for name in ("image_raw", "camera_info")]
+        assert stamps_ns == [[START_NS + number * STEP_NS + late_ns for number in range(4)]] * 2
+        assert {tuple(item.D[:4]) for _, item in found[f"{topic}/camera_info"]} == {tuple(lens) if bent else (0,) * 4}
 
 
 def test_what_cannot_be_is_refused_in_a_line(tmp_path, capsys):
