@@ -140,6 +140,8 @@ def test_its_keys_come_back_from_a_preset(recording, tmp_path):
     assert said["scenes"] == preset["scenes"]
     assert document.scene_name(item) == "walk"
     assert said["camera"].items() >= preset["camera"].items()
+    item.of_video.depth = ""  # what was said of it goes with it: a preset that kept it would be refused
+    assert document.to_document(item, tmp_path)["scenes"] == [{"video": "walk.avi"}]
     assert document.can_apply(path, "SCENE")
     assert not document.can_apply(path, "PATH")
 

@@ -9,7 +9,7 @@ import pytest
 from refusals import refused
 
 from noisy_world.core.errors import InputError, NotFiniteError
-from noisy_world.evaluate.estimates import read_estimate
+from noisy_world.evaluate.estimates import read_estimate, read_poses
 from noisy_world.trajectories.pose_files import PER_SECOND
 from noisy_world.trajectories.formats import TRAJECTORY_FORMATS as FORMATS
 
@@ -58,6 +58,13 @@ def test_tum_in_the_unit_of_the_frames(tmp_path, unit, first_s):
     found = read_estimate("tum", path, index_of(6, first_s))
     assert np.allclose(found.stamps_s, stamps, rtol=0, atol=1e-6)
     assert np.allclose(found.c2w, [turned(k) for k in numbers])
+
+
+def test_one_pose_that_meets_a_frame_says_no_unit(tmp_path):
+    path = tmp_path / "estimate.txt"
+    path.write_text("".join(f"{t} {t} 2 3 {QUAT_XYZW}\n" for t in (5000, 6000, 7000)))  # as us all are near frame 0
+    found = read_poses(path, "tum", frames_s=np.arange(6) * STEP_S)
+    assert found.stamps_s.tolist() == [5000, 6000, 7000]
 
 
 def test_conventions_of_a_system(tmp_path):
