@@ -90,7 +90,7 @@ def test_whole_numbers_that_are_no_nanoseconds(refused, write):
 
 
 @cases("rows", [3, 4])
-def test_a_number_or_a_stamp_before_a_matrix(write, rows):
+def test_a_number_or_a_stamp_before_a_matrix(write, refused, rows):
     """As KITTI-360's poses.txt (3 x 4) and cam0_to_world.txt (4 x 4), whose first frames have no pose."""
     matrix = np.eye(4)
     matrix[:3, 3] = 1, 2, 3
@@ -100,6 +100,8 @@ def test_a_number_or_a_stamp_before_a_matrix(write, rows):
         assert found.format == "kitti360"
         np.testing.assert_allclose(found.trajectory.stamps_s, times_s, rtol=1e-15)
         np.testing.assert_array_equal(found.trajectory.c2w, [matrix] * 3)
+        again = text.replace(f"{firsts[1]!r} ", f"{firsts[0]!r} ", 1)
+        assert f"line 2: its number {firsts[0]} does not come after" in refused(again)
 
 
 # --- units of stamps ---
