@@ -91,7 +91,7 @@ def test_a_broken_sequence_is_one_line_that_names_the_file(out, tmp_path, break_
 
 def test_what_an_existing_sequence_cannot_do(out, tmp_path):
     shaky = existing(tmp_path, out / "clean/box", settings=[{"name": "s", "perturb": [{"motion_deviation": None}]}])
-    refused(run, shaky, tmp_path / "x", names=["scenes.0.sequence: ", " s,"])
+    refused(run, shaky, tmp_path / "x", names=["scenes.0.sequence: s deviates from the path"])
     small = existing(tmp_path, out / "clean/box", camera={"width": 4, "height": 3, "fx": 1, "fy": 1, "cx": 1, "cy": 1})
     refused(run, small, tmp_path / "x", names="40 x 32")
     refused(run, existing(tmp_path, tmp_path / "nowhere"), tmp_path / "x", names=["scenes.0.sequence", "nowhere"])
