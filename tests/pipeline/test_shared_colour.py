@@ -98,6 +98,10 @@ def test_what_says_so_is_repeatable():
 def test_a_random_pattern_is_not_repeatable():
     fog = registry()["fog_depth"]
     assert not fog.is_repeatable(fog.at_severity(3, unevenness=0.1))
-    given = {item.name: getattr(registry()["gaussian_noise"], item.name) for item in fields(ColourPerturbation)}
-    with pytest.raises(ValueError, match="gaussian_noise: what is repeatable has no random pattern"):
-        ColourPerturbation(**{**given, "repeatable": True})
+    for name, told in (
+        ("gaussian_noise", "what is repeatable has no random pattern"),
+        ("auto_exposure", "what is repeatable neither looks back nor decides"),
+    ):
+        given = {item.name: getattr(registry()[name], item.name) for item in fields(ColourPerturbation)}
+        with pytest.raises(ValueError, match=f"{name}: {told}"):
+            ColourPerturbation(**{**given, "repeatable": True})

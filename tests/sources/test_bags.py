@@ -524,6 +524,15 @@ def _message(ros, at, change):
     return message
 
 
+@cases("size_px", [(8, 5), (7, 6)])
+def test_images_of_another_size_than_the_first_are_refused(tmp_path, size_px):
+    place, sizes = tmp_path / str(size_px), iter([(8, 6), size_px])
+    place.mkdir()
+    path = one_image(place, "ros1", lambda ros, at: ros.image(at, np.zeros((*next(sizes)[::-1], 3), np.uint8), "rgb8"))
+    names = [str(path), "message 1 is {} x {} pixels, but 8 x 6".format(*size_px)]
+    refused(lambda: read_bag_sequence(path, NO_POSES).image_notes, names=names)
+
+
 MESSAGES = {
     "encoding": ({"encoding": "rgb9"}, "its encoding is 'rgb9'"),
     "size": ({"width": 9}, "it says 9 x 6 pixels"),

@@ -24,7 +24,7 @@ from noisy_world.core.node_graph import INTERFACE, Graph, GroupInput, Socket
 from noisy_world.perturbations.groups import OVERRIDE_PANEL
 from noisy_world.perturbations.groups import Canvas, build_group
 from noisy_world.core.node_graph import arrange
-from noisy_world.perturbations.kinds import ColourPerturbation
+from noisy_world.perturbations.kinds import ColourPerturbation, Nodes
 from noisy_world.perturbations.parsing import parse_steps
 from noisy_world.core.schema import ConfigPath, key
 from noisy_world.perturbations import registry
@@ -164,6 +164,12 @@ def test_a_trail_longer_than_the_group_serves_asks_for_a_larger_one():
     assert capacity_of(usual) == {}
     assert capacity_of(longer) == {"radius_px": 33}
     assert capacity_of(varied) == {"radius_px": 40}
+    blur = registry()["motion_blur"]
+    given = {item.name: getattr(blur, item.name) for item in fields(ColourPerturbation) if item.name != "nodes"}
+    made = ColourPerturbation(
+        **given, build=blur.nodes.build, capacity={"radius_px": 7}
+    )  # as packages for 0.1.0 say it
+    assert made.nodes == Nodes(blur.nodes.build, {"radius_px": 7})
 
 
 def test_sockets_say_what_a_step_does_to_a_frame():
