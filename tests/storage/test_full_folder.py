@@ -10,6 +10,7 @@ from refusals import refused
 from packed import pack_to, write_preset
 from runs import run
 
+from noisy_world.core import atomic_files
 from noisy_world.core.errors import BusyError, StorageError
 from noisy_world.dataset.store import open_store
 
@@ -69,6 +70,21 @@ def test_one_process_writes_into_a_folder(dataset, tmp_path):
     assert pack_to(dataset, tmp_path / "out").new
     assert not pack_to(dataset, tmp_path / "out").new
     assert not (tmp_path / "out/.noisy_world").exists()
+
+
+def test_a_lock_on_a_file_that_was_removed_meanwhile_locks_nothing(tmp_path, monkeypatch):
+    path, take, old = tmp_path / "out/lock", atomic_files._try_lock, []
+
+    def taken(descriptor):
+        if not old:  # another run has just ended, and one more begun
+            old.append(path.rename(tmp_path / "removed"))
+            path.touch()
+        return take(descriptor)
+
+    monkeypatch.setattr(atomic_files, "_try_lock", taken)
+    held = atomic_files.FolderLock(path)
+    refused(atomic_files.FolderLock, path, names="another run", error=BusyError)
+    held.release()
 
 
 def test_a_folder_of_somebody_elses_stays_as_it_is(dataset, tmp_path):

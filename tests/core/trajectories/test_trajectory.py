@@ -72,6 +72,15 @@ def test_subsample_of_nothing(choice):
         subsample(evenly_stamped(turning(np.arange(10.0))), **choice)
 
 
+def test_cuts_stay_between_the_frames_that_are_kept():
+    path = Trajectory(np.tile(np.eye(4), (6, 1, 1)), np.arange(6.0), shots=np.array([0, 0, 1, 1, 1, 2]))
+    for kept, cuts in (
+        (subsample(path, every=2), [True, False]),
+        (path.followed(np.array([0, 1, 3, 5])), [False, True, True]),
+    ):
+        assert [kept.cuts_between(frame, frame + 1) for frame in range(len(kept) - 1)] == cuts
+
+
 def test_resample_between_poses():
     positions_m = np.array([[0.0, 0, 0], [1, 0, 0], [1, 2, 0]])
     trajectory = Trajectory(turning([0, 30, 90], positions_m), [10.0, 11.0, 13.0])
