@@ -303,8 +303,14 @@ def test_frames_without_a_pose(tmp_path):
     assert find_sequence(tmp_path / "kept/clean/box", poses="keep").trajectory.known.tolist() == [
         row != lost for row in range(4)
     ]
-    kept = read_preset(path, ["scenes.0.poses=keep", "output.layout=replica"])
-    refused(make_plan, kept, names=["scenes.0.sequence: ", "1 of 4", "poses: drop"])
+    for layout in LAYOUTS:
+        keys = ["scenes.0.poses=keep", "scenes.0.register=true", f"output.layout={layout}"]
+        if layout in ("replica", "nerfstudio", "kitti"):  # which have a pose for each frame
+            refused(make_plan, read_preset(path, keys), names=["scenes.0.sequence: ", "1 of 4", "poses: drop"])
+            continue
+        run(path, tmp_path / f"in_{layout}", overrides=keys)
+        known = find_sequence(tmp_path / f"in_{layout}/clean/box", poses="keep").trajectory.known
+        assert known.tolist() == [row != lost for row in range(4)], layout
     mesh = ['scenes=[{"mesh": "room.ply", "trajectory": "a.txt", "poses": "keep"}]']
     refused(lambda: make_plan(read_preset(path, mesh)), names=["scenes.0.poses: ", "sequence"])
 
