@@ -14,10 +14,12 @@ import pytest
 from refusals import refused
 from runs import run
 from scipy.spatial.transform import Rotation
+from scipy.stats import t as student
 
 from noisy_world.cli import command
 from noisy_world.core.schema import ConfigPath
-from noisy_world.core.trajectory import FrameStamps
+from noisy_world.core.trajectory import FrameStamps, Stamps
+from noisy_world.measure.figure import Figure, jackknifed
 from noisy_world.measure.looking import look_at, measured
 from noisy_world.sources.recording import Recording, read_recording
 
@@ -148,6 +150,28 @@ def test_poses_that_are_read_otherwise_are_named(walk, change, word):
     found = told(with_poses(recording(walk / "noisy/room"), change))
     assert found.told == ("poses",)
     assert word in found.faults[0]
+
+
+def test_poses_with_stamps_of_another_clock_accuse_no_imu_that_fits_the_images(walk):
+    source = recording(walk / "clean/room")
+    stamps = source.stored.stamps
+    later = replace(stamps, pose=Stamps(stamps.pose.seconds + 0.05))
+    found = told(replace(source, stored=replace(source.stored, stamps=later)))
+    assert found.figures["imu_clock_by_poses_s"].value == pytest.approx(-0.05, rel=0.1)
+    assert not {"imu_clock_s", "imu_clock_by_poses_s"} & set(found.told)
+
+
+def test_only_a_whole_interval_beyond_a_limit_is_sure():
+    figure = Figure.within("late", 1.0, 0.2, 9)
+    assert figure.high - 1.0 == pytest.approx(0.2 * student.ppf(0.975, 7), rel=1e-3)
+    assert [figure.sure_beyond(limit) for limit in (0.5, 0.55)] == [True, False]
+    assert [figure.plus(more).sure_beyond(0.5) for more in (-2.0, -1.0)] == [True, False]
+
+
+def test_the_jackknife_of_a_mean_is_its_standard_error():
+    samples = np.random.default_rng(1).normal(size=8)
+    error = samples.std(ddof=1) / np.sqrt(8)
+    assert jackknifed((samples.sum() - samples) / 7) == pytest.approx(error)
 
 
 def test_stamps_that_are_missing_are_counted(walk):
