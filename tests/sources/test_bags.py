@@ -149,6 +149,7 @@ def test_compressed_colour(tmp_path, form, suffix):
     path = one_image(tmp_path, form, lambda ros, at: ros.compressed(at, payload, kind), "/cam/image/compressed")
     stored = read_bag_sequence(path, NO_POSES)
     assert stored.size_px == (32, 24)
+    assert stored.encoded_colour(0) == payload
     assert np.abs(stored.frame(0).rgb.astype(int) - smooth).max() <= (0 if suffix == ".png" else 9)
 
 
@@ -367,6 +368,7 @@ def test_what_is_sent_raw_and_compressed_is_one_image(tmp_path):
 
     stored = read_bag_sequence(walk(tmp_path, "ros1", change=more), BagTopics())
     assert stored.rgb.name == "/camera/color/image_raw"
+    assert stored.encoded_colour(0) == b""
 
 
 def test_doubled_and_late_images(tmp_path):

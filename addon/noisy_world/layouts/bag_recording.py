@@ -385,6 +385,17 @@ class BagSequence(StoredSequence):
         self._check_size(topic, row, found.shape[1::-1], self.size_px)
         return found
 
+    def encoded_colour(self, index: int) -> bytes:
+        """Return the image that a frame's message of colour holds; b"" where it is raw."""
+        topic = self.rgb
+        assert topic is not None
+
+        def image(data: bytes) -> bytes:
+            head = ros.image_head(data, topic.kind, topic.encoding)
+            return data[head.start : head.start + head.length] if head.compressed else b""
+
+        return topic.read(self.of_rgb[index], image)
+
     def measured_m(self, row: int) -> NDArray[np.float32]:
         """Return the depth (H, W) in metres of a message of its topic."""
         topic = self.depth

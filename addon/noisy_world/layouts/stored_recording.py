@@ -250,6 +250,14 @@ class StoredSequence:
             self._rgb_headers[index] if "_rgb_headers" in self.__dict__ else None,  # one is not worth reading all
         )
 
+    def encoded_colour(self, index: int) -> bytes:
+        """Return what the file of a frame's colour holds. Raises InputError where it cannot be read."""
+        path = self.rgb_files[index]
+        try:
+            return path.read_bytes()
+        except OSError as error:
+            raise InputError(path, "cannot be read") from error
+
     @property
     def depth_size_px(self) -> SizePx:
         """Width and height that its depth images have to have, in pixels."""

@@ -9,6 +9,7 @@ import numpy as np
 from ..core.geometry import Intrinsics
 from ..render.source import Source
 from .calibration import ANGLE, ZOOM, Calibration, calibration
+from .coding import coding
 from .colour_noise import colour_noise
 from .depth_noise import depth_noise
 from .figure import BLOCKS, Figure
@@ -116,10 +117,11 @@ def measured(name: str, source: Source, camera: Intrinsics) -> Findings:
             remark = f"noise is measured where there are {BLOCKS} frames or more"
             return replace(found, figures=found.figures | {noise.name: noise for noise in inertial}, remarks=(remark,))
         colour = colour_noise(footage, frames)
-        figures = [*colour.figures, *inertial]
+        compressed = coding(footage, frames)
+        figures = [*colour.figures, *compressed.figures, *inertial]
         if footage.has_depth:
             figures += depth_noise(footage, frames).figures
-        remarks = (colour.remark,) if colour.remark else ()
+        remarks = (*((colour.remark,) if colour.remark else ()), *compressed.remarks)
         return replace(
             found,
             figures=found.figures | {figure.name: figure for figure in figures},

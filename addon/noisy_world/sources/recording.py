@@ -437,6 +437,10 @@ class OpenRecording:
         """Return the frame of a request; its images are read on request."""
         return RecordedFrame(self.stored.frame(request.frame), self.rectification)
 
+    def encoded_colour(self, frame: int) -> bytes:
+        """Return what a frame's colour is decoded from. Raises InputError where it cannot be read."""
+        return self.stored.encoded_colour(frame)
+
 
 @dataclass(frozen=True)
 class RecordedFrame(ColourAndDepth):
