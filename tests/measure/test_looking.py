@@ -227,6 +227,11 @@ def test_a_preset_is_looked_at_with_its_keys(walk, tmp_path, capsys):
     assert "depth_scale_per_m" in found["faults"][0]["text"]
 
 
+def test_of_what_is_not_recorded_no_frame_is_looked_at():
+    source = SimpleNamespace(capabilities=SimpleNamespace(recorded=False), remarks=lambda _: iter(["is small"]))
+    assert list(remarks_on(source, None, 10_000)) == ["is small"]
+
+
 def test_what_is_no_recording_is_refused(tmp_path, capsys):
     assert command.main(["check", str(tmp_path / "none")]) == 1
     assert "is not there" in capsys.readouterr().err
