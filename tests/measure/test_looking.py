@@ -20,7 +20,7 @@ from noisy_world.cli import command
 from noisy_world.core.schema import ConfigPath
 from noisy_world.core.trajectory import FrameStamps, Stamps
 from noisy_world.measure.figure import Figure, jackknifed
-from noisy_world.measure.looking import look_at, measured
+from noisy_world.measure.looking import look_at, measured, remarks_on
 from noisy_world.sources.recording import Recording, read_recording
 
 GL = np.diag([1.0, -1.0, -1.0, 1.0])

@@ -6,6 +6,7 @@ import os
 import shutil
 import sys
 import threading
+from pathlib import Path
 
 import pytest
 from packed import destination_of, pack_to, put_shard, run_of, write_preset
@@ -204,6 +205,14 @@ def test_what_is_refused_at_an_address(preset, place, tmp_path):
     (preset.parent / "more.json").write_text(json.dumps(other))
     differs(sealed, "more", preset=preset.parent / "more.json")
     refused(put_shard, preset, f"{address}2", scratch, "cellar.000000-000003", names="cellar")
+    # A shard that somebody copied from another dataset's address.
+    name = "hall.000000-000003"
+    for number, keys in ((3, ()), (4, ["seed=6"])):
+        put_shard(preset, f"{address}{number}", scratch, name, overrides=keys)
+    for file in Path(f"{folder}4/.noisy_world/shards").iterdir():
+        shutil.copy(file, Path(f"{folder}3/.noisy_world/shards", file.name))
+    names = (f"{address}3/", name, "does not belong to the dataset: ", "remove")
+    refused(run_of(preset, f"{address}3", scratch).make_dataset, names=names, error=StorageError)
     shutil.rmtree(folder)
 
 
