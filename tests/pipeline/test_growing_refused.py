@@ -14,6 +14,7 @@ from growing import CLEAN, FOG, PATH, change, marks, world
 from worlds import write_world
 from runs import run
 
+from noisy_world.dataset.folder_state import merged_identity
 from noisy_world.core.errors import StorageError
 from noisy_world.dataset.estimate import size_text
 
@@ -164,3 +165,15 @@ def test_a_disk_that_is_too_small_is_noted(tmp_path, monkeypatch):
 )
 def test_sizes_in_words(count, text):
     assert size_text(count) == text
+
+
+def test_what_only_kept_sequences_decide_stays_in_the_identity():
+    # Of a rendered scene, to which a recording is added: the next run that renders is held against it.
+    decided = {"near_m": 0.1, "far_m": 10.0, "rig": {"depth": {}}, "render": {"engine": "embree"}}
+    there = {**decided, "scenes": {"box": {}}, "settings": {"clean": {}}, "sequences": {"clean/box": 3}, "versions": {}}
+    here = {**dict.fromkeys(decided), "scenes": {"lab": {"path": {}}}, "settings": {"clean": {}}, "versions": {}}
+    here["sequences"] = {"clean/lab": 2}
+    merged = merged_identity(there, here, ["clean/box"])
+    assert {key: merged[key] for key in decided} == decided
+    assert (merged["scenes"].keys(), merged["sequences"]) == ({"box", "lab"}, {"clean/box": 3, "clean/lab": 2})
+    assert merged_identity(there, here, []) == here
