@@ -5,8 +5,11 @@ import argparse
 import json
 import shlex
 from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from ..core.atomic_files import write_atomic
 from ..core.errors import InputError, NoisyWorldError
 from .arguments import ENDINGS, Parser, add_part_options, add_set_option, path, planned, settled
 from .command import Command
@@ -44,6 +47,14 @@ def _camera(text: str) -> dict[str, float]:
     return {name: int(value) if name in names[:2] else value for name, value in zip(names, values, strict=True)}
 
 
+def _measure_options(parser: Parser) -> None:
+    _check_options(parser)
+    device = "write what was measured as a device, which 'camera: {device: FILE}' and 'sensor: FILE' of a preset take"
+    parser.option("--device FILE", device, type=path)
+    preset = "write a preset whose setting makes clean frames into such ones"
+    parser.option("--preset FILE", preset, type=path, dest="twin")
+
+
 def _check(options: argparse.Namespace, _: Entry) -> int:
     """Look, print the page, and return 0 where nothing is wrong."""
     from ..measure.looking import look_at
@@ -52,10 +63,34 @@ def _check(options: argparse.Namespace, _: Entry) -> int:
 
 
 def _measure(options: argparse.Namespace, _: Entry) -> int:
-    """Measure, print the page, and return 0 where nothing is wrong."""
+    """Measure, print the page, write what is asked for, and return 0 where nothing is wrong."""
     from ..measure.looking import measured
+    from ..measure.twin import device_text, places, preset_text, twin_of
 
-    return _printed(options, measured)
+    files = [(file, text) for file, text in ((options.device, device_text), (options.twin, preset_text)) if file]
+    for file, _text in files:
+        if file.exists():
+            raise InputError(file, "is there already", remedy="name another file, or remove it")
+        if not file.absolute().parent.is_dir():
+            raise InputError(file.absolute().parent, "is no folder", remedy="make it, or name another file")
+    texts: list[dict[Path, str]] = []
+
+    def look(name: str, source: "Source", camera: "Intrinsics") -> "Findings":
+        if files and texts:
+            raise NoisyWorldError("several recordings would be one device", remedy="choose one: --scenes NAME")
+        found = measured(name, source, camera)
+        twin = twin_of(found, camera, source.optics(camera).distortion)
+        texts.append({file: text(twin, found) for file, text in files})
+        return replace(found, places=tuple(places(found)))
+
+    status = _printed(options, look)
+    if files and not texts:
+        raise NoisyWorldError("nothing is recorded there, so there is no device", remedy="name a recording")
+    for file, text in texts[0].items() if texts else ():
+        write_atomic(file, text.encode(), file.absolute().parent)
+        if not options.json:
+            print(f"written    {file}")
+    return status
 
 
 def _printed(options: argparse.Namespace, look: "Callable[[str, Source, Intrinsics], Findings]") -> int:
@@ -139,6 +174,7 @@ def _page(found: "Findings") -> Iterator[str]:
     yield f"looked at  {found.read} frames"
     for name, figure in found.figures.items():
         yield f"  {name:<32}{_shown(figure)}"
+    yield from (f"severity   {place}" for place in found.places)
     yield from (f"note       {text}" for text in found.remarks)
     yield from (f"fault      {text}" for text in found.faults)
     if not found.faults:
@@ -162,6 +198,7 @@ def _content(found: "Findings") -> dict[str, Any]:
         "seconds": found.seconds,
         "looked_at": found.read,
         "figures": [figure.content() for figure in found.figures.values()],
+        **({"severities": [place.content() for place in found.places]} if found.places else {}),
         "remarks": list(found.remarks),
         "faults": [{"about": told, "text": str(text)} for told, text in zip(found.told, found.faults, strict=True)],
     }
@@ -206,7 +243,7 @@ MEASURE = Command(
     description="Measure what a recording says of its own noise, without ground truth: colour noise against intensity, "
     "depth noise by distance, its steps, correlation and holes, white noise of an IMU, and all that 'check' says. Each "
     "figure has its 95 % interval and the number of samples, or says why it cannot be told here.",
-    options=_check_options,
+    options=_measure_options,
     settle=settled,
     run=_measure,
     needs=("numpy", "cv2"),

@@ -23,7 +23,7 @@ from ..layouts import Modality, OutputFormat
 from ..perturbations import registry
 from ..perturbations.execution import chosen_poses, exposure_key, split_motion
 from ..perturbations.kinds import DepthPerturbation, ExposurePerturbation, Identifiers, MotionPerturbation
-from ..perturbations.parsing import Registry, is_sensor, parse_sensor, parse_settings
+from ..perturbations.parsing import Registry, check_device_part, is_sensor, parse_sensor, parse_settings
 from ..perturbations.steps import Setting, Step, steps_of_kind
 from ..preset.keys import DepthSensorSpec, EngineName, ImuSpec, Preset, SensorSpec
 from ..preset.names import format_same_folder, selected
@@ -672,6 +672,8 @@ def read_settings(preset: Preset, registry: Registry) -> tuple[Setting, ...]:
     Raises InputError where they are wrong or cannot be carried out.
     """
     spec = preset.spec
+    for file in preset.named_files:
+        check_device_part(file.part, file.value, file.place, registry)
     settings = parse_settings(spec.settings, preset.setting_places, registry, spec.render.backend)
     names = [setting.name for setting in settings]
     wanted = set(selected(names, spec.only.settings, preset.place("only.settings")))

@@ -69,6 +69,30 @@ class Figure:
         return {"name": self.name, **values, "samples": self.samples, "of": self.of}
 
 
+@dataclass(frozen=True)
+class Place:
+    """Where a figure lies on a perturbation's severities. times: its strength over severity 5's, where it is beyond."""
+
+    perturbation: str
+    severity: float
+    low: float | None
+    high: float | None
+    times: float
+
+    def __str__(self) -> str:
+        if self.times > 1:
+            return f"{self.perturbation} beyond 5, {self.times:.2g} times its strength"
+        within = ""
+        if self.low is not None and self.high is not None and self.low != self.high:
+            within = f" ({self.low:.2g} to {self.high:.2g})"
+        return f"{self.perturbation} {self.severity:.2g}{within}"
+
+    def content(self) -> dict[str, Any]:
+        """Return it as plain JSON values."""
+        values: dict[str, Any] = {"perturbation": self.perturbation, "severity": self.severity}
+        return values | {"low": self.low, "high": self.high, "times_severity_5": max(self.times, 1.0)}
+
+
 def blocks_of(count: int) -> NDArray[np.int64]:
     """Return (count,): which of BLOCKS blocks each of a row of samples is in."""
     return np.minimum(np.arange(count) * BLOCKS // max(count, 1), BLOCKS - 1)

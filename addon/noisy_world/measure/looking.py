@@ -12,7 +12,7 @@ from .calibration import ANGLE, ZOOM, Calibration, calibration
 from .coding import coding
 from .colour_noise import colour_noise
 from .depth_noise import depth_noise
-from .figure import BLOCKS, Figure
+from .figure import BLOCKS, Figure, Place
 from .footage import Footage, footage_of
 from .imu_noise import imu_noise
 from .lateness import CLOCK, LATE, depth_lateness, imu_clock, imu_clock_by_poses
@@ -42,7 +42,8 @@ class Findings:
     """What was found of a recording.
 
     frames, size_px, seconds: what there is. read: how many frames were decoded. figures: by name. faults: a line each.
-    told: names of what each fault is about, in their order. remarks: what else has to be said of the figures.
+    told: names of what each fault is about, in their order. remarks: what else has to be said of the figures. places:
+    where they lie on the benchmark's severities.
     """
 
     name: str
@@ -54,6 +55,7 @@ class Findings:
     faults: tuple[str, ...] = ()
     told: tuple[str, ...] = ()
     remarks: tuple[str, ...] = ()
+    places: tuple[Place, ...] = ()
 
 
 @dataclass

@@ -21,9 +21,15 @@ NAME = "name"
 
 
 def written_out(items: Sequence[Any], place: ConfigPath) -> Iterator[tuple[Any, ConfigPath]]:
-    """Yield the entries of `perturb` with their places, a device's steps in its stead. Raises InputError."""
+    """Yield the entries of `perturb` with their places, a device's steps in its stead. Raises InputError.
+
+    An entry that is a list stands for a device's file that has been read.
+    """
     for index, item in enumerate(items):
         where = place.at(index)
+        if isinstance(item, list):
+            yield from ((step, where) for step in item)
+            continue
         if isinstance(item, Mapping) and list(item) == [DEVICE]:
             for step in _steps(item[DEVICE], where.at(DEVICE)):
                 yield step, where
@@ -298,6 +304,16 @@ def parse_sensor(value: object, place: ConfigPath, registry: Registry) -> Step[D
     if not isinstance(perturbation, DepthPerturbation):
         raise place.error(f"{name} does not act on depth", "name a device, or a perturbation of depth")
     return replace(_parse_step(perturbation, values, place.at(name), 0), stream=SENSOR_STREAM)
+
+
+def check_device_part(part: str, value: Any, place: ConfigPath, registry: Registry) -> None:
+    """Refuse what a measured device's file says wrongly. part: depth or perturb. place: in the file."""
+    if part == "depth":
+        if isinstance(value, str):
+            raise place.error(f"is {describe(value)}, but has to be a perturbation of depth", "write {axial_noise: {}}")
+        parse_sensor(value, place, registry)
+    else:
+        parse_steps(value, place, registry)
 
 
 def is_sensor(perturbation: Perturbation) -> bool:

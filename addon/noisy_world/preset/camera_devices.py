@@ -242,12 +242,17 @@ def with_device(document: dict[str, Any], place: ConfigPath) -> dict[str, Any]:
     if not isinstance(camera, Mapping) or camera.get("device") is None:
         return document
     device = device_named(camera["device"], place.at("camera").at("device"))
+    return {**document, "camera": in_place_of_device(camera, device, place.at("camera"))}
+
+
+def in_place_of_device(camera: Mapping[str, Any], device: CameraDevice, place: ConfigPath) -> dict[str, Any]:
+    """Return the keys of a preset's `camera` with those of a device in its stead. Raises InputError."""
     given = {
         name: value
         for name, value in camera.items()
         if name != "device" and (value is not None or name == "distortion")
     }
-    return {**document, "camera": {**_sized(device, given, place.at("camera")), **given}}
+    return {**_sized(device, given, place), **given}
 
 
 def device_named(name: object, place: ConfigPath) -> CameraDevice:

@@ -29,6 +29,7 @@ from ..core.schema import (
 from ..layouts import LAYOUTS, Beyond, Colour, Image, Layout, OutputFormat
 from ..layouts.described import SequenceSpec
 from .camera_devices import CAMERA_DEVICES, with_device
+from .device_files import NamedFile, with_device_files
 from .names import OnlySpec, chosen_part, safe_name, stream_name, template
 from .scene_keys import BodySpec, TrajectorySpec
 from .sensor_keys import DepthCameraKeys, DistortionSpec, ImuKeys, check_depth_camera, check_distortion
@@ -396,7 +397,7 @@ class CameraSpec:
         slider=(1, 1000),
     )
     device: str | None = key(
-        "a real camera, whose intrinsics and distortion stand for keys that are not given",
+        "a real camera, or a measured one's file, whose intrinsics and distortion stand for keys that are not given",
         default=None,
         choices={name: Choice(item.label, item.meaning) for name, item in CAMERA_DEVICES.items()},
         identity="meaning",
@@ -452,8 +453,8 @@ class DepthSensorSpec(SensorSpec, DepthCameraKeys):
     """A depth sensor: where it sits, its camera and clock, and what it measures."""
 
     sensor: Any = key(
-        "what measures every setting's depth, before its own perturbations: a device such as realsense_d435, or one "
-        "perturbation of depth, {stereo: {noise: 0.5}}; empty: depth is exact",
+        "what measures every setting's depth, before its own perturbations: a device such as realsense_d435, the "
+        "file of a measured one, or one perturbation of depth, {stereo: {noise: 0.5}}; empty: depth is exact",
         default=None,
         identity="meaning",
     )
@@ -579,13 +580,14 @@ class PresetSpec:
 class Preset:
     """A checked preset: its file, its document as read (with overrides and includes), and the checked content.
 
-    places: of its settings, where some are included.
+    places: of its settings, where some are included. named_files: what was taken of files of measured devices.
     """
 
     path: Path
     document: dict[str, Any]
     spec: PresetSpec
     places: tuple[ConfigPath, ...] = ()
+    named_files: tuple[NamedFile, ...] = ()
 
     @property
     def described(self) -> dict[str, Any]:
@@ -652,10 +654,11 @@ def check_document(document: dict[str, Any], path: Path) -> Preset:
     """
     check_utf8_values(document, path)
     document, places = included(document, path, _load)
+    document, named = with_device_files(document, ConfigPath(path), places, _load)
     document = with_device(document, ConfigPath(path))
     spec = parse(PresetSpec, document, ConfigPath(path))
     _check(spec, ConfigPath(path))
-    return Preset(path, document, spec, places)
+    return Preset(path, document, spec, places, named)
 
 
 def _load(path: Path) -> dict[str, Any]:

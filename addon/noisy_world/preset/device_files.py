@@ -1,0 +1,123 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Files of measured devices, as `noisy-world measure --device` writes them, where a preset names a device.
+
+What such a file says is written out into the preset's document, as of an included preset. So a dataset's identity and
+its recipe hold all of it, and need the file no more.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from ..core.file_access import path_in
+from ..core.geometry import Intrinsics
+from ..core.schema import ConfigPath, key, parse
+from .camera_devices import CameraDevice, in_place_of_device
+from .sensor_keys import DistortionSpec, check_distortion
+
+ENDINGS = (".yaml", ".yml")
+DEVICE = "device"
+
+
+@dataclass(frozen=True)
+class DeviceCamera:
+    """The camera of a measured device."""
+
+    width: int = key("width of the image", unit="px", minimum=1, maximum=65500)
+    height: int = key("height of the image", unit="px", minimum=1, maximum=65500)
+    fx: float = key("focal length", unit="px", above=0, maximum=1e6)
+    fy: float = key("focal length", unit="px", above=0, maximum=1e6)
+    cx: float = key("principal point", unit="px", minimum=-1e6, maximum=1e6)
+    cy: float = key("principal point", unit="px", minimum=-1e6, maximum=1e6)
+    distortion: DistortionSpec | None = key("the lens, where it distorts", default=None)
+
+
+@dataclass(frozen=True)
+class DeviceFile:
+    """What a file says of a device; a part that it does not say cannot be taken from it."""
+
+    camera: DeviceCamera | None = key("the camera, for `camera: {device: FILE}`", default=None)
+    depth: Any = key("how depth is measured, {axial_noise: {...}}: for `sensor: FILE` of a rig", default=None)
+    perturb: tuple[Any, ...] = key("noise of colour: perturbations, for `{device: FILE}` in a setting", default=())
+
+
+@dataclass(frozen=True)
+class NamedFile:
+    """A part of a device's file that a preset names. place: of the part in the file. part: depth or perturb."""
+
+    place: ConfigPath
+    part: str
+    value: Any
+
+
+def with_device_files(
+    document: dict[str, Any], place: ConfigPath, settings: tuple[ConfigPath, ...], load: Callable[[Path], Any]
+) -> tuple[dict[str, Any], tuple[NamedFile, ...]]:
+    """Return a preset's document with what files of devices say in the stead of their names, and what was taken.
+
+    settings: the place of each setting, where some are included. load: reads a file as a document. What is taken of
+    depth and colour is not checked beyond its shape here. Raises InputError that names the file and the key.
+    """
+    taken: list[NamedFile] = []
+
+    def part(value: str, where: ConfigPath, name: str) -> Any:
+        file = path_in(where.folder, value, where)
+        if not file.is_file():
+            raise where.error(f"{file} is not there", "name the file that noisy-world measure --device wrote")
+        content = load(file)
+        parsed = parse(DeviceFile, content, ConfigPath(file))
+        inside = ConfigPath(file, name)
+        if not getattr(parsed, name):
+            raise inside.error("is missing", f"{where.path} takes it: measure again with --device, or name another")
+        if name == "camera":
+            assert parsed.camera is not None, "this has been checked"
+            if parsed.camera.distortion is not None:
+                check_distortion(parsed.camera.distortion, inside.at("distortion"))
+        else:
+            taken.append(NamedFile(inside, name, content[name]))
+        return content[name]
+
+    found = dict(document)
+    camera = document.get("camera")
+    if isinstance(camera, Mapping) and is_device_file(camera.get(DEVICE)):
+        where = place.at("camera")
+        device = _camera_device(part(camera[DEVICE], where.at(DEVICE), "camera"))
+        found["camera"] = in_place_of_device(camera, device, where)
+    rig = document.get("rig")
+    depth = rig.get("depth") if isinstance(rig, Mapping) else None
+    if isinstance(rig, Mapping) and isinstance(depth, Mapping) and is_device_file(depth.get("sensor")):
+        where = place.at("rig").at("depth").at("sensor")
+        found["rig"] = {**rig, "depth": {**depth, "sensor": part(depth["sensor"], where, "depth")}}
+    items = document.get("settings")
+    if isinstance(items, list) and any(_names_file(step) for item in items for step in _steps(item)):
+        made: list[Any] = []
+        for number, item in enumerate(items):
+            where = (settings[number] if settings else place.at("settings").at(number)).at("perturb")
+            steps = [
+                part(step[DEVICE], where.at(at).at(DEVICE), "perturb") if _names_file(step) else step
+                for at, step in enumerate(_steps(item))
+            ]
+            made.append({**item, "perturb": steps} if steps else item)
+        found["settings"] = made
+    return found, tuple(taken)
+
+
+def is_device_file(value: object) -> bool:
+    """Tell whether the name of a device is that of a file."""
+    return isinstance(value, str) and value.lower().endswith(ENDINGS)
+
+
+def _steps(setting: object) -> list[Any]:
+    steps = setting.get("perturb") if isinstance(setting, Mapping) else None
+    return steps if isinstance(steps, list) else []
+
+
+def _names_file(step: object) -> bool:
+    return isinstance(step, Mapping) and list(step) == [DEVICE] and is_device_file(step[DEVICE])
+
+
+def _camera_device(camera: Mapping[str, Any]) -> CameraDevice:
+    size = camera["width"], camera["height"]
+    pinhole = Intrinsics(*size, *(float(camera[name]) for name in ("fx", "fy", "cx", "cy")))
+    return CameraDevice("measured", "Measured", "a measured camera", pinhole, camera.get("distortion") or {}, {}, {})
