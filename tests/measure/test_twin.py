@@ -17,7 +17,7 @@ from noisy_world.measure.looking import Findings
 from noisy_world.measure.twin import places, twin_of
 from noisy_world.perturbations import registry
 from noisy_world.perturbations.kinds import FrameContext
-from noisy_world.preset.keys import read_preset
+from noisy_world.preset.keys import check_document, read_preset
 
 CAMERA = Intrinsics(WIDE, HIGH, 150.0, 150.0, (WIDE - 1) / 2, (HIGH - 1) / 2)
 STRAIGHT = {"from_m": 0.0, "linear": 0.0, "steep": 0.0, "lateral_px": 0.0, "lateral_steep_px": 0.0}
@@ -160,10 +160,22 @@ def test_a_preset_takes_what_a_devices_file_says(tmp_path):
     assert one.settings == other.settings
     assert one.cameras == other.cameras
     assert taken.spec.camera == other.preset.spec.camera
-    # All that decides bytes stands in the document, and the file no more.
+    # All that decides bytes stands in the document, as a recipe has it: the file may go.
     assert "measured.yaml" not in str(taken.described)
+    (tmp_path / "measured.yaml").unlink()
+    assert make_plan(check_document(taken.described, tmp_path / "recipe.yaml")).settings == one.settings
     changed = DEVICE | {"depth": {"axial_noise": LAW | {"offset_m": 0.002}}}
     assert read_preset(written(tmp_path, changed)).sha256 != taken.sha256
+
+
+def test_parts_of_a_devices_file_are_changed_or_left_out(tmp_path):
+    step = {"device": {"name": "measured.yaml", "shot_noise": False, "gaussian_noise": {"std": 0.06}}}
+    preset = PRESET | {"settings": [{"name": "seen", "perturb": [step]}]}
+    (setting,) = make_plan(read_preset(written(tmp_path, preset=preset))).settings
+    assert [(each.perturbation.name, each.given) for each in setting.steps] == [("gaussian_noise", {"std": 0.06})]
+    step["device"] = {"name": "measured.yaml", "shot_nose": False}
+    names = ("preset.yaml", "settings.0.perturb.0.device.shot_nose", "shot_noise")
+    refused(read_preset, written(tmp_path, preset=preset), names=names)
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,7 @@
 """Real cameras in the tab: each has a picture, and fills in its lens, with its electronics where they are asked for."""
 
 import pytest
+import yaml
 from refusals import refused
 from cases import cases
 from panel_tools import settings
@@ -50,6 +51,25 @@ def test_each_camera_has_a_picture():
     from noisy_world.panel.section_presets import PICTURES
 
     assert sorted(path.stem for path in PICTURES.glob("*.jpg")) == sorted(CAMERA_DEVICES)
+
+
+def test_a_measured_devices_file_is_taken_with_its_preset(tmp_path):
+    from noisy_world.panel import document
+
+    camera = {"width": 320, "height": 240, "fx": 250.0, "fy": 251.0, "cx": 159.5, "cy": 119.5}
+    depth, noise = {"axial_noise": {"offset_m": 0.001}}, [{"gaussian_noise": {"std": 0.03}}]
+    (tmp_path / "measured.yaml").write_text(yaml.safe_dump({"camera": camera, "depth": depth, "perturb": noise}))
+    preset = {
+        "scenes": [{"name": "room", "mesh": "embedded:room", "trajectory": {"handheld": {"frames": 3}}}],
+        "camera": {"device": "measured.yaml"},
+        "rig": {"depth": {"sensor": "measured.yaml"}},
+        "settings": [{"name": "seen", "perturb": [{"device": "measured.yaml"}, {"pixelate": {"severity": 1}}]}],
+    }
+    (tmp_path / "preset.yaml").write_text(yaml.safe_dump(preset))
+    document.open_preset(settings(), tmp_path / "preset.yaml")
+    given = document.preset_of(settings(), tmp_path / "preset.yaml")
+    assert (given.spec.camera.fx, given.spec.camera.fy, given.spec.rig.depth.sensor) == (250.0, 251.0, depth)
+    assert [step.perturbation.name for step in document.steps_of(settings())] == ["gaussian_noise", "pixelate"]
 
 
 def test_a_scenes_own_camera_is_kept():

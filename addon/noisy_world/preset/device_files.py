@@ -12,12 +12,13 @@ from typing import Any
 
 from ..core.file_access import path_in
 from ..core.geometry import Intrinsics
-from ..core.schema import ConfigPath, key, parse
+from ..core.schema import ConfigPath, describe, key, parse, unknown_name
 from .camera_devices import CameraDevice, in_place_of_device
 from .sensor_keys import DistortionSpec, check_distortion
 
 ENDINGS = (".yaml", ".yml")
 DEVICE = "device"
+NAME = "name"
 
 
 @dataclass(frozen=True)
@@ -94,10 +95,14 @@ def with_device_files(
         made: list[Any] = []
         for number, item in enumerate(items):
             where = (settings[number] if settings else place.at("settings").at(number)).at("perturb")
-            steps = [
-                part(step[DEVICE], where.at(at).at(DEVICE), "perturb") if _names_file(step) else step
-                for at, step in enumerate(_steps(item))
-            ]
+            steps: list[Any] = []
+            for at, step in enumerate(_steps(item)):
+                if not _names_file(step):
+                    steps.append(step)
+                    continue
+                inside = where.at(at).at(DEVICE)
+                given = step[DEVICE] if isinstance(step[DEVICE], Mapping) else {NAME: step[DEVICE]}
+                steps.append(_changed(part(given[NAME], inside, "perturb"), given, inside))
             made.append({**item, "perturb": steps} if steps else item)
         found["settings"] = made
     return found, tuple(taken)
@@ -114,7 +119,29 @@ def _steps(setting: object) -> list[Any]:
 
 
 def _names_file(step: object) -> bool:
-    return isinstance(step, Mapping) and list(step) == [DEVICE] and is_device_file(step[DEVICE])
+    if not isinstance(step, Mapping) or list(step) != [DEVICE]:
+        return False
+    device = step[DEVICE]
+    return is_device_file(device.get(NAME) if isinstance(device, Mapping) else device)
+
+
+def _changed(steps: list[Any], given: Mapping[str, Any], place: ConfigPath) -> list[Any]:
+    """Return a file's steps with parameters in place of theirs, and without those that are false."""
+    known = [str(name) for step in steps if isinstance(step, Mapping) for name in step]
+    for name, value in given.items():
+        if name != NAME and name not in known:
+            raise unknown_name(place.at(name), "part of that device", name, known)
+        if name != NAME and value is not False and not isinstance(value, Mapping):
+            problem = f"is {describe(value)}, but has to be a mapping of parameters, or false"
+            raise place.at(name).error(problem, "false leaves it out")
+    made: list[Any] = []
+    for step in steps:
+        name = next(iter(step)) if isinstance(step, Mapping) and len(step) == 1 else NAME
+        if name == NAME or name not in given:
+            made.append(step)
+        elif given[name] is not False:
+            made.append({name: {**(step[name] or {}), **given[name]}})
+    return made
 
 
 def _camera_device(camera: Mapping[str, Any]) -> CameraDevice:
