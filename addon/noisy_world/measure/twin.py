@@ -17,7 +17,7 @@ from ..core.lens import Distortion
 from ..core.schema import yaml_line
 from ..perturbations import registry
 from ..perturbations.kinds import SEVERITIES
-from .depth_noise import LAGS_PX
+from .depth_noise import LAGS_PX, WIDE_SIDE
 from .depth_noise import SIDE as DEPTH_SIDE
 from .figure import Figure, Place
 from .looking import Findings
@@ -186,8 +186,18 @@ def _sharing(found: Findings) -> tuple[float, float, int]:
     px, share = float(tried[best]), float(shares[best])
     if later is None or later < LEAST_CORRELATION or share <= 0:
         return px, share, 1
-    kept = min(later / share, 1 - 1 / MOST_FRAMES)  # 1 - 1 / frames
+    left = share * _left_share(WIDE_SIDE, round(px, 2))
+    kept = min(later * (left + 1 - share) / left, 1 - 1 / MOST_FRAMES)  # 1 - 1 / frames
     return px, share, round(1 / (1 - kept))
+
+
+@cache
+def _left_share(side: int, px: float) -> float:
+    """Return the share of shared noise's variance that planes leave of blocks, over that of independent pixels."""
+    v, u = np.mgrid[:side, :side].reshape(2, -1).astype(np.float64)
+    together = np.exp(-((v[:, None] - v) ** 2 + (u[:, None] - u) ** 2) / px**2)
+    terms = np.linalg.qr(np.stack([np.ones(u.size), u, v], axis=1))[0]
+    return float((u.size - np.einsum("ni,nm,mi->", terms, together, terms, optimize=True)) / (u.size - terms.shape[1]))
 
 
 @cache
