@@ -7,7 +7,12 @@ import cv2
 import numpy as np
 import pytest
 
+from noisy_world.core.schema import ConfigPath
 from noisy_world.measure.coding import coding
+from noisy_world.measure.footage import footage_of
+from noisy_world.measure.light import light_figures, light_of
+from noisy_world.perturb import apply
+from noisy_world.sources.recording import read_recording
 
 RNG = np.random.default_rng(8)
 SAMPLINGS = {
@@ -67,3 +72,63 @@ def test_a_jpeg_takes_the_noise_that_is_said(quality):
     left = cv2.imdecode(data, cv2.IMREAD_GRAYSCALE).astype(float).var()
     rounded = 1 / 12  # what whole numbers add, before and after
     assert left - rounded == pytest.approx(0.1 * (std**2 + rounded), rel=0.2)
+
+
+FRAMES = 60
+RATE_HZ = 30.0  # of which lamps of 100 Hz are seen at 10, and lamps of 120 Hz not at all
+
+
+@pytest.fixture(scope="module")
+def clean(walk):
+    """Colour of the clean walk, and its camera."""
+    source = read_recording(walk / "clean/room", ConfigPath("test"))
+    with footage_of("walk", source, source.camera(None)) as footage:
+        return [footage.colour(frame).copy() for frame in range(FRAMES)], footage.camera
+
+
+def lit(clean, change):
+    """Figures of the walk's light; change: of a frame, its number and its stamp."""
+    images, camera = clean
+    stamps_s = np.arange(FRAMES) / RATE_HZ
+    made = [change(image, number, float(stamps_s[number])) for number, image in enumerate(images)]
+    stamps = SimpleNamespace(rgb=SimpleNamespace(seconds=stamps_s))
+    footage = SimpleNamespace(colour=lambda frame: made[frame], camera=camera, stamps=stamps)
+    return {figure.name: figure for figure in light_figures(light_of(footage, [range(FRAMES)]))}
+
+
+def exposed(image, stops):
+    """An image with its linear light times 2^stops, by channel, by the standard's curve (IEC 61966-2-1)."""
+    encoded = image / 255.0
+    light = np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4) * 2.0 ** np.array(stops)
+    again = np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 0.055)
+    return np.clip(np.rint(255 * again), 0, 255).astype(np.uint8)
+
+
+def test_light_that_stays_is_said_to_stay(clean):
+    found = lit(clean, lambda image, *_: image)
+    for name in ("exposure_range_stops", "white_balance_range_stops", "vignetting_corner_loss"):
+        assert found[name].low <= 0 <= found[name].high, name
+    assert found["flicker_swing_100_hz"].value < 0.005
+    assert "same of it" in found["flicker_swing_120_hz"].untold
+
+
+def test_exposure_and_white_balance(clean):
+    found = lit(clean, lambda image, number, _: exposed(image, np.array([-0.8, -0.4, 0]) * number / (FRAMES - 1)))
+    assert found["white_balance_range_stops"].value == pytest.approx(0.8, rel=0.1)
+    assert found["exposure_range_stops"].value == pytest.approx(0.4, abs=0.1)
+
+
+def test_flicker(clean):
+    def under_lamps(image, number, stamp_s):
+        return apply(image, "flicker", modulation=0.2, exposure_ms=4.0, stamp_s=stamp_s, seed=3, frame=number)
+
+    swing = lit(clean, under_lamps)["flicker_swing_100_hz"]
+    assert swing.value == pytest.approx(0.2 * np.sinc(0.4), rel=0.05)
+    assert swing.low < 0.2 * np.sinc(0.4) < swing.high
+
+
+def test_vignetting(clean):
+    loss = lit(clean, lambda image, *_: apply(image, "vignetting", corner_loss=0.5, intrinsics=clean[1]))
+    figure = loss["vignetting_corner_loss"]
+    assert figure.value == pytest.approx(0.5, rel=0.15)
+    assert figure.low < 0.5 < figure.high

@@ -107,6 +107,13 @@ class Footage:
             self._kept.popitem(last=False)
         return made
 
+    def colour(self, frame: int) -> NDArray[np.uint8]:
+        """Return a frame's colour alone, (H, W, 3) RGB, as it was recorded. Raises InputError as `look` does."""
+        if frame in self._kept:
+            return self._kept[frame].colour
+        self.read.add(frame)
+        return as_bytes(np.asarray(self.opened.frame(self._paths.request(frame)).rgb))
+
     def plane(self, points: Points) -> Float64:
         """Return where places on the image (N, 2) are on the plane at 1, (N, 2); NaN where the lens sees nothing."""
         at, camera, lens = points.astype(np.float64), self.camera, self.lens.distortion

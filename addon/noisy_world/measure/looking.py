@@ -16,6 +16,7 @@ from .figure import BLOCKS, Figure, Place
 from .footage import Footage, footage_of
 from .imu_noise import imu_noise
 from .lateness import CLOCK, LATE, depth_lateness, imu_clock, imu_clock_by_poses
+from .light import light_figures, light_of
 from .motion import Steps, steps_of
 from .parallax import AS_READ, Parallax, parallax
 from .timing import Doubled, depth_stamps_later_s, doubled, runs_of, stamp_figures, void_figures
@@ -23,6 +24,7 @@ from .timing import Doubled, depth_stamps_later_s, doubled, runs_of, stamp_figur
 # Chosen, as all below: sound recordings stay below, and what breaks a system is above.
 LOOKED_AT = 240  # frames in a row, at most, in three runs
 NOISE_FRAMES = 16  # whose noise is measured, at the size that they have
+LIGHT_FRAMES = 120  # in a row, in two runs, whose light is compared
 WHOLE_PX = 1 << 16
 EDGE_FRAMES = 24  # whose edges are compared
 LATE_FRAMES = 0.6
@@ -121,6 +123,7 @@ def measured(name: str, source: Source, camera: Intrinsics) -> Findings:
         colour = colour_noise(footage, frames)
         compressed = coding(footage, frames)
         figures = [*colour.figures, *compressed.figures, *inertial]
+        figures += light_figures(light_of(footage, runs_of(len(footage), LIGHT_FRAMES, parts=2)))
         if footage.has_depth:
             figures += depth_noise(footage, frames).figures
         remarks = (*((colour.remark,) if colour.remark else ()), *compressed.remarks)

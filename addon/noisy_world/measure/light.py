@@ -1,0 +1,311 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""How light changes from frame to frame on the same surfaces: exposure, white balance, flicker, vignetting.
+
+Features that are followed from one frame to the next show the same surface twice. The ratio of their light is the
+camera's doing, not the scene's: a gain that all share, and what the lens passes at one place and at the other.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..core.srgb import LUMINANCE, decoded
+from .figure import BLOCKS, Figure, blocks_of, jackknifed
+from .footage import Float32, Float64, Footage
+from .motion import followed
+
+# Chosen, as all below.
+WIDE_PX = 320  # the width at which features are followed
+FEATURES = 150
+FAR = 4  # frames, between which what is seen moves far enough to show what the lens takes
+EVEN_PX = 6  # what is compared with its surroundings so far, to be followed
+PATCH_PX = 7  # of what is compared
+DARKEST, LIGHTEST = 8 / 255, 247 / 255  # encoded: what is beyond may be cut off
+APART = 0.35  # difference of log light: more is another surface
+LEAST = 60  # features that two frames share: of fewer, as in blur, many are followed wrongly
+TUKEY = 4.7
+# Found on known ones: of flicker and of vignetting, absolute and relative; of a range of exposure, in stops.
+SWING_ERROR, RANGE_ERROR, VIGNETTING_ERROR = (0.0005, 0.02), 0.11, (0.02, 0.09)
+LAMPS_HZ = (100.0, 120.0)  # twice the mains'
+FOLDED = 0.3  # of its swing that a flicker has to show between frames, before it can be told
+LEAST_STEPS = 24
+LEAST_PAIRS = 2000
+LOSSES = np.linspace(-0.2, 0.98, 119)
+
+
+@dataclass(frozen=True)
+class Shared:
+    """What two frames share, N features.
+
+    frames: their numbers. run: the run that they are of. where: (N, 2) the squared distance from the axis in both, of
+    half a diagonal. light: (N, 3) natural logarithm of the second's light over the first's, by channel.
+    """
+
+    frames: tuple[int, int]
+    run: int
+    where: Float64
+    light: Float64
+
+
+@dataclass(frozen=True)
+class Light:
+    """Frames' mean light, of full scale, (N,), what neighbours share, and what frames share that are FAR apart."""
+
+    mean: Float64
+    shared: list[Shared]
+    far: list[Shared]
+    stamps_s: Float64
+
+
+def light_of(footage: Footage, runs: Sequence[range]) -> Light:
+    """Look at runs of frames. Raises InputError where a frame's files are damaged."""
+
+    mean: list[float] = []
+    shared: list[Shared] = []
+    far: list[Shared] = []
+    for number, run in enumerate(runs):
+        seen: dict[int, _Seen] = {}
+        for frame in run:
+            light, seen[frame] = _seen(footage.colour(frame))
+            mean.append(light)
+            since = frame - run.start
+            for apart, whose in ((1, shared), *(((FAR, far),) if since % FAR == 0 else ())):
+                if (before := seen.get(frame - apart)) is not None:
+                    pair = _shared(footage, before, seen[frame])
+                    if len(pair[0]) >= LEAST:
+                        whose.append(Shared((frame - apart, frame), number, *pair))
+            seen.pop(frame - FAR, None)
+    return Light(np.array(mean), shared, far, np.asarray(footage.stamps.rgb.seconds, np.float64))
+
+
+_Seen: TypeAlias = tuple[NDArray[np.uint8], Float32]
+"""Of a frame, what features are followed in (H, W), and its light (H, W, 3), NaN where it was cut off."""
+
+
+def _seen(colour: NDArray[np.uint8]) -> tuple[float, _Seen]:
+    """Return the mean light of an image (H, W, 3), of full scale, and what is compared of it."""
+    import cv2
+
+    high, wide = colour.shape[:2]
+    size_px = min(WIDE_PX, wide), max(1, round(high * min(1.0, WIDE_PX / wide)))
+    small = np.asarray(cv2.resize(colour, size_px, interpolation=cv2.INTER_AREA), np.uint8)
+    light = decoded(np.asarray(small, np.float32) / np.float32(255))
+    mean = float(light.mean(axis=(0, 1)) @ np.array(LUMINANCE))
+    # What was cut off says nothing, nor what lies beside it.
+    light[(small.min(axis=2) < 255 * DARKEST) | (small.max(axis=2) > 255 * LIGHTEST)] = np.nan
+    grey = _even(np.asarray(cv2.cvtColor(small, cv2.COLOR_RGB2GRAY), np.uint8))
+    return mean, (grey, np.asarray(cv2.blur(light, (PATCH_PX, PATCH_PX)), np.float32))
+
+
+def _even(grey: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Return an image without its own brightness, (H, W): following would take a change of light for a motion."""
+    import cv2
+
+    logarithm = np.log(grey.astype(np.float32) + 4)
+    over = logarithm - np.asarray(cv2.GaussianBlur(logarithm, (0, 0), EVEN_PX), np.float32)
+    return np.clip(128 + 127 * over, 0, 255).astype(np.uint8)
+
+
+def _shared(footage: Footage, one: _Seen, other: _Seen) -> tuple[Float64, Float64]:
+    """Return of features, where they are (N, 2), and how their light changes (N, 3).
+
+    Half are found in the first, half in the second: of what is chosen for standing out, the other image shows less.
+    """
+    import cv2
+
+    there, back = followed(one[0], other[0], FEATURES), followed(other[0], one[0], FEATURES)
+    if there is None or back is None:
+        return np.zeros((0, 2)), np.zeros((0, 3))
+    count = min(len(there[0]), len(back[0]))
+    found = tuple(np.concatenate([there[place][:count], back[1 - place][:count]]) for place in (0, 1))
+    images = one[1], other[1]
+
+    high, wide = images[0].shape[:2]
+    times = footage.camera.width_px / wide
+    across, down = (footage.camera.cx_px + 0.5) / times - 0.5, (footage.camera.cy_px + 0.5) / times - 0.5
+    half = np.hypot(wide, high) / 2
+    values: list[Float64] = []
+    places: list[Float64] = []
+    for image, points in zip(images, found, strict=True):
+        x, y = points[:, :1], points[:, 1:]
+        values.append(np.asarray(cv2.remap(image, x, y, cv2.INTER_LINEAR), np.float64)[:, 0])
+        places.append(((x[:, 0] - across) ** 2 + (y[:, 0] - down) ** 2) / half**2)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        light = np.log(values[1]) - np.log(values[0])
+    good = np.isfinite(light).all(axis=1)
+    middle = np.median(light[good], axis=0) if good.any() else np.zeros(3)
+    good[good] = (np.abs(light[good] - middle) < APART).all(axis=1)
+    return np.stack(places, axis=1)[good], light[good]
+
+
+@dataclass(frozen=True)
+class _Steps:
+    """Of steps between frames (M,): their frames (M, 2), run, gain (M, 3) in natural logarithm, its error (M,)."""
+
+    frames: NDArray[np.int64]
+    run: NDArray[np.int64]
+    gain: Float64
+    error: Float64
+
+
+def light_figures(light: Light) -> tuple[Figure, ...]:
+    """Return what light says of exposure, white balance, flicker and vignetting."""
+    enough = sum(len(pair.where) for pair in light.far) >= LEAST_PAIRS
+    vignetting, loss = _vignetting(light.far if enough else light.shared)
+    steps = _gains(light.shared, loss)
+    flicker, left = _flicker(steps, light.stamps_s)
+    return (*_brightness(light.mean), *_exposure(steps, left, light.stamps_s), *flicker, vignetting)
+
+
+def _brightness(means: Float64) -> tuple[Figure, ...]:
+    """Return the mean light of frames (N,), and the range that it has, whatever is seen."""
+    groups = blocks_of(len(means))
+    if len(means) < BLOCKS or not means.any():
+        return tuple(Figure.none(name, "there are too few frames") for name in ("mean_light", "mean_light_range_stops"))
+    low, high = np.quantile(np.log2(np.maximum(means, 1e-6)), (0.05, 0.95))
+    error = jackknifed(np.array([means[groups != group].mean() for group in range(BLOCKS)]))
+    return (
+        Figure.within("mean_light", float(means.mean()), error, len(means)),
+        Figure.exact("mean_light_range_stops", float(high - low), len(means)),
+    )
+
+
+def _vignetting(shared: Sequence[Shared]) -> tuple[Figure, float]:
+    """Return the share of light that is lost half a diagonal from the axis, by the law 1 - loss r^2."""
+    name = "vignetting_corner_loss"
+    count = sum(len(pair.where) for pair in shared)
+    if len(shared) < BLOCKS or count < LEAST_PAIRS:
+        return Figure.none(name, "the camera moves too little, or too little of what it sees can be followed"), 0.0
+    costs = np.zeros((BLOCKS, len(LOSSES)))
+    for pair, group in zip(shared, blocks_of(len(shared)), strict=True):
+        y = pair.light.mean(axis=1)
+        off = y - np.median(y)
+        weight = _tukey(off)
+        model = np.log(1 - np.clip(LOSSES * pair.where[:, 1:], None, 0.99))
+        model -= np.log(1 - np.clip(LOSSES * pair.where[:, :1], None, 0.99))
+        left = y[:, None] - model
+        left -= np.average(left, axis=0, weights=weight)
+        variance = max(float(np.average(off**2, weights=weight)), 1e-6)
+        costs[group] += weight @ left**2 / variance
+    whole = costs.sum(axis=0)
+    loss = _lowest(whole)
+    error = jackknifed(np.array([_lowest(whole - part) for part in costs]))
+    if error > 0.15:
+        return Figure.none(name, "what is followed moves too little towards the border, or away from it"), 0.0
+    error = float(np.hypot(error, VIGNETTING_ERROR[0] + VIGNETTING_ERROR[1] * abs(loss)))
+    return Figure.within(name, loss, error, count, "pairs of features"), max(loss, 0.0)
+
+
+def _tukey(off: Float64) -> Float64:
+    spread = 1.4826 * float(np.median(np.abs(off))) + 1e-4
+    return np.clip(1 - (off / (TUKEY * spread)) ** 2, 0, None) ** 2 + 1e-9
+
+
+def _lowest(costs: Float64) -> float:
+    """Return the loss of the lowest cost, by a parabola through it and its neighbours."""
+    at = int(np.clip(np.argmin(costs), 1, len(costs) - 2))
+    one, two, three = costs[at - 1 : at + 2]
+    bend = one - 2 * two + three
+    part = 0.0 if bend <= 0 else float(np.clip((one - three) / (2 * bend), -1, 1))
+    return float(LOSSES[at] + part * (LOSSES[1] - LOSSES[0]))
+
+
+def _gains(shared: Sequence[Shared], loss: float) -> _Steps:
+    gains: list[Float64] = []
+    errors: list[float] = []
+    for pair in shared:
+        passed = np.log(1 - np.clip(loss * pair.where, None, 0.99))
+        light = pair.light - (passed[:, 1] - passed[:, 0])[:, None]
+        middle = np.median(light, axis=0)
+        gains.append(middle)
+        spread = 1.4826 * float(np.median(np.abs(light - middle)))
+        errors.append(1.2533 * spread / len(light) ** 0.5)
+    frames = np.array([pair.frames for pair in shared], np.int64).reshape(-1, 2)
+    run = np.array([pair.run for pair in shared], np.int64)
+    return _Steps(frames, run, np.array(gains).reshape(-1, 3), np.array(errors))
+
+
+def _flicker(steps: _Steps, stamps_s: Float64) -> tuple[tuple[Figure, ...], Float64]:
+    """Return the swing of light at LAMPS_HZ, as whole frames show it, and what gains are left (M,) without it."""
+    luminance = steps.gain.mean(axis=1)
+    figures: list[Figure] = []
+    best: tuple[float, Float64] = 0.0, luminance
+    for hertz in LAMPS_HZ:
+        name = f"flicker_swing_{hertz:.0f}_hz"
+        if len(luminance) < LEAST_STEPS:
+            figures.append(Figure.none(name, "too few frames in a row show the same"))
+            continue
+        angle = 2 * np.pi * hertz * stamps_s[steps.frames]
+        terms = np.stack([np.cos(angle[:, 1]) - np.cos(angle[:, 0]), np.sin(angle[:, 1]) - np.sin(angle[:, 0])], axis=1)
+        if np.sqrt((terms**2).sum(axis=1).mean()) < FOLDED:
+            figures.append(Figure.none(name, "at this rate of frames each frame sees the same of it"))
+            continue
+        groups = blocks_of(len(luminance))
+        fitted = _swing(angle, luminance)
+        left_out = np.array([_swing(angle[groups != group], luminance[groups != group]) for group in range(BLOCKS)])
+        swing = float(np.hypot(fitted[0], fitted[1]))
+        by_part = [jackknifed(left_out[:, place]) for place in (0, 1)]
+        error = float(np.hypot(by_part[0], by_part[1])) / 2**0.5
+        figures.append(
+            Figure.within(
+                name, swing, float(np.hypot(error, SWING_ERROR[0] + SWING_ERROR[1] * swing)), len(luminance), "steps"
+            )
+        )
+        if swing > 4 * error and swing > best[0]:
+            best = swing, luminance - _change(angle, fitted)
+    return tuple(figures), best[1]
+
+
+def _change(angle: Float64, swing: Float64) -> Float64:
+    """Return the change (M,) of log light from one angle of lamps (M, 2) to the next; swing: (2,) cosine and sine."""
+    light = 1 + swing[0] * np.cos(angle) + swing[1] * np.sin(angle)
+    return np.diff(np.log(np.maximum(light, 0.02)), axis=1)[:, 0]
+
+
+def _swing(angle: Float64, luminance: Float64) -> Float64:
+    """Fit (2,) by Gauss and Newton's method with Tukey's weights."""
+    found = np.zeros(2)
+    for _ in range(8):
+        light = np.maximum(1 + found[0] * np.cos(angle) + found[1] * np.sin(angle), 0.02)
+        slopes = np.stack([np.diff(wave(angle) / light, axis=1)[:, 0] for wave in (np.cos, np.sin)], axis=1)
+        off = luminance - _change(angle, found)
+        weight = np.sqrt(_tukey(off))
+        found = found + np.linalg.lstsq(slopes * weight[:, None], off * weight, rcond=None)[0]
+        found = found / max(1.0, float(np.hypot(found[0], found[1])) / 0.95)
+    return found
+
+
+def _exposure(steps: _Steps, luminance: Float64, stamps_s: Float64) -> tuple[Figure, ...]:
+    """Return how far, and how fast, exposure and white balance go on the same surfaces."""
+    names = ("exposure_range_stops", "exposure_rate_stops_per_s", "white_balance_range_stops")
+    if len(luminance) < LEAST_STEPS:
+        return tuple(Figure.none(name, "too few frames in a row show the same") for name in names)
+    red_over_blue = steps.gain[:, 0] - steps.gain[:, 2]
+    ranges = [_range(steps, values) for values in (luminance, red_over_blue)]
+    gaps_s = np.diff(stamps_s[steps.frames], axis=1)[:, 0]
+    rates = np.abs(luminance) / np.log(2) / gaps_s
+    groups = blocks_of(len(rates))
+    fastest = [float(np.quantile(rates[groups != group], 0.95)) for group in range(BLOCKS)]
+    error = float(np.hypot(jackknifed(np.array(fastest)), np.median(steps.error / gaps_s) / np.log(2)))
+    rate = Figure.within(names[1], float(np.quantile(rates, 0.95)), error, len(rates), "steps")
+    far, colours = (
+        Figure.within(name, value, float(np.hypot(error, RANGE_ERROR)), len(rates), "steps")
+        for name, (value, error) in zip((names[0], names[2]), ranges, strict=True)
+    )
+    return far, rate, colours
+
+
+def _range(steps: _Steps, change: Float64) -> tuple[float, float]:
+    """Return the widest range in a run of what has changed so (M,), in stops, and its error."""
+    widest = 0.0, float(np.median(steps.error)) / float(np.log(2))
+    parts = np.flatnonzero((np.diff(steps.run) != 0) | (steps.frames[1:, 0] != steps.frames[:-1, 1])) + 1
+    for part in np.split(np.arange(len(change)), parts):
+        track = np.concatenate([[0.0], np.cumsum(change[part])]) / np.log(2)
+        first, last = sorted((int(np.argmin(track)), int(np.argmax(track))))
+        error = float(np.sqrt((steps.error[part][first:last] ** 2).sum())) / float(np.log(2))
+        if track.max() - track.min() > widest[0]:
+            widest = float(track.max() - track.min()), error
+    return widest
