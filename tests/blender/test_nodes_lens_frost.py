@@ -36,7 +36,8 @@ def drawn(index=0):
         return canvas.graph.math("MULTIPLY_ADD", canvas.image, (0.0, 0.0, 0.0), canvas.random(0))
 
     step = step_of("lens_frost", severity=3)
-    step = replace(step, perturbation=replace(PERTURBATION, label="Numbers", build=shown, linear=False))
+    nodes = replace(PERTURBATION.nodes, build=shown, linear=False)
+    step = replace(step, perturbation=replace(PERTURBATION, label="Numbers", nodes=nodes))
     with Compositor((4, 4), {"x": [step]}, 4) as compositor:
         made = compositor.evaluate(np.zeros((4, 4, 3), np.float32), {"x": (index, IDENTIFIERS)})[0]["x"]
     return made[0, 0].astype(np.float64)

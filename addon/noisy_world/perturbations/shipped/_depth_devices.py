@@ -58,9 +58,14 @@ _SHARING: Mapping[str, Callable[[], Any]] = {
         slider=(0, 10),
         later=True,
     ),
-    "correlation_frames": lambda: _frames("frames whose errors go with one another, less with each between; 1: none"),
+    "correlation_frames": lambda: _frames(
+        "frames whose errors go with one another, less with each between; 1: none", label="Error Frames"
+    ),
     "correlation_share": lambda: of_device(
-        "share of errors' variance that goes with neighbours' and frames'; the rest is each pixel's own", 1, later=True
+        "share of errors' variance that goes with neighbours' and frames'; the rest is each pixel's own",
+        1,
+        label="Error Share",
+        later=True,
     ),
     "clump_px": lambda: of_device(
         "how large holes are, as correlation_px; 0: of single pixels", 200, "px", slider=(0, 80), later=True
@@ -74,8 +79,9 @@ def sharing(name: str) -> Any:
     return _SHARING[name]()
 
 
-def _frames(meaning: str) -> Any:
-    return key(f"{meaning}; below 0: the device's", default=-1, minimum=-1, maximum=MOST_FRAMES, later=True)
+def _frames(meaning: str, label: str = "") -> Any:
+    meaning = f"{meaning}; below 0: the device's"
+    return key(meaning, default=-1, minimum=-1, maximum=MOST_FRAMES, label=label, later=True)
 
 
 def shared_errors(own: Any, scale: float = 1.0) -> Shared:
