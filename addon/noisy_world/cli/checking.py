@@ -28,7 +28,7 @@ def _check_options(parser: Parser) -> None:
     named = "a recording's folder, a bag, a video, or a preset, whose recordings are looked at"
     parser.option("preset FOLDER|BAG|PRESET", named, type=path)
     camera = "width, height, fx, fy, cx, cy of colour in pixels, where no file says them: 640,480,525,525,319.5,239.5"
-    parser.option("--camera W,H,FX,FY,CX,CY", camera, type=_camera)
+    parser.option("--camera W,H,FX,FY,CX,CY", camera, type=camera_numbers)
     parser.option("--rate_hz HZ", "frames a second, where no file has time stamps", type=float)
     parser.flag("--json", "print one JSON object instead of a page")
     add_set_option(parser)
@@ -36,7 +36,8 @@ def _check_options(parser: Parser) -> None:
     parser.set_defaults(settings=[], frames=None)
 
 
-def _camera(text: str) -> dict[str, float]:
+def camera_numbers(text: str) -> dict[str, float]:
+    """Parse W,H,FX,FY,CX,CY, all in pixels."""
     names = ("width", "height", "fx", "fy", "cx", "cy")
     try:
         values = [float(word) for word in text.split(",")]
@@ -96,7 +97,7 @@ def _measure(options: argparse.Namespace, _: Entry) -> int:
 def _printed(options: argparse.Namespace, look: "Callable[[str, Source, Intrinsics], Findings]") -> int:
     found: list[Findings] = []
     rendered: list[str] = []
-    for name, source, camera in _scenes(options):
+    for name, source, camera in scenes_of(options):
         if source.capabilities.recorded:
             found.append(look(name, source, camera))
         else:
@@ -115,7 +116,7 @@ def _printed(options: argparse.Namespace, look: "Callable[[str, Source, Intrinsi
     return 1 if any(findings.faults for findings in found) else 0
 
 
-def _scenes(options: argparse.Namespace) -> "Iterator[tuple[str, Source, Intrinsics]]":
+def scenes_of(options: argparse.Namespace) -> "Iterator[tuple[str, Source, Intrinsics]]":
     """Yield name, source and camera of what is to be looked at."""
     if options.preset.suffix.lower() in ENDINGS and not options.preset.is_dir():
         for name in ("camera", "rate_hz"):

@@ -83,7 +83,8 @@ def colour_noise(footage: Footage, frames: Sequence[int]) -> ColourNoise:
         plain = _plain_share(blocks.variance[here], sigma)
         texture = min(max(TEXTURE / plain, LEAST_ERROR), MOST_ERROR)
         error = float(np.hypot(jackknifed(known), texture * sigma))
-        curve.append((level, Figure.within(f"{CURVE}_at_{level:.0f}", sigma, error, int(here.sum()), "blocks")))
+        figure = Figure.within(f"{CURVE}_at_{level:.0f}", sigma, error, int(here.sum()), "blocks")
+        curve.append((level, figure.on(CURVE, level)))
         weight = float(np.sqrt(here.sum())) * plain
         textures.append((texture, weight))
         whole.append((level, sigma, weight))

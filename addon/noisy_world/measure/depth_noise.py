@@ -27,6 +27,7 @@ LAGS_PX = (1, 2, 4)
 SHADOW_PX = 13  # side of the square in which a hole is beside an edge
 DARK = 40  # of 255
 OFTEN = 8  # pixels that have a value, before it counts for the steps
+CURVE, BY_LAG = "depth_noise_m", "depth_correlation"
 BORDER = 0.9  # share of the frames in which a pixel is void that is one of the border
 
 
@@ -116,7 +117,8 @@ def _by_distance(
         left_out = np.array([np.median(part) if len(part) else sigma for part in parts])
         count = int(here.sum())
         error = float(np.hypot(jackknifed(left_out), BENDS * sigma))
-        curve.append((z, Figure.within(f"depth_noise_m_at_{z:.2f}_m", sigma, error, count, "blocks")))
+        figure = Figure.within(f"{CURVE}_at_{z:.2f}_m", sigma, error, count, "blocks")
+        curve.append((z, figure.on(CURVE, z)))
         rows.append((z, sigma, count**0.5, left_out))
     if len(rows) < 2:
         return tuple(curve), tuple(Figure.none(name, "planes are seen at too few distances") for name in names)
@@ -187,12 +189,14 @@ def _correlations(wide: list[tuple[Float64, Float64, Float64]]) -> tuple[Figure,
     found = values(flat)
     left_out = np.array([values(flat & (groups != group)) for group in range(BLOCKS)])
     count = int(flat.sum())
-    return tuple(
+    figures = [
         Figure.within(name, float(found[place]), jackknifed(left_out[:, place]), count, "blocks")
         if np.isfinite(found[place])
         else Figure.none(name, "frames after one another are equal, or show no plane alike")
         for place, name in enumerate(names)
-    )
+    ]
+    by_lag = [figure.on(BY_LAG, lag) for figure, lag in zip(figures, LAGS_PX, strict=False)]
+    return (*by_lag, *figures[len(LAGS_PX) :])
 
 
 def _taken_by_planes(correlations: Float64) -> float:

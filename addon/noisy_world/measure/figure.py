@@ -17,6 +17,7 @@ class Figure:
 
     name: snake case, with the unit at its end where it has one. value: None where it cannot be told, and untold says
     why. low, high: its 95 % interval. samples: of what it was measured on, which `of` names, such as "frames".
+    curve, at: the curve that it is a point of, and where; two recordings' are compared where both have points.
     """
 
     name: str
@@ -26,6 +27,8 @@ class Figure:
     samples: int = 0
     of: str = "frames"
     untold: str = ""
+    curve: str = ""
+    at: float | None = None
 
     @classmethod
     def exact(cls, name: str, value: float, samples: int, of: str = "frames") -> "Figure":
@@ -43,6 +46,10 @@ class Figure:
     def none(cls, name: str, untold: str) -> "Figure":
         """Return a figure that cannot be told here, because of what `untold` says."""
         return cls(name, None, untold=untold)
+
+    def on(self, curve: str, at: float) -> "Figure":
+        """Return it as a point of a curve: at an intensity, a distance in metres, a lag in pixels."""
+        return replace(self, curve=curve, at=at)
 
     @property
     def half_width(self) -> float:
@@ -66,7 +73,8 @@ class Figure:
         if self.value is None:
             return {"name": self.name, "value": None, "cannot_be_told_here_because": self.untold}
         values = {"value": self.value, "low": self.low, "high": self.high}
-        return {"name": self.name, **values, "samples": self.samples, "of": self.of}
+        on = {"curve": self.curve, "at": self.at} if self.curve else {}
+        return {"name": self.name, **values, "samples": self.samples, "of": self.of, **on}
 
 
 @dataclass(frozen=True)
