@@ -73,7 +73,9 @@ class StructuredLight:
         slider=(0, 0.1),
         later=True,
     )
-    reflectance_spread: float = of_device("standard deviation of reflectance's natural logarithm", 10, later=True)
+    reflectance_spread: float = of_device(
+        "standard deviation of reflectance's natural logarithm", 10, label="Spread of Light", later=True
+    )
     clump_px: float = sharing("clump_px")
     clump_frames: int = sharing("clump_frames")
     blind_px: float = of_device("width of the strip at the right that gives nothing", 10_000, "px", later=True)
