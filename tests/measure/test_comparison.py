@@ -61,7 +61,9 @@ def compared_once(recordings):
 def test_known_noise_is_ranked_first_and_its_ratio_lies_within(compared_once):
     found = compared_once[0]["differences"]
     known = {"colour_noise": COLOUR, "colour_gaussian_std": COLOUR, "depth_noise_m": DEPTH}
-    assert {row["name"] for row in found[:4]} == {*known, "depth_noise_quadratic_per_m"}
+    # Light is convex in the values of pixels, so that noise raises its mean, which is known very well here.
+    names = [row["name"] for row in found if not row["name"].startswith("mean_light")]
+    assert set(names[:4]) == {*known, "depth_noise_quadratic_per_m"}
     rows = {row["name"]: row for row in found}
     assert len(rows["colour_noise"]["places"]) >= 6
     assert len(rows["depth_noise_m"]["places"]) >= 5
@@ -198,12 +200,12 @@ def test_what_only_one_tells_is_said_with_the_reason():
 
 
 def test_counted_figures_come_after_estimated_ones():
-    names = {"little": (1.0, 1.01), "much": (1.0, 3.0), "rate": (20.0, 20.0 + 1e-9)}
+    names = {"little": (1.0, 1.01), "much": (1.0, 3.0), "jitter": (0.0, 2e-16), "rate": (20.0, 20.0 + 1e-9)}
     a, b = ({name: Figure.exact(name, pair[side], 9) for name, pair in names.items()} for side in (0, 1))
     a["sure"], b["sure"] = Figure.within("sure", 1.0, 0.1, 9), Figure.within("sure", 1.1, 0.1, 9)
     rows = compared(a, b).rows
-    assert [row.name for row in rows] == ["sure", "much", "little", "rate"]
-    assert [row.differing for row in rows] == [0, 1, 1, 0]
+    assert [row.name for row in rows] == ["sure", "much", "little", "jitter", "rate"]
+    assert [row.differing for row in rows] == [0, 1, 1, 0, 0]
 
 
 def test_intervals_of_differences_and_ratios_cover_what_is_true():

@@ -56,9 +56,9 @@ class Difference:
 
     @property
     def relative(self) -> float:
-        """The distance over the larger of both, 0 to 2; 0 where they are equal."""
+        """The distance over the larger of both, 0 to 2; 0 where they do not differ."""
         most = max(abs(_number(self.a.value)), abs(_number(self.b.value)))
-        return abs(self.value) / most if most > 0 else 0.0
+        return abs(self.value) / most if self.differs else 0.0
 
     @cached_property
     def ratio(self) -> tuple[float, float | None, float | None] | None:
