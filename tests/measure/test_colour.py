@@ -9,6 +9,7 @@ import pytest
 
 from noisy_world.core.schema import ConfigPath
 from noisy_world.measure.coding import coding
+from noisy_world.measure.fixed_noise import fixed_noise
 from noisy_world.measure.footage import footage_of
 from noisy_world.measure.light import light_figures, light_of
 from noisy_world.perturb import apply
@@ -132,3 +133,36 @@ def test_vignetting(clean):
     figure = loss["vignetting_corner_loss"]
     assert figure.value == pytest.approx(0.5, rel=0.15)
     assert figure.low < 0.5 < figure.high
+
+
+def fixed(images):
+    return fixed_noise(SimpleNamespace(colour=lambda frame: images[frame]), range(len(images)))
+
+
+def noisy(images, *parts):
+    return [np.clip(np.rint(image + sum(part() for part in parts)), 0, 255).astype(np.uint8) for image in images]
+
+
+def test_hot_pixels_stay_while_the_camera_moves(clean):
+    images = clean[0][::4]
+    shape = images[0].shape
+    hot = np.zeros((*shape[:2], 1))
+    hot[5::20, 7::20] = 60
+    share = np.count_nonzero(hot) / hot.size
+    found, *_ = fixed(noisy(images, lambda: hot, lambda: RNG.normal(0, 3, shape)))
+    assert found.value == pytest.approx(share, rel=0.15)
+    assert found.low < share < found.high
+    assert fixed(images)[0].value < 1e-4
+    assert "stands still" in fixed([images[0]] * 12)[0].untold
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_noise_of_rows_and_of_columns(clean, turned):
+    images = clean[0][::4]
+    high, wide, _ = images[0].shape
+    size = (1, wide, 1) if turned else (high, 1, 1)
+    _, *found = fixed(noisy(images, lambda: RNG.normal(0, 3, size), lambda: RNG.normal(0, 2, images[0].shape)))
+    along, across = found[::-1] if turned else found
+    assert along.value == pytest.approx(3 / 255, rel=0.2)
+    assert along.low < 3 / 255 < along.high
+    assert across.low < 0

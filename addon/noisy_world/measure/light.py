@@ -31,6 +31,7 @@ TUKEY = 4.7
 SWING_ERROR, RANGE_ERROR, VIGNETTING_ERROR = (0.0005, 0.02), 0.11, (0.02, 0.09)
 LAMPS_HZ = (100.0, 120.0)  # twice the mains'
 FOLDED = 0.3  # of its swing that a flicker has to show between frames, before it can be told
+FOLLOWED = 0.8  # of the steps: where fewer can be followed, those may be wrong that can
 LEAST_STEPS = 24
 LEAST_PAIRS = 2000
 LOSSES = np.linspace(-0.2, 0.98, 119)
@@ -52,12 +53,16 @@ class Shared:
 
 @dataclass(frozen=True)
 class Light:
-    """Frames' mean light, of full scale, (N,), what neighbours share, and what frames share that are FAR apart."""
+    """Frames' mean light, of full scale, (N,), what neighbours share, and what frames share that are FAR apart.
+
+    steps: how many neighbours there are, and how many frames so far apart that are looked at.
+    """
 
     mean: Float64
     shared: list[Shared]
     far: list[Shared]
     stamps_s: Float64
+    steps: tuple[int, int]
 
 
 def light_of(footage: Footage, runs: Sequence[range]) -> Light:
@@ -66,19 +71,23 @@ def light_of(footage: Footage, runs: Sequence[range]) -> Light:
     mean: list[float] = []
     shared: list[Shared] = []
     far: list[Shared] = []
+    looked = [0, 0]
     for number, run in enumerate(runs):
         seen: dict[int, _Seen] = {}
         for frame in run:
             light, seen[frame] = _seen(footage.colour(frame))
             mean.append(light)
             since = frame - run.start
-            for apart, whose in ((1, shared), *(((FAR, far),) if since % FAR == 0 else ())):
+            for place, (apart, whose) in enumerate(((1, shared), *(((FAR, far),) if since % FAR == 0 else ()))):
                 if (before := seen.get(frame - apart)) is not None:
+                    looked[place] += 1
                     pair = _shared(footage, before, seen[frame])
                     if len(pair[0]) >= LEAST:
                         whose.append(Shared((frame - apart, frame), number, *pair))
             seen.pop(frame - FAR, None)
-    return Light(np.array(mean), shared, far, np.asarray(footage.stamps.rgb.seconds, np.float64))
+    return Light(
+        np.array(mean), shared, far, np.asarray(footage.stamps.rgb.seconds, np.float64), (looked[0], looked[1])
+    )
 
 
 _Seen: TypeAlias = tuple[NDArray[np.uint8], Float32]
@@ -153,9 +162,12 @@ class _Steps:
 
 def light_figures(light: Light) -> tuple[Figure, ...]:
     """Return what light says of exposure, white balance, flicker and vignetting."""
-    enough = sum(len(pair.where) for pair in light.far) >= LEAST_PAIRS
-    vignetting, loss = _vignetting(light.far if enough else light.shared)
-    steps = _gains(light.shared, loss)
+    shared, far = (
+        whose if len(whose) >= FOLLOWED * steps else []
+        for whose, steps in zip((light.shared, light.far), light.steps, strict=True)
+    )
+    vignetting, loss = _vignetting(far)
+    steps = _gains(shared, loss)
     flicker, left = _flicker(steps, light.stamps_s)
     return (*_brightness(light.mean), *_exposure(steps, left, light.stamps_s), *flicker, vignetting)
 
@@ -193,7 +205,7 @@ def _vignetting(shared: Sequence[Shared]) -> tuple[Figure, float]:
     whole = costs.sum(axis=0)
     loss = _lowest(whole)
     error = jackknifed(np.array([_lowest(whole - part) for part in costs]))
-    if error > 0.15:
+    if error > 0.15 or not LOSSES[1] < loss < LOSSES[-2]:
         return Figure.none(name, "what is followed moves too little towards the border, or away from it"), 0.0
     error = float(np.hypot(error, VIGNETTING_ERROR[0] + VIGNETTING_ERROR[1] * abs(loss)))
     return Figure.within(name, loss, error, count, "pairs of features"), max(loss, 0.0)

@@ -13,6 +13,7 @@ from .coding import coding
 from .colour_noise import colour_noise
 from .depth_noise import depth_noise
 from .figure import BLOCKS, Figure, Place
+from .fixed_noise import fixed_noise
 from .footage import Footage, footage_of
 from .imu_noise import imu_noise
 from .lateness import CLOCK, LATE, depth_lateness, imu_clock, imu_clock_by_poses
@@ -122,7 +123,7 @@ def measured(name: str, source: Source, camera: Intrinsics) -> Findings:
             return replace(found, figures=found.figures | {noise.name: noise for noise in inertial}, remarks=(remark,))
         colour = colour_noise(footage, frames)
         compressed = coding(footage, frames)
-        figures = [*colour.figures, *compressed.figures, *inertial]
+        figures = [*colour.figures, *fixed_noise(footage, frames), *compressed.figures, *inertial]
         figures += light_figures(light_of(footage, runs_of(len(footage), LIGHT_FRAMES, parts=2)))
         if footage.has_depth:
             figures += depth_noise(footage, frames).figures

@@ -1,0 +1,88 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What pixels have of their own, and what rows have together: hot pixels, and noise of rows and columns.
+
+A pixel that differs from its neighbours in all frames, while what is seen there changes, is the sensor's.
+"""
+
+from collections.abc import Sequence
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from .figure import BLOCKS, Figure, blocks_of, jackknifed
+from .footage import Float32, Float64, Footage
+
+# Chosen, as all below.
+LEAST_FRAMES = 8
+MOVED = 3.0  # of 255: mean difference between frames, below which they show the same
+BRIGHTER = 8.0  # of 255: a hot pixel over its neighbours, in the median frame
+SURE = 6.0  # times the spread of what pixels have over their neighbours in the median frame
+SMOOTH = 0.5  # share of the pixels of a row that count: those that least differ from the rows beside it
+FLOOR, RELATIVE = 0.35, 0.05  # error, of 255 and relative, by what lies along rows in what is seen; found on known rows
+
+HOT, ROWS, COLUMNS = "hot_pixel_share", "row_noise_std", "column_noise_std"
+
+
+def fixed_noise(footage: Footage, frames: Sequence[int]) -> tuple[Figure, ...]:
+    """Return hot pixels, and the noise of rows and columns, of some frames that are apart.
+
+    Raises InputError where one of them is damaged.
+    """
+    images = [footage.colour(frame) for frame in frames]
+    return _hot(images), _lines(images, ROWS), _lines([image.swapaxes(0, 1) for image in images], COLUMNS)
+
+
+def _hot(images: Sequence[NDArray[np.uint8]]) -> Figure:
+    """Return the share of pixels of which a channel stands out in the median frame."""
+    if len(images) < LEAST_FRAMES:
+        return Figure.none(HOT, "there are too few frames")
+    moved = [float(np.mean(np.abs(one[::4, ::4].astype(int) - other[::4, ::4]))) for one, other in pairwise(images)]
+    if np.median(moved) < MOVED:
+        return Figure.none(HOT, "the camera stands still: what stays may be what it sees")
+    median = np.median(np.stack([_over_neighbours(image) for image in images]), axis=0)
+    limit = max(BRIGHTER, SURE * 1.4826 * float(np.median(np.abs(median))))
+    hot = (median > limit).any(axis=2)
+    count = int(hot.sum())
+    # Poisson's interval of so many that were found, by the normal approximation of its root.
+    low, high = (max(count**0.5 + side * 0.98, 0.0) ** 2 / hot.size for side in (-1, 1))
+    return Figure(HOT, count / hot.size, low if count else 0.0, max(high, 3.0 / hot.size), hot.size, "pixels")
+
+
+def _over_neighbours(image: NDArray[np.uint8]) -> Float32:
+    """Return by how much each value of an image is over the second largest of the four beside it, (H, W, 3), of 255.
+
+    So edges and lines in what is seen do not count.
+    """
+    padded = np.pad(image, ((1, 1), (1, 1), (0, 0)), mode="reflect").astype(np.int16)
+    beside = np.stack([padded[:-2, 1:-1], padded[2:, 1:-1], padded[1:-1, :-2], padded[1:-1, 2:]])
+    return np.asarray(image - np.partition(beside, 2, axis=0)[2], np.float32)
+
+
+def _lines(images: Sequence[NDArray[np.uint8]], name: str) -> Figure:
+    """Return the deviation of what all pixels of a row share, of full scale, beyond what their own noise makes."""
+    variances = np.array([_of_rows(image[..., 1]) for image in images])
+    if len(images) < LEAST_FRAMES or not np.isfinite(variances).all():
+        return Figure.none(name, "there are too few frames")
+    groups = blocks_of(len(images))
+    std = _root(variances)
+    error = jackknifed(np.array([_root(variances[groups != group]) for group in range(BLOCKS)]))
+    return Figure.within(name, std / 255, float(np.hypot(error, FLOOR + RELATIVE * std)) / 255, len(images))
+
+
+def _root(variances: Float64) -> float:
+    return float(np.sqrt(max(float(np.median(variances)), 0.0)))
+
+
+def _of_rows(image: NDArray[np.uint8]) -> float:
+    """Return the variance of rows' own brightness, of 255^2: second differences of rows less what pixels make."""
+    values = image.astype(np.float32)
+    bent = values[1:-1] - (values[:-2] + values[2:]) / 2
+    order = np.sort(bent, axis=1)
+    cut = int(bent.shape[1] * (1 - SMOOTH) / 2)
+    middle = order[:, cut : bent.shape[1] - cut]
+    shared = middle.mean(axis=1)
+    spread = 1.4826 * np.median(np.abs(bent - shared[:, None]), axis=1)
+    by_pixels = float(np.median(spread) ** 2) * 1.2 / bent.shape[1]
+    of_rows = 1.4826 * float(np.median(np.abs(shared)))
+    return (of_rows**2 - by_pixels) / 1.5
