@@ -12,6 +12,7 @@ COLOURS = {"a": "#0072b2", "b": "#d55e00"}  # told apart by the colour-blind: Ok
 WIDE, HIGH = 640, 320  # of a drawing, and its margins, in pixels
 LEFT, RIGHT, TOP, BOTTOM = 78, 16, 14, 46
 MOST = 1.6  # times the largest value: intervals that are wider are cut there
+BELOW = 0.3  # of the largest value: so far below 0 intervals are drawn
 CURVES = {  # title, what is to the right, what is upwards
     "colour_noise": ("Photon transfer: noise of colour by intensity", "intensity, of 255", "deviation, of 255"),
     "depth_noise_m": ("Noise of depth by distance", "distance, m", "deviation, m"),
@@ -131,7 +132,7 @@ def _curve(curve: str, a: Sequence[Figure], b: Sequence[Figure]) -> Iterator[str
     values = [_value(point) for point in (*a, *b)]
     ends = [end for point in (*a, *b) for end in (point.low, point.high) if end is not None]
     places = [float(point.at or 0) for point in (*a, *b)]
-    most, least = MOST * max(*values, 0.0), min(0.0, MOST * min(values))
+    most, least = MOST * max(*values, 0.0), min(-BELOW * max(*values, 0.0), MOST * min(values))
     top, bottom = min(max([*values, *ends]), most) or 1.0, max(min([0.0, *values, *ends]), least)
     spare = 0.05 * (top - bottom)
     drawing = _Axes(
