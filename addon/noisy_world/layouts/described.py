@@ -695,7 +695,7 @@ def _inside(folder: Path, name: str, place: ConfigPath, *, must: bool = True) ->
     """Return a file or folder that the description names. must: whether it has to be there. Raises InputError."""
     path = folder / name.replace("\\", "/")
     if must and not os.path.exists(path):  # noqa: PTH110 - Path.exists raises for a name that no file can have
-        remedy = "; poses: none uses the images without ground truth" if ".poses." in f".{place.path}" else ""
+        remedy = "; leave poses out to use the images without ground truth" if ".poses." in f".{place.path}" else ""
         raise place.error(f"{quoted(name)} does not exist", f"looked in {folder}{remedy}")
     return path
 
