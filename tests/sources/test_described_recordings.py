@@ -204,7 +204,7 @@ def test_intrinsics_are_read_from_what_tools_write(tmp_path, name, text):
         ({"rgb": {"list": "poses.txt"}}, ("poses.txt: line 1", "not there")),
         ({"depth": {"files": "depth/*.png", "void": "none"}}, ("depth.void", "has to be a list")),
         ({"depth": {"files": "depth/*.png", "scale_per_m": 0}}, ("depth.scale_per_m", "allowed")),
-        ({"poses": "truth.txt"}, ("poses.file: 'truth.txt' does not exist", "poses: none")),
+        ({"poses": "truth.txt"}, ("poses.file: 'truth.txt' does not exist", "leave poses out")),
         ({"poses": {"file": "poses.txt", "axes": "nedd"}}, ("poses.axes", "ned")),
         ({"poses": {"file": "poses.txt", "format": "x" * 5000}}, ("poses.format", "unknown value", "5000 characters")),
         ({"rgb": "[!]"}, ("rgb.files", "is no pattern")),
