@@ -130,3 +130,34 @@ def test_images_of_other_sizes_in_one_sequence(tmp_path):
     found = find_sequence(tmp_path)
     for read in (found.check_images, lambda: found.frame(0).depth_m):
         refused(read, names=("0.png: ", "4 x 3", "8 x 6"))
+
+
+DEPTH_CAMERA = {key: CAMERA[key] for key in ("w", "h", "fx", "fy", "cx", "cy")}
+UNIT = np.eye(4).tolist()
+
+
+@cases(
+    ("beyond", "words"),
+    [
+        ({"distortion": [0.1]}, "distortion: has to be a model and coefficients"),
+        ({"distortion": {"model": "equidistant", "coefficients": ["a"]}}, "distortion: has to be a list of finite"),
+        ({"distortion": {"model": "fov", "coefficients": [0.9]}}, "distortion: is of the model fov"),
+        ({"distortion": {"model": "fov", "coefficients": [0.9]}}, "undistort the images"),
+        ({"distortion": {"model": "equidistant", "coefficients": [0.9]}}, "distortion: holds "),
+        ({"depth_camera": {"w": 8}}, "depth_camera: has to have w, h, fx"),
+        ({"depth_camera": {**DEPTH_CAMERA, "fy": 0}}, "depth_camera.fy: is 0"),
+        ({"depth_camera": {**DEPTH_CAMERA, "shares_lens": 1}}, "depth_camera.shares_lens: is neither true nor false"),
+        ({"depth_camera": {**DEPTH_CAMERA, "rgb_from_depth": UNIT[:3]}}, "rgb_from_depth: has to be four rows"),
+        ({"depth_camera": {**DEPTH_CAMERA, "rgb_from_depth": [*UNIT[:3], UNIT[2]]}}, "is no rigid pose; write it row"),
+        (
+            {"depth_camera": {**DEPTH_CAMERA, "rgb_from_depth": np.diag([1.0, 1.0, -1.0, 1.0]).tolist()}},
+            "depth_camera.rgb_from_depth: is no rigid pose",
+        ),
+    ],
+)
+def test_what_no_camera_has_beyond_a_pinhole(tmp_path, beyond, words):
+    folder = tmp_path / "scene"
+    if not folder.exists():
+        write_tum(folder)
+    (folder / "cam_params.json").write_text(json.dumps({"camera": CAMERA, **beyond}))
+    refused(find_sequence, folder, names=("cam_params.json: ", words))

@@ -42,3 +42,11 @@ def test_what_is_no_camera_is_one_line(tmp_path, text, said):
     path = tmp_path / "camera.json"
     path.write_text(text)
     refused(read_camera_file, path, names=said)
+
+
+def test_a_camera_of_images_of_another_size_is_refused(tmp_path):
+    path = tmp_path / "camera.json"
+    path.write_text(json.dumps(PLAIN))
+    assert read_camera_file(path, (640, 480)) == CAMERA
+    said = ("camera.json: ", "640 x 480, but these are 320 x 240", "say intrinsics")
+    refused(read_camera_file, path, (320, 240), names=said)

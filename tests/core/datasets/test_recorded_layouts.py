@@ -484,3 +484,191 @@ def test_what_is_wrong_with_what_tools_write_is_one_line(name, file, text, told,
     WRITERS[name](tmp_path)
     (tmp_path / file).write_text(text)
     refused(find_sequence, tmp_path, names=told)
+
+
+def rewritten(path, change):
+    """Change a JSON file's document in place."""
+    document = json.loads(path.read_text())
+    change(document)
+    path.write_text(json.dumps(document))
+
+
+TURNED = [0, 1, 0, 1, 0, 0, 0, 0, 1]  # x and y swapped: a mirror
+WRONG_KEYS = [
+    ("bop", "scene_camera.json", lambda d: d["4"].update(depth_scale=1.0), ("several depth_scale", "apart")),
+    ("bop", "scene_camera.json", lambda d: d["5"].update(cam_R_w2c=TURNED), "5.cam_R_w2c: is no rotation"),
+    ("bop", "scene_camera.json", lambda d: d["5"].update(cam_t_w2c=[1, 2]), "5.cam_t_w2c: is no three numbers"),
+    ("record3d", "metadata.json", lambda d: d.update(w=65), ("65 x 48, but these are 64 x 48", "belong to it")),
+    ("record3d", "metadata.json", lambda d: d["poses"][2].__setitem__(0, 3.0), "poses.2: holds no unit quaternion"),
+    ("record3d", "metadata.json", lambda d: d.update(frameTimestamps=[1, 2, 2, 3]), "frameTimestamps: has to hold"),
+    ("record3d", "metadata.json", lambda d: d.update(frameTimestamps=[1, 2, "x", 3]), "frameTimestamps: has to hold"),
+    ("record3d", "metadata.json", lambda d: d.update(fps=-60), "fps: is -60, but has to be frames a second"),
+    ("record3d", "metadata.json", lambda d: d.update(perFrameIntrinsicCoeffs=[[1, 2]]), "4 numbers each"),
+    (
+        "polycam",
+        "keyframes/cameras/113906155216.json",
+        lambda d: d.update(t_00=2.0),
+        ("113906155216.json", "t_00 to t_23 are no pose", "as Polycam writes it"),
+    ),
+    ("nerfstudio", "transforms.json", lambda d: d.update(frames={}), ("frames: is no list", "as nerfstudio writes it")),
+    ("nerfstudio", "transforms.json", lambda d: d["frames"][0].pop("file_path"), "names no colour image"),
+    ("nerfstudio", "transforms.json", lambda d: d["frames"][1].update(depth_file_path=""), "names no depth image"),
+    ("nerfstudio", "transforms.json", lambda d: d.pop("fl_x"), ("fl_x: is missing", "w, h, fl_x")),
+    (
+        "nerfstudio",
+        "transforms.json",
+        lambda d: [d.pop(key, None) for key in ("w", "h", "fl_x", "fl_y", "cx", "cy")],
+        ("fl_x: is missing", "a camera has w, h, fl_x"),
+    ),
+    ("nerfstudio", "transforms.json", lambda d: d.update(k1="wide"), "k1: "),
+    (
+        "nerfstudio",
+        "transforms.json",
+        lambda d: [frame.update(p2=0.01 * row) for row, frame in enumerate(d["frames"])] and d.pop("p2", None),
+        ("frames.1.p2: is 0.01, but an earlier frame's is 0.0", "one camera"),
+    ),
+    ("nerfstudio", "transforms.json", lambda d: d.update(camera_model="PINHOLE"), "PINHOLE has no such coefficient"),
+    ("nerfstudio", "transforms.json", lambda d: d.update(k4=0.5), "k4: is 0.5, but OPENCV has no such coefficient"),
+]
+
+
+@pytest.mark.parametrize(("name", "file", "change", "told"), WRONG_KEYS)
+def test_one_wrong_key_of_a_file_of_json_is_named(name, file, change, told, tmp_path):
+    WRITERS[name](tmp_path)
+    rewritten(tmp_path / file, change)
+    refused(find_sequence, tmp_path, names=(file.rsplit("/", 1)[-1], *([told] if isinstance(told, str) else told)))
+
+
+IDENTITY = "[1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]"
+SENSORS = "d400_color_optical_frame: {width: 64, height: 48, intrinsics: {data: [58, 31, 57]}}\n"
+
+
+@pytest.mark.parametrize(
+    ("file", "text", "told"),
+    [
+        ("trans_matrix.yaml", "trans_matrix: [3]\n", "trans_matrix.0: is no mapping"),
+        (
+            "trans_matrix.yaml",
+            f"trans_matrix: [{{matrix: {{data: {IDENTITY.replace('1', '2')}}}}}]\n",
+            "trans_matrix.0.matrix: is no pose",
+        ),
+        (
+            "trans_matrix.yaml",
+            f"trans_matrix: [{{child_frame: mast, parent_frame: base_link, matrix: {{data: {IDENTITY}}}}}]\n",
+            "does not lead from base_link to d400_color_optical_frame",
+        ),
+        ("sensors.yaml", SENSORS, "d400_color_optical_frame.intrinsics: is no matrix of 4 numbers"),
+        ("sensors.yaml", "[1, 2]\n", "sensors.yaml: "),
+    ],
+)
+def test_what_is_wrong_with_a_robots_sensors_is_named(file, text, told, tmp_path):
+    WRITERS["openloris"](tmp_path)
+    (tmp_path / file).write_text(text)
+    refused(find_sequence, tmp_path, names=(file, told))
+
+
+def test_a_robots_camera_without_coefficients_has_no_lens(tmp_path):
+    WRITERS["openloris"](tmp_path)
+    data = "data: [58, 31.25, 57, 23.75]"
+    (tmp_path / "sensors.yaml").write_text(SENSORS.replace("data: [58, 31, 57]", data))
+    found = find_sequence(tmp_path)
+    assert found.optics.distortion is None
+    assert intrinsics(found.known_camera) == (64, 48, 58.0, 57.0, 31.25, 23.75)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "told"),
+    [
+        ("m_depthShift = 1000", "m_depthShift = -5", "m_depthShift: is -5, but has to be above 0"),
+        ("m_depthShift = 1000", "m_depthShift = mm", ("m_depthShift: is no number", "as SensReader")),
+        ("m_depthWidth = 32\n", "", ("m_depthWidth: is missing", "as SensReader")),
+        (
+            "m_calibrationColorExtrinsic = 1 0 0 0 ",
+            "m_calibrationColorExtrinsic = 1 0 0 0.02 ",
+            ("m_calibrationColorExtrinsic: is not the identity", "register depth to colour"),
+        ),
+    ],
+)
+def test_what_is_wrong_with_a_calibration_of_bundlefusion_is_named(old, new, told, tmp_path):
+    WRITERS["bundlefusion"](tmp_path)
+    path = tmp_path / "info.txt"
+    assert old in path.read_text()
+    path.write_text(path.read_text().replace(old, new))
+    refused(find_sequence, tmp_path, names=("info.txt", *([told] if isinstance(told, str) else told)))
+
+
+def test_an_image_of_bop_that_has_no_pose_is_left_out(tmp_path):
+    written = WRITERS["bop"](tmp_path)
+    rewritten(tmp_path / "scene_camera.json", lambda document: document["4"].pop("cam_t_w2c"))
+    found = find_sequence(tmp_path)
+    assert [file.stem for file in found.rgb_files] == ["000003", "000005", "000006"]
+    assert np.abs(found.trajectory.c2w - written.c2w[[0, 2, 3]]).max() < 1e-9
+
+
+def test_an_image_of_polycam_that_has_no_camera_is_left_out_and_one_has_to_have_it(tmp_path):
+    written = WRITERS["polycam"](tmp_path)
+    cameras = sorted((tmp_path / "keyframes/cameras").iterdir())
+    cameras[1].unlink()
+    found = find_sequence(tmp_path)
+    assert [file.stem for file in found.rgb_files] == [cameras[row].stem for row in (0, 2, 3)]
+    assert np.abs(found.trajectory.c2w - written.c2w[[0, 2, 3]]).max() < 1e-9
+    for row in (0, 2, 3):
+        cameras[row].rename(cameras[row].with_name(f"other{row}.json"))
+    refused(find_sequence, tmp_path, names=("cameras: has no camera of an image", "as Polycam exports raw data"))
+
+
+def test_record3d_may_say_a_camera_and_a_time_of_each_frame(tmp_path):
+    WRITERS["record3d"](tmp_path)
+    rows = [[60.9, 60.5, 31.25, 23.75], *[[61.0, 60.5, 31.25, 23.75]] * 2, [61.1, 60.5, 31.25, 23.75]]
+    told = {"perFrameIntrinsicCoeffs": rows, "frameTimestamps": [5.0, 5.125, 5.5, 6.0]}
+    rewritten(tmp_path / "metadata.json", lambda document: document.update(told))
+    found = find_sequence(tmp_path)
+    assert intrinsics(found.known_camera) == (64, 48, 61.0, 60.5, 31.25, 23.75)  # the middle of them
+    assert found.stamps.rgb.seconds.tolist() == [5.0, 5.125, 5.5, 6.0]
+
+
+def test_a_model_of_colmap_names_an_image_once(tmp_path):
+    WRITERS["colmap"](tmp_path)
+    path = tmp_path / "sparse/0/images.txt"
+    path.write_text("1 1 0 0 0 0 0 0 3 walk_8.png\n\n" * 2)
+    refused(find_sequence, tmp_path, names=("images.txt: walk_8.png has 2 lines", "keep one of them"))
+
+
+def test_a_fisheye_of_colmap_is_equidistant(tmp_path):
+    WRITERS["colmap"](tmp_path)
+    path = tmp_path / "sparse/0/cameras.txt"
+    path.write_text("3 OPENCV_FISHEYE 64 48 61.0 60.5 31.75 24.25 0.1 -0.02 0.003 -0.0004\n")
+    found = find_sequence(tmp_path)
+    assert found.optics.distortion == Distortion("equidistant", (0.1, -0.02, 0.003, -0.0004))
+    assert intrinsics(found.known_camera) == (64, 48, 61.0, 60.5, 31.25, 23.75)
+    path.write_text("3 PINHOLE 64 48 61.0 60.5 wide 24.25\n")
+    refused(find_sequence, tmp_path, names=("cameras.txt: line 1: ", "no finite number"))
+
+
+@pytest.mark.parametrize(("name", "rows"), [("colmap", [0, 1, 3]), ("nerfstudio", None)])
+def test_the_poses_of_a_written_sequence_are_read_alone_and_counted(name, rows, tmp_path):
+    written = WRITERS[name](tmp_path)
+    expected = written.c2w if rows is None else written.c2w[rows]
+    if name == "nerfstudio":  # ours lists frames in their order, others in any
+        rewritten(tmp_path / "transforms.json", lambda document: document["frames"].reverse())
+    layout = LAYOUTS[name]
+    assert np.abs(layout.poses_file(tmp_path)[1] - expected).max() < 1e-9
+    assert np.abs(layout.written_poses(tmp_path, np.arange(len(expected))) - expected).max() < 1e-9
+    refused(layout.written_poses, tmp_path, np.arange(7.0), names=f"has {len(expected)} poses for 7 frames")
+
+
+@pytest.mark.parametrize(("name", "rational"), [("colmap", True), ("nerfstudio", False)])
+def test_which_lenses_a_layout_can_say(name, rational):
+    """COLMAP has FULL_OPENCV of eight coefficients; transforms.json has no key for the last three."""
+    longest = Distortion("radial-tangential", (0.1, 0.01, 0.0, 0.0, 0.001, 0.2, 0.02, 0.002))
+    assert LAYOUTS[name].says_lens(longest) is rational
+    assert LAYOUTS[name].says_lens(Distortion("equidistant", (0.1, 0.0, 0.0, 0.0)))
+
+
+def test_a_scale_beside_a_recording_of_others_leaves_its_camera(tmp_path):
+    WRITERS["nerfstudio"](tmp_path)
+    before = find_sequence(tmp_path)
+    (tmp_path / "cam_params.json").write_text('{"camera": {"scale": 4000}}')
+    found = find_sequence(tmp_path)
+    assert (found.depth_scale_per_m, found.known_camera) == (4000, before.known_camera)
+    assert found.optics == before.optics
