@@ -148,3 +148,20 @@ def test_the_next_frames_void_tells_nothing_and_behind_the_camera_is_outside():
     assert not dx.any()
     assert not dy.any()
     assert (CHANNEL.of_last(CAMERA) == [0, 0, VOID]).all()
+
+
+def test_what_moves_is_where_the_renderer_says_and_hidden_where_nothing_brings_it_back():
+    """All goes 3 px right and 2 up, but for a block of the next view that stays: it lies before what goes there."""
+    depth_m, ahead = np.full(SHAPE, 2, np.float32), np.tile(np.float32([3, -2]), (*SHAPE, 1))
+    nearer_m, back = depth_m.copy(), -ahead
+    nearer_m[30:50, 40:60], back[30:50, 40:60] = 1, 0
+    views = (View(depth_m, np.eye(4), CAMERA, ahead), View(nearer_m, np.eye(4), CAMERA, back))
+    dx, dy, hidden = np.moveaxis(CHANNEL.of_views(*views), -1, 0)
+    assert (dx == 3).all()
+    assert (dy == -2).all()
+    lands_x, lands_y = U + 3, V - 2
+    assert ((hidden == OUTSIDE) == ~inside(lands_x, lands_y)).all()
+    within = (abs(lands_x - 49.5) < 7) & (abs(lands_y - 39.5) < 7)
+    beyond = (abs(lands_x - 49.5) > 13) | (abs(lands_y - 39.5) > 13)
+    assert (hidden[within] == OCCLUDED).all()
+    assert (hidden[beyond & inside(lands_x, lands_y)] == SEEN).all()

@@ -13,13 +13,19 @@ import pytest
 from forked import in_new_process
 from worlds import ROOT
 
+from noisy_world.core import machine
 from noisy_world.core.machine import (
+    allow_processor,
     available_threads,
     end_opencv_threads_before_forks,
     free_memory_bytes,
+    held_memory_bytes,
     keep_freed_memory,
+    limit_process,
+    limit_threads,
     peak_memory_bytes,
     processor_features,
+    thread_variables,
 )
 
 TELL = """
@@ -171,3 +177,90 @@ def test_free_memory_is_as_free_tells():
     told = subprocess.run(["free", "-b"], capture_output=True, text=True, check=False)
     available = int(told.stdout.splitlines()[1].split()[6])
     assert 0 < free_memory_bytes() <= available + 2 * GB  # others take and give back meanwhile
+
+
+@pytest.fixture
+def limits(monkeypatch):
+    """Limits of a process that are set nowhere: soft and hard by what they limit."""
+    resource = pytest.importorskip("resource")
+    infinite = resource.RLIM_INFINITY
+    held = {resource.RLIMIT_CPU: (infinite, infinite), resource.RLIMIT_AS: (infinite, infinite)}
+    monkeypatch.setattr(resource, "getrlimit", held.__getitem__)
+    monkeypatch.setattr(resource, "setrlimit", held.__setitem__)
+    return held
+
+
+def test_a_limit_of_a_process_is_only_lowered_and_raised_within_what_it_may(limits):
+    from resource import RLIM_INFINITY, RLIMIT_AS, RLIMIT_CPU
+
+    allow_processor(7)
+    assert limits[RLIMIT_CPU] == (RLIM_INFINITY, RLIM_INFINITY)  # no limit, and none comes of it
+    limit_process(5)
+    assert limits[RLIMIT_CPU] == (5, RLIM_INFINITY)
+    if sys.platform == "linux":
+        assert held_memory_bytes() < limits[RLIMIT_AS][0] < 2**60
+        assert limits[RLIMIT_AS][1] == RLIM_INFINITY
+    limit_process(60)
+    assert limits[RLIMIT_CPU] == (5, RLIM_INFINITY)
+    allow_processor(7)
+    assert limits[RLIMIT_CPU] == (12, RLIM_INFINITY)
+    limits[RLIMIT_CPU] = (12, 15)
+    allow_processor(7)
+    assert limits[RLIMIT_CPU] == (15, 15)
+
+
+def test_without_the_module_of_limits_none_changes(limits, monkeypatch):
+    before = dict(limits)
+    monkeypatch.setitem(sys.modules, "resource", None)
+    limit_process(5)
+    allow_processor(5)
+    assert limits == before
+
+
+def test_a_process_that_was_split_off_runs_the_threads_it_was_given(monkeypatch):
+    monkeypatch.setattr(machine, "_LIMIT", [])
+    whole = available_threads()
+    limit_threads(1)
+    assert available_threads() == 1
+    limit_threads(10**6)
+    assert available_threads() == whole  # the system's limit stays
+    assert set(thread_variables(3).values()) == {"3"}
+    assert {"OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"} < set(thread_variables(3))
+
+
+def test_an_older_python_counts_the_processors_of_its_process_where_the_system_tells_them(monkeypatch):
+    monkeypatch.setattr(machine, "_LIMIT", [])
+    monkeypatch.setattr(sys, "version_info", (3, 11, 0))
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: {2, 3, 5}, raising=False)
+    monkeypatch.setattr(os, "cpu_count", lambda: 11)
+    for platform, count in (("linux", 3), ("darwin", 11)):
+        monkeypatch.setattr(sys, "platform", platform)
+        assert available_threads() == count
+    monkeypatch.setattr(os, "cpu_count", lambda: None)
+    assert available_threads() == 1
+
+
+def test_opencv_has_one_thread_at_a_fork_and_its_own_number_after_it(monkeypatch):
+    hooks, threads = {}, [4]
+    opencv = SimpleNamespace(getNumThreads=lambda: threads[-1], setNumThreads=threads.append)
+    monkeypatch.setitem(sys.modules, "cv2", opencv)
+    monkeypatch.setattr(os, "register_at_fork", lambda **given: hooks.update(given), raising=False)
+    end_opencv_threads_before_forks.__wrapped__()
+    hooks["before"]()
+    assert threads[-1] == 1
+    hooks["after_in_parent"]()
+    assert threads == [4, 1, 4]
+    hooks["after_in_child"]()  # nothing is left to put back
+    assert threads == [4, 1, 4]
+    monkeypatch.delitem(sys.modules, "cv2")
+    hooks["before"]()
+    hooks["after_in_parent"]()
+    assert threads == [4, 1, 4]
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no sysconf on Windows")
+def test_free_memory_where_the_system_has_no_such_files(limits, tmp_path, monkeypatch):
+    monkeypatch.setattr(os, "sysconf", {"SC_PHYS_PAGES": 1000, "SC_PAGE_SIZE": 4096}.__getitem__)
+    for platform, free in (("darwin", 4_096_000), ("freebsd14", None), ("win32", None)):
+        monkeypatch.setattr(sys, "platform", platform)
+        assert free_memory_bytes(tmp_path) == free, platform

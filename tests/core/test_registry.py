@@ -8,6 +8,7 @@ import pytest
 
 from noisy_world.channels import CHANNELS
 from noisy_world.cli.command import COMMANDS
+from noisy_world.core import packages
 from noisy_world.core.packages import Door, Registry
 from noisy_world.evaluate.map_metrics import MAP_METRICS
 from noisy_world.evaluate.metrics import METRICS
@@ -85,3 +86,33 @@ def test_all_that_are_listed_are_found_by_name(all_of_them):
     for name, item in all_of_them.items():
         assert all_of_them.ours(name) is item
         assert all_of_them.get(name) is item
+
+
+def test_those_of_one_class_alone_are_found_by_name(things):
+    found, _ = things
+
+    class Special(Thing):
+        pass
+
+    assert found.only(Thing)["listed"] is found["listed"]
+    with pytest.raises(KeyError, match="listed"):
+        found.only(Special)["listed"]
+    assert list(found.only(Thing)) == list(found)
+    assert len(found.only(Special)) == 0
+    assert found.origin("late") == ""
+
+
+def test_what_is_shipped_and_the_version_are_looked_for_at_the_package(tmp_path, monkeypatch):
+    package = tmp_path / "addon/noisy_world"
+    package.mkdir(parents=True)
+    monkeypatch.setattr(packages, "PACKAGE", package)
+    with pytest.raises(RuntimeError, match="no presets at "):
+        packages.shipped("presets")
+    with pytest.raises(RuntimeError, match=r"no blender_manifest\.toml with a version"):
+        packages.package_version()
+    assert packages.checkout() is None
+    (package / "blender_manifest.toml").write_text('id = "noisy_world"\n')
+    (tmp_path / "blender_manifest.toml").write_text('version = "9.8.7"\n')
+    (tmp_path / "presets").mkdir()
+    assert packages.package_version() == "9.8.7"  # the nearer file says none
+    assert packages.shipped("presets") == tmp_path / "presets"

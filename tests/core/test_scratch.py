@@ -163,3 +163,44 @@ def test_nowhere_to_make_one_is_one_line(memory, monkeypatch):
 
     monkeypatch.setattr("tempfile.mkdtemp", full)
     refused(ScratchFolder, 1, names=("No space left on device", "TMPDIR"), error=StorageError)
+
+
+def test_where_no_folder_has_locks_nothing_is_swept_and_one_is_made(memory, monkeypatch):
+    monkeypatch.setattr(sys, "platform", "win32")
+    (memory / f"{SCRATCH_PREFIX}left").mkdir()
+    sweep(memory)
+    assert (memory / f"{SCRATCH_PREFIX}left").is_dir()
+    folder = ScratchFolder(1)
+    assert folder.path.is_dir()
+    with file_access.alone_in(memory):
+        folder.remove()
+    assert not folder.path.exists()
+
+
+def test_a_scratch_folder_is_in_none_whose_name_is_not_utf8(memory, monkeypatch):
+    monkeypatch.setattr("tempfile.tempdir", str(memory / "\udcff"))
+    refused(ScratchFolder, 1, names=("not UTF-8", "TMPDIR"), error=StorageError)
+
+
+@pytest.mark.parametrize(
+    ("platform", "inside"),
+    [("win32", "local/noisy-world"), ("darwin", "home/Library/Caches/noisy-world"), ("linux", "xdg/noisy-world")],
+)
+def test_each_system_has_its_place_of_caches(platform, inside, tmp_path, monkeypatch):
+    monkeypatch.setattr(sys, "platform", platform)
+    monkeypatch.setattr(Path, "home", lambda: tmp_path / "home")
+    monkeypatch.setenv("LOCALAPPDATA", str(tmp_path / "local"))
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "xdg"))
+    found = file_access.private_cache_folder()
+    assert found == tmp_path / inside
+    assert found.is_dir()
+
+
+def test_a_name_that_is_not_utf8_is_refused_where_it_stands(tmp_path):
+    odd = "room\udcff"
+    for text in (odd, f"~/{odd}"):
+        refused(file_access.with_home, text, names=("not UTF-8", "rename it"), error=LookupError)
+    refused(file_access.utf8_name, tmp_path / odd, names=("not UTF-8", "rename it"))
+    document = {"scenes": [{"mesh": "hall.ply"}, {"mesh": odd}]}
+    refused(file_access.check_utf8_values, document, "preset.yaml", names=("scenes.1.mesh: ", "rename it"))
+    refused(file_access.check_utf8_values, (1, odd), "list.json", names=("list.json: 1: ", "rename it"))

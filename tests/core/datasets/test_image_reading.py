@@ -4,6 +4,7 @@
 PNG files are written here by hand, part by part; JPEG files by OpenCV and, where it is there, by Pillow.
 """
 
+import dataclasses
 import hashlib
 import io
 import itertools
@@ -18,7 +19,15 @@ import pytest
 from refusals import refused
 
 from noisy_world.images.image_files import check_whole, read_header, whole_image
-from noisy_world.images.image_header import LARGEST_PIXELS
+from noisy_world.images import array_files
+from noisy_world.images.image_header import (
+    LARGEST_PIXELS,
+    UnfitImageError,
+    check_scans,
+    exif_orientation,
+    jpeg_header,
+    png_header,
+)
 from noisy_world.images.image_files import metres, read_colour, read_steps
 
 RNG = np.random.default_rng(11)
@@ -371,3 +380,81 @@ def test_sums_that_are_known_already_are_not_checked_again():
     data = bytearray(png(2, 8))
     data[-1] ^= 1
     assert whole_image(bytes(data), sums=False)[0].size_px == SIZE
+
+
+def segment(marker, content):
+    return bytes([0xFF, marker]) + struct.pack(">H", len(content) + 2) + content
+
+
+def frame_of(channels, length=None):
+    """The start of a JPEG's frame, of 21 x 19 pixels."""
+    rows_of = b"".join(bytes([number, 0x11, 0]) for number in range(channels))
+    return segment(0xC0, (bytes([8]) + struct.pack(">HH", HIGH, WIDE) + bytes([channels]) + rows_of)[:length])
+
+
+SCAN = segment(0xDA, bytes([3, 0, 0]))
+APART = "its parts do not follow one another"
+
+
+@pytest.mark.parametrize(
+    ("parts", "told"),
+    [
+        (b"\xff\xd9", APART),  # an end before any scan
+        (frame_of(3) + frame_of(3) + SCAN, APART),
+        (SCAN, APART),  # no frame
+        (b"\xff\xe0\0\1", APART),  # a length that does not hold itself
+        (b"\x12\x34", APART),
+        (frame_of(3, length=5) + SCAN, APART),
+        (frame_of(3, length=12) + SCAN, APART),
+        (frame_of(2) + SCAN, "is a JPEG of 2 channels"),
+        (frame_of(3), "cut short"),
+    ],
+)
+def test_segments_of_a_jpeg_that_do_not_follow_one_another(parts, told):
+    refused(jpeg_header, io.BytesIO(b"\xff\xd8" + parts), names=told, error=UnfitImageError)
+
+
+def test_a_segment_of_another_kind_says_no_orientation_of_a_jpeg():
+    xmp = segment(0xE1, b"http://ns.adobe.com/xap/1.0/\0" + exif(6))
+    found = jpeg_header(io.BytesIO(b"\xff\xd8" + xmp + frame_of(3) + SCAN))
+    assert (found.width_px, found.height_px, found.channels, found.orientation) == (WIDE, HIGH, 3, 1)
+    turned = segment(0xE1, b"Exif\0\0" + exif(6))
+    assert jpeg_header(io.BytesIO(b"\xff\xd8" + turned + frame_of(3) + SCAN)).orientation == 6
+
+
+def test_a_png_whose_header_is_another_part_or_has_another_sum():
+    whole = png(2, 8)
+    refused(png_header, io.BytesIO(whole[:8] + whole[33:]), names=APART, error=UnfitImageError)
+    damaged = bytearray(whole)
+    damaged[19] ^= 1  # the width
+    refused(png_header, io.BytesIO(bytes(damaged)), names="the checksum of its part 'IHDR'", error=UnfitImageError)
+
+
+@pytest.mark.parametrize("order", "<>")
+def test_an_orientation_is_looked_for_among_other_entries(order):
+    entry, end = f"{order}HHIHH", {">": b"MM\0*\0\0\0\x08", "<": b"II*\0\x08\0\0\0"}[order]
+    other, turned = struct.pack(entry, 0x100, 3, 1, 5, 0), struct.pack(entry, 0x112, 3, 1, 8, 0)
+    count = struct.pack(f"{order}H", 2)
+    assert exif_orientation(end + count + other + turned) == 8
+    assert exif_orientation(end + count + other + other) == 1  # none says it
+    assert exif_orientation(end + count + other + turned[:-1]) == 1  # cut short
+    assert exif_orientation(end[:7]) == 1
+
+
+def test_only_samplings_that_the_strict_decoder_knows_are_held_to_it():
+    pytest.importorskip("simplejpeg")
+    header = jpeg_header(io.BytesIO(b"\xff\xd8" + frame_of(3) + SCAN))
+    refused(check_scans, header, b"no scan", names="its decoder says", error=UnfitImageError)
+    unknown = dataclasses.replace(header, sampling=((3, 1), (1, 1), (1, 1)))
+    assert check_scans(unknown, b"no scan") is None
+
+
+def test_an_npz_holds_one_array_of_less_than_a_gigabyte(monkeypatch):
+    file = io.BytesIO()
+    np.savez(file, one=METRES, other=METRES)
+    refused(array_files.array_values, file.getvalue(), names="is an NPZ of 2 parts", error=UnfitImageError)
+    refused(array_files.array_values, b"", names="is no image that can be read", error=UnfitImageError)
+    one = npy(METRES, np.savez)
+    assert np.array_equal(array_files.array_values(one), METRES, equal_nan=True)
+    monkeypatch.setattr(array_files, "LARGEST_BYTES", METRES.nbytes)  # its header is more
+    refused(array_files.array_values, one, names="is an NPZ of a gigabyte", error=UnfitImageError)

@@ -3,6 +3,7 @@
 
 import json
 import math
+from dataclasses import replace
 
 import numpy as np
 from cases import cases
@@ -10,7 +11,7 @@ from pose_texts import NS, blocks, expected, is_expected
 from refusals import refused
 
 from noisy_world.core.geometry import Intrinsics
-from noisy_world.trajectories.formats import read_trajectory, read_trajectory_file
+from noisy_world.trajectories.formats import DOOR, TRAJECTORY_FORMATS, read_trajectory, read_trajectory_file
 
 # --- four lines a pose ---
 
@@ -216,3 +217,54 @@ def test_the_files_camera_is_held_against_the_presets(write):
 )  # fmt: skip
 def test_transforms_that_are_no_path(refused, content, says):
     assert says in refused(content)
+
+
+# --- Open3D's JSON, transforms.json and COLMAP's images ---
+
+
+def test_json_of_open3d_that_holds_no_path(refused):
+    assert refused('{"class_name": "PinholeCameraIntrinsic"}', format="open3d").startswith("class_name: is ")
+    told = refused('{"class_name": "PinholeCameraTrajectory", "parameters": []}', format="open3d")
+    assert told.startswith("parameters: holds no pose; a list of objects with extrinsic, 16 numbers each")
+    told = refused('{"class_name": "PoseGraph", "nodes": 3}', format="open3d")
+    assert told.startswith("nodes: holds no pose; a list of objects with pose")
+
+
+def test_names_without_numbers_tell_no_order(write):
+    unit = np.eye(4).tolist()
+
+    def notes(*names):
+        frames = [{"file_path": name, "transform_matrix": unit} for name in names]
+        return read_trajectory(write(json.dumps({"frames": frames}), "transforms.json")).notes
+
+    assert notes("hall.png", "door.png") == ()
+    assert notes("1.png", "door.png") == ()
+    assert "(1.png comes after 2.png)" in " ".join(notes("2.png", "1.png"))
+
+
+def test_images_of_colmap_that_hold_no_pose(refused):
+    assert refused("# IMAGE_ID, QW\n", format="colmap").startswith("holds no pose; a reconstruction of one image")
+    told = refused("# IMAGE_ID\n1 1 0 0 zero 0 0 0 1 a.png\n\n", format="colmap")
+    assert told.startswith("line 2: holds a pose that is no numbers")
+
+
+def test_empty_lines_before_the_images_of_colmap_are_no_images(write):
+    lines = ["# IMAGE_ID", "", " ", "1 1 0 0 0 -1 -2 -3 1 a.png", "", "2 1 0 0 0 -4 -5 -6 1 b.png", "", ""]
+    found = read_trajectory(write("\n".join(lines)), format="colmap")
+    assert found.c2w[:, :3, 3].tolist() == [[1, 2, 3], [4, 5, 6]]
+
+
+def test_numbers_that_no_seconds_can_tell_apart(refused):
+    first = 9 * 10**15
+    text = "".join(f"{first + n} {first + n} {first + n + 1}\n{block}" for n, block in enumerate(blocks()))
+    told = refused(text, format="log", rate_hz=1e6)
+    assert "too closely for float64 seconds" in told
+    assert "number them from 0" in told
+
+
+def test_what_a_format_does_not_say_of_itself():
+    known = TRAJECTORY_FORMATS["tum"]
+    assert DOOR.problem(known) == ""
+    assert DOOR.problem(replace(known, label="", meaning="")) == "its trajectory format lacks label, meaning"
+    for name in ("auto", "My Format", "9lives"):
+        assert DOOR.problem(replace(known, name=name)).startswith(f"{name!r} is no name of a format")
