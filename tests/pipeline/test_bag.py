@@ -423,3 +423,23 @@ def _moved(data, count):
     at = len(data) - 8 - 20
     start, _ = struct.unpack_from("<QQ", data, at)
     return data[:at] + struct.pack("<QQI", start + count, 0, 0) + data[-8:]
+
+
+@pytest.mark.parametrize(
+    ("encoding", "pixel", "written"),
+    [
+        ("bgr8", (30, 20, 10), "bgr8"),
+        ("8UC3", (30, 20, 10), "8UC3"),
+        ("rgba8", (10, 20, 30, 255), "rgba8"),
+        ("bgra8", (30, 20, 10, 255), "bgra8"),
+        ("8UC4", (30, 20, 10, 255), "8UC4"),
+        ("bayer_rggb8", (10, 20, 30), "rgb8"),
+    ],
+)
+def test_colour_is_written_in_the_order_of_its_encoding(encoding, pixel, written):
+    from noisy_world.layouts.bag_writing import _as_encoded
+
+    pixels, said = _as_encoded(np.full((2, 3, 3), (10, 20, 30), np.uint8), encoding)
+    assert said == written
+    assert pixels.shape == (2, 3, len(pixel))
+    assert (pixels == pixel).all()
