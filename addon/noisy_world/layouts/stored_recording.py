@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.errors import InputError, Message, PresetKey
-from ..core.file_access import finite_number, read_text
+from ..core.file_access import finite_number, read_bytes, read_text
 from ..core.frame_table import FRAMES, given_lines
 from ..core.geometry import Intrinsics
 from ..core.lens import PINHOLE, Optics
@@ -254,7 +254,7 @@ class StoredSequence:
         """Return what the file of a frame's colour holds. Raises InputError where it cannot be read."""
         path = self.rgb_files[index]
         try:
-            return path.read_bytes()
+            return read_bytes(path, largest_bytes=None)
         except OSError as error:
             raise InputError(path, "cannot be read") from error
 

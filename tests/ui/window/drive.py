@@ -227,7 +227,7 @@ def generate() -> at.Steps:
 def track() -> at.Steps:
     """Run SLAM on what was generated, hide one of the paths, undo and redo, and remove them."""
     name = next(name for name in sys.modules if name.endswith("noisy_world.panel.generating"))
-    tracking, drawn = sys.modules[name], sys.modules[name.replace("generate", "drawn_paths")]
+    tracking, drawn = sys.modules[name], sys.modules[name.replace("generating", "drawn_paths")]
 
     def phase() -> str:
         run = tracking.tracking_of(bpy.context.scene)
