@@ -5,7 +5,6 @@ import math
 import struct
 
 import cv2
-import lz4.frame
 import made_bags as made
 import numpy as np
 import pytest
@@ -481,7 +480,7 @@ def test_a_view_in_place_of_a_table_is_refused(tmp_path):
 
 
 def test_chunks_are_not_decompressed_beyond_what_they_say():
-    zeros = lz4.frame.compress(bytes(10**8))
+    zeros = pytest.importorskip("lz4.frame", reason="lz4 is not installed").compress(bytes(10**8))
     assert bag_files.decompressed(zeros, "lz4", 1000, None) == bytes(1000)
 
 
