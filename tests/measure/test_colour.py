@@ -11,7 +11,7 @@ from noisy_world.core.schema import ConfigPath
 from noisy_world.measure.coding import coding
 from noisy_world.measure.fixed_noise import fixed_noise
 from noisy_world.measure.footage import footage_of
-from noisy_world.measure.light import light_figures, light_of
+from noisy_world.measure.recorded_light import light_figures, light_of
 from noisy_world.perturb import apply
 from noisy_world.sources.recording import read_recording
 

@@ -13,7 +13,7 @@ from noisy_world.core.geometry import Intrinsics
 from noisy_world.dataset.plan import make_plan
 from noisy_world.measure.depth_noise import depth_noise
 from noisy_world.measure.figure import Figure
-from noisy_world.measure.looking import Findings
+from noisy_world.measure.looking import RecordingFigures
 from noisy_world.measure.twin import places, twin_of
 from noisy_world.perturbations import registry
 from noisy_world.perturbations.kinds import FrameContext
@@ -29,7 +29,7 @@ DISPARITY |= {"least_share": 0.0, "shift_px": 0.0, "min_m": 0.0, "max_m": 1000.0
 
 def found_of(*figures):
     """Findings with figures alone."""
-    return Findings("walk", COUNT, (WIDE, HIGH), 1.0, COUNT, {figure.name: figure for figure in figures})
+    return RecordingFigures("walk", COUNT, (WIDE, HIGH), 1.0, COUNT, {figure.name: figure for figure in figures})
 
 
 def seen_by(sensor, who):

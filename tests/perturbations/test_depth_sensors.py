@@ -15,7 +15,7 @@ from noisy_world.perturb import apply
 from noisy_world.perturbations import registry
 from noisy_world.perturbations.shipped._depth_devices import shadowed
 from noisy_world.perturbations.shipped._depth_devices import cosine_of_incidence
-from noisy_world.perturbations.shipped._noise import Shared, drawn
+from noisy_world.perturbations.shipped._noise import SharedNoise, drawn
 from noisy_world.perturbations.steps import deciding
 
 pytestmark = pytest.mark.filterwarnings("error")
@@ -352,7 +352,7 @@ def context_of(frame, **changes):
 
 @cases(("px", "frames", "share"), [(2.0, 1, 1.0), (3.0, 2, 1.0), (4.0, 1, 0.6), (7.5, 3, 1.0), (0.0, 3, 1.0)])
 def test_shared_numbers_are_standard_normal_up_to_the_edges_and_correlated_as_told(px, frames, share):
-    fields = np.stack([drawn(context_of(k), "x", (90, 131), Shared(px, frames, share))[0] for k in range(100)])
+    fields = np.stack([drawn(context_of(k), "x", (90, 131), SharedNoise(px, frames, share))[0] for k in range(100)])
     assert fields.std() == pytest.approx(1, abs=0.01)
     for edge in (fields[:, 0], fields[:, -1], fields[:, :, 0], fields[:, :, -1]):
         assert edge.std() == pytest.approx(1, abs=0.04)
@@ -368,15 +368,15 @@ def test_shared_numbers_are_standard_normal_up_to_the_edges_and_correlated_as_to
 
 
 def test_what_goes_farther_than_the_image_is_one_number_and_takes_no_more_memory():
-    fields = np.stack([drawn(context_of(k), "x", (48, 64), Shared(1e9))[0] for k in range(60)])
+    fields = np.stack([drawn(context_of(k), "x", (48, 64), SharedNoise(1e9))[0] for k in range(60)])
     assert np.ptp(fields, axis=(1, 2)).max() < 0.5
     assert fields.std() == pytest.approx(1, abs=0.25)
 
 
 def test_fields_of_one_purpose_are_independent_and_a_fixed_pattern_stays():
-    down, right = drawn(context_of(0), "x", (200, 300), Shared(3.0, 2), count=2)
+    down, right = drawn(context_of(0), "x", (200, 300), SharedNoise(3.0, 2), count=2)
     assert abs(np.mean(down * right)) < 0.02
-    first, later = (drawn(context_of(k, temporal="fixed"), "x", (20, 30), Shared(3.0, 2))[0] for k in (0, 9))
+    first, later = (drawn(context_of(k, temporal="fixed"), "x", (20, 30), SharedNoise(3.0, 2))[0] for k in (0, 9))
     np.testing.assert_array_equal(first, later)
 
 

@@ -18,7 +18,7 @@ from .entry import Entry
 if TYPE_CHECKING:
     from ..core.geometry import Intrinsics
     from ..measure.figure import Figure
-    from ..measure.looking import Findings
+    from ..measure.looking import RecordingFigures
     from ..render.source import Source
 
 VIDEOS = (".mp4", ".mov", ".avi", ".mkv", ".webm", ".m4v")
@@ -76,7 +76,7 @@ def _measure(options: argparse.Namespace, _: Entry) -> int:
             raise InputError(file.absolute().parent, "is no folder", remedy="make it, or name another file")
     texts: list[dict[Path, str]] = []
 
-    def look(name: str, source: "Source", camera: "Intrinsics") -> "Findings":
+    def look(name: str, source: "Source", camera: "Intrinsics") -> "RecordingFigures":
         if files and texts:
             raise NoisyWorldError("several recordings would be one device", remedy="choose one: --scenes NAME")
         found = measured(name, source, camera)
@@ -94,8 +94,8 @@ def _measure(options: argparse.Namespace, _: Entry) -> int:
     return status
 
 
-def _printed(options: argparse.Namespace, look: "Callable[[str, Source, Intrinsics], Findings]") -> int:
-    found: list[Findings] = []
+def _printed(options: argparse.Namespace, look: "Callable[[str, Source, Intrinsics], RecordingFigures]") -> int:
+    found: list[RecordingFigures] = []
     rendered: list[str] = []
     for name, source, camera in scenes_of(options):
         if source.capabilities.recorded:
@@ -169,7 +169,7 @@ def _scene(options: argparse.Namespace) -> dict[str, Any]:
 # --- the page ---
 
 
-def _page(found: "Findings") -> Iterator[str]:
+def _page(found: "RecordingFigures") -> Iterator[str]:
     wide, high = found.size_px
     yield f"recording  {found.name}: {found.frames} frames of {wide} x {high}, {found.seconds:.2f} s"
     yield f"looked at  {found.read} frames"
@@ -191,7 +191,7 @@ def _shown(figure: "Figure") -> str:
     return f"{number}{within} of {figure.samples} {figure.of}"
 
 
-def _content(found: "Findings") -> dict[str, Any]:
+def _content(found: "RecordingFigures") -> dict[str, Any]:
     return {
         "name": found.name,
         "frames": found.frames,

@@ -16,7 +16,7 @@ from .entry import Entry
 if TYPE_CHECKING:
     from ..core.geometry import Intrinsics
     from ..measure.comparison import Comparison, Row
-    from ..measure.looking import Findings
+    from ..measure.looking import RecordingFigures
     from ..render.source import Source
 
 PAGES = (".html", ".htm")
@@ -85,7 +85,7 @@ def _recording(what: Path, options: argparse.Namespace) -> "tuple[str, Source, I
     return recorded[0]
 
 
-def _write(options: argparse.Namespace, a: "Findings", b: "Findings", found: "Comparison") -> None:
+def _write(options: argparse.Namespace, a: "RecordingFigures", b: "RecordingFigures", found: "Comparison") -> None:
     from ..core.atomic_files import made_beside
     from ..measure.comparison_page import page
 
@@ -95,7 +95,7 @@ def _write(options: argparse.Namespace, a: "Findings", b: "Findings", found: "Co
         unfinished.write_bytes(data)
 
 
-def _side(what: Path, found: "Findings") -> dict[str, Any]:
+def _side(what: Path, found: "RecordingFigures") -> dict[str, Any]:
     return {
         "name": str(what),
         "frames": found.frames,

@@ -40,9 +40,9 @@ from .stored import (
     FolderDataset,
     JournalTimes,
     PackedDataset,
-    Part,
     Recorded,
     StoredDataset,
+    StoredPart,
     folder_part,
     hashed_part,
     is_packed,
@@ -131,11 +131,11 @@ class Shards:
     merged: tuple[str, ...] = ()
     finished: list[str] = field(default_factory=list)
     unfinished: dict[str, float] = field(default_factory=dict)
-    parts: dict[str, list[Part]] = field(default_factory=dict)
+    parts: dict[str, list[StoredPart]] = field(default_factory=dict)
     identities: list[dict[str, Any]] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
 
-    def add(self, sequence: str, part: Part) -> None:
+    def add(self, sequence: str, part: StoredPart) -> None:
         """Add what a shard holds of a sequence."""
         self.parts.setdefault(sequence, []).append(part)
 

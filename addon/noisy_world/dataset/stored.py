@@ -137,7 +137,7 @@ class FileInventory:
 
 
 @dataclass(frozen=True)
-class Part:
+class StoredPart:
     """What holds some of a sequence's files, such as its folder, its tar or a shard, and what tells of them.
 
     journals: returns what tells of them, one after another. there: returns those of some files that it holds; they are
@@ -165,7 +165,11 @@ class Part:
 
 
 def inventory(
-    folder: str, parts: Iterable[Part], images_each: int, asked: Container[int] | None, hasher: Hasher | None = None
+    folder: str,
+    parts: Iterable[StoredPart],
+    images_each: int,
+    asked: Container[int] | None,
+    hasher: Hasher | None = None,
 ) -> FileInventory:
     """Return what there is of a sequence.
 
@@ -198,7 +202,7 @@ def folder_part(
     name: str,
     journals: Journals | None = None,
     records: Sequence[FrameRecord] = (),
-) -> Part:
+) -> StoredPart:
     """Return a folder with a sequence's images as what holds them: the dataset's, or a shard's.
 
     name: the sequence's folder. journals: of the working folder. records: of a finished shard, which has no journals.
@@ -219,12 +223,12 @@ def folder_part(
     def written(place: int, newest: Sequence[dict[str, str]], images_each: int) -> JournalTimes | None:
         return _written(images, newest, images_each) if place else None  # frames.jsonl is the first
 
-    return Part(all_lines, there, written)
+    return StoredPart(all_lines, there, written)
 
 
 def hashed_part(
     records: Iterable[FrameRecord], digests: Callable[[Recorded], Digests], time_s: float | None = None
-) -> Part:
+) -> StoredPart:
     """Return what has been read as a whole, a tar or a shard at an address, as what holds files of a sequence.
 
     records: what it says of them. digests: returns those of some files that it holds. time_s: when all were written,
@@ -237,7 +241,7 @@ def hashed_part(
             return None
         return JournalTimes((time_s,), sum(len(files) for _, files in lines) / images_each, cut=False)
 
-    return Part(lambda: [lines], lambda files, _: digests(files), written)
+    return StoredPart(lambda: [lines], lambda files, _: digests(files), written)
 
 
 def journals_of(work: Path) -> Journals:
@@ -309,7 +313,7 @@ class StoredDataset:
     One that is under way at an address is known by its shards alone: no file is there under its name yet.
     """
 
-    def __init__(self, store: Store, state: DatasetState, parts: Mapping[str, list[Part]] | None = None) -> None:
+    def __init__(self, store: Store, state: DatasetState, parts: Mapping[str, list[StoredPart]] | None = None) -> None:
         """Take the place. parts: what shards hold of its sequences, by the sequence's folder."""
         self.store = store
         self.state = state
@@ -453,7 +457,7 @@ class FolderDataset(StoredDataset):
 
     store: FolderStore
 
-    def __init__(self, folder: Path, state: DatasetState, parts: Mapping[str, list[Part]] | None = None) -> None:
+    def __init__(self, folder: Path, state: DatasetState, parts: Mapping[str, list[StoredPart]] | None = None) -> None:
         """Take the folder. parts: as of `StoredDataset`."""
         super().__init__(FolderStore(folder), state, parts)
         self._folder = folder

@@ -72,7 +72,7 @@ class Connection:
 
 
 @dataclass(frozen=True, eq=False)
-class Rows:
+class MessageRows:
     """Where messages lie, in the order of the files. All (N,): the connection's number, the time at which the message
     was recorded, the part, the chunk in it (-1: in none), and where it begins there."""
 
@@ -85,9 +85,11 @@ class Rows:
     def __len__(self) -> int:
         return len(self.log_ns)
 
-    def take(self, rows: NDArray[Any]) -> "Rows":
+    def take(self, rows: NDArray[Any]) -> "MessageRows":
         """Return some of them."""
-        return Rows(self.connection[rows], self.log_ns[rows], self.part[rows], self.chunk[rows], self.offset[rows])
+        return MessageRows(
+            self.connection[rows], self.log_ns[rows], self.part[rows], self.chunk[rows], self.offset[rows]
+        )
 
 
 def is_bag(path: Path) -> bool:
@@ -128,12 +130,12 @@ class Bag:
         return self._read[0]
 
     @cached_property
-    def rows(self) -> Rows:
+    def rows(self) -> MessageRows:
         """Every message, in the order of the files."""
         return self._read[1]
 
     @cached_property
-    def _read(self) -> tuple[tuple[Connection, ...], Rows]:
+    def _read(self) -> tuple[tuple[Connection, ...], MessageRows]:
         merged: dict[tuple[Any, ...], int] = {}
         connections: list[Connection] = []
         columns: list[tuple[Int64, ...]] = []
@@ -153,7 +155,7 @@ class Bag:
             if len(found) and found.min() < 0:
                 raise part.damaged("a message is of no topic")
             columns.append((found, log_ns, np.full(len(found), number, np.int64), chunk, offset))
-        rows = Rows(*(np.concatenate(column) for column in zip(*columns, strict=True)))
+        rows = MessageRows(*(np.concatenate(column) for column in zip(*columns, strict=True)))
         counts = np.bincount(rows.connection, minlength=len(connections)).tolist()
         return tuple(replace(item, count=counts[item.number]) for item in connections), rows
 
@@ -161,12 +163,12 @@ class Bag:
         """Return the connections of a topic."""
         return tuple(item for item in self.connections if item.topic == topic)
 
-    def rows_of(self, *topics: str) -> Rows:
+    def rows_of(self, *topics: str) -> MessageRows:
         """Return the messages of topics, in the order of the files."""
         numbers = [item.number for topic in topics for item in self.of_topic(topic)]
         return self.rows.take(np.flatnonzero(np.isin(self.rows.connection, numbers)))
 
-    def data(self, rows: Rows, row: int, most: int | None = None, *, raw: bool = False) -> bytes:
+    def data(self, rows: MessageRows, row: int, most: int | None = None, *, raw: bool = False) -> bytes:
         """Return the data of a message, or the first bytes of it. Raises InputError where they cannot be read.
 
         raw: as they are stored, where a bag of ROS 2 compresses its messages one by one.
@@ -208,7 +210,7 @@ def _part_files(path: Path) -> list[Path]:
     return files
 
 
-def _opened(path: Path) -> "Part":
+def _opened(path: Path) -> "BagPart":
     try:
         with open_regular(path) as file:
             start = file.read(len(SQLITE_MAGIC))
@@ -230,7 +232,7 @@ Columns: TypeAlias = tuple[Int64, Int64, Int64, Int64]
 """Of each message: the connection's number in the file, the time of recording, the chunk, and where it begins."""
 
 
-class Part(ABC):
+class BagPart(ABC):
     """A file of a bag. repair: the command that mends one that was cut."""
 
     repair: ClassVar[str]
@@ -283,7 +285,7 @@ class _Chunk:
             raise _CutError(f"the chunk at byte {self.start} has {self.stored_bytes} bytes, not {self.whole_bytes}")
 
 
-class _ChunkedPart(Part):
+class _ChunkedPart(BagPart):
     """A file of records, some of which lie in chunks."""
 
     def __init__(self, path: Path) -> None:
@@ -761,7 +763,7 @@ _TABLES = {
 }
 
 
-class SqlitePart(Part):
+class SqlitePart(BagPart):
     """A database of rosbag2."""
 
     repair = "sqlite3 FILE .recover"

@@ -23,7 +23,7 @@ from ..core.trajectory import NS_PER_S, FrameStamps, Stamps, Trajectory
 from ..images.image_files import WholeFile, spoken, whole_image
 from ..trajectories.rig import Imu, ImuModel, ImuSamples, RecordedImu, Rig, Sensor
 from . import bag_messages as ros
-from .bag_files import Bag, Rows
+from .bag_files import Bag, MessageRows
 from .bag_messages import CameraInfo, ImageHead, MessageError, Moved
 from .described import BagTopics
 from .layout import MILLIMETRES
@@ -58,7 +58,7 @@ class Topic:
     name: str
     kind: str
     encoding: str
-    rows: Rows
+    rows: MessageRows
     head: ImageHead | None = None
 
     @property

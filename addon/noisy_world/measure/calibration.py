@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from ..core.geometry import Intrinsics, rotation_from_rotvec
 from ..images.measured_depth import completed_m
 from .figure import BLOCKS, Figure, blocks_of, jackknifed
-from .footage import Float32, Float64, Footage
+from .footage import Float32, Float64, RecordingView
 
 # Chosen, as all below.
 WIDE_PX = 320
@@ -49,7 +49,7 @@ class Calibration:
     turn_deg: Float64 | None = None
 
 
-def calibration(footage: Footage, frames: Sequence[int], depth_later: int = 0) -> Calibration:
+def calibration(footage: RecordingView, frames: Sequence[int], depth_later: int = 0) -> Calibration:
     """Return how depth lies on colour. frames: that are looked at. depth_later: by how many frames depth is late."""
     if not footage.has_depth:
         return _untold("there is no depth")

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ..images.image_header import JPEG_SIGNATURE, START_OF_SCAN, UnfitImageError, jpeg_header, next_segment
 from .figure import Figure
-from .footage import Float64, Footage
+from .footage import Float64, RecordingView
 
 QUALITY, APART, STEP = "jpeg_quality", "jpeg_tables_apart_share", "jpeg_step"
 SHARES = {(1, 1): "jpeg_444_share", (2, 1): "jpeg_422_share", (2, 2): "jpeg_420_share"}
@@ -61,7 +61,7 @@ class _Tables:
     each: tuple[int, int]
 
 
-def coding(footage: Footage, frames: Sequence[int]) -> Coding:
+def coding(footage: RecordingView, frames: Sequence[int]) -> Coding:
     """Return how colour of some frames was compressed. Raises InputError where a file cannot be read."""
     opened = footage.opened
     if not isinstance(opened, EncodedSource):

@@ -13,7 +13,7 @@ from itertools import pairwise
 import numpy as np
 
 from .figure import BLOCKS, Figure, blocks_of, jackknifed
-from .footage import Float64, Footage
+from .footage import Float64, RecordingView
 
 # Chosen, as all below.
 SIDE = 8  # of a block in pixels
@@ -64,7 +64,7 @@ class _Blocks:
     frame: Float64
 
 
-def colour_noise(footage: Footage, frames: Sequence[int]) -> ColourNoise:
+def colour_noise(footage: RecordingView, frames: Sequence[int]) -> ColourNoise:
     """Return the noise of colour in some frames. Raises InputError where one of them is damaged."""
     blocks = _joined(_of_frame(footage.look(frame).colour[..., 1], number) for number, frame in enumerate(frames))
     groups = blocks_of(len(frames))[blocks.frame.astype(int)]

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ..images.measured_depth import completed_m
 from .figure import BLOCKS, Figure, blocks_of, jackknifed
-from .footage import Float32, Float64, Footage
+from .footage import Float32, Float64, RecordingView
 
 # Chosen, as all below.
 SIDE, WIDE_SIDE = 9, 24  # of blocks in pixels: for the deviation, and for correlation
@@ -52,7 +52,7 @@ class DepthNoise:
         return (*self.law, *(figure for _, figure in self.curve), *self.steps, *self.correlation, *self.holes)
 
 
-def depth_noise(footage: Footage, frames: Sequence[int]) -> DepthNoise:
+def depth_noise(footage: RecordingView, frames: Sequence[int]) -> DepthNoise:
     """Return the noise of depth in some frames, and of the ones after them. Raises InputError for a damaged file."""
     distance: list[Float64] = []
     spread: list[Float64] = []

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .figure import BLOCKS, Figure, blocks_of, jackknifed
-from .footage import Float32, Float64, Footage
+from .footage import Float32, Float64, RecordingView
 
 # Chosen, as all below.
 LEAST_FRAMES = 8
@@ -24,7 +24,7 @@ FLOOR, RELATIVE = 0.35, 0.05  # error, of 255 and relative, by what lies along r
 HOT, ROWS, COLUMNS = "hot_pixel_share", "row_noise_std", "column_noise_std"
 
 
-def fixed_noise(footage: Footage, frames: Sequence[int]) -> tuple[Figure, ...]:
+def fixed_noise(footage: RecordingView, frames: Sequence[int]) -> tuple[Figure, ...]:
     """Return hot pixels, and the noise of rows and columns, of some frames that are apart.
 
     Raises InputError where one of them is damaged.

@@ -43,7 +43,7 @@ class Look:
 
 
 @dataclass
-class Footage:
+class RecordingView:
     """A recording's frames, by their numbers.
 
     name: for messages. camera: of colour, at the size of `Look`. scale: that size over the recorded one. lens: what the
@@ -142,7 +142,7 @@ class Footage:
 
 
 @contextmanager
-def footage_of(name: str, source: Source, camera: Intrinsics, widest_px: int = WIDEST_PX) -> Iterator[Footage]:
+def footage_of(name: str, source: Source, camera: Intrinsics, widest_px: int = WIDEST_PX) -> Iterator[RecordingView]:
     """Open a recorded source for measuring. camera: of colour, as the source returned it."""
     path, found = source.trajectory(), source.capabilities
     small = camera.shrunk(widest_px)
@@ -152,4 +152,4 @@ def footage_of(name: str, source: Source, camera: Intrinsics, widest_px: int = W
         scale = small.width_px / camera.width_px
         lens = source.optics(camera)
         stamps, more = source.frame_stamps, (found.depth_scale_per_m, found.poses_path)
-        yield Footage(name, opened, small, scale, lens, path, stamps, found.depth, found.imu, *more)
+        yield RecordingView(name, opened, small, scale, lens, path, stamps, found.depth, found.imu, *more)

@@ -15,7 +15,7 @@ from ..core.geometry import rotvec_from_rotation
 from ..core.trajectory import NS_PER_S, Trajectory
 from ..trajectories.rig import RecordedImu
 from .figure import BLOCKS, Figure, blocks_of, jackknifed
-from .footage import Float64, Footage
+from .footage import Float64, RecordingView
 from .motion import TUKEY, Steps
 
 # Chosen, as all below.
@@ -132,7 +132,7 @@ def _top(places: NDArray[np.int64], scores: Float64) -> float:
 # --- the clock of an IMU ---
 
 
-def imu_clock(footage: Footage, steps: Steps) -> Figure:
+def imu_clock(footage: RecordingView, steps: Steps) -> Figure:
     """Return the IMU's clock minus the images', in seconds."""
     if footage.imu is None:
         return Figure.none(CLOCK, "there is no IMU")

@@ -14,12 +14,12 @@ from .colour_noise import colour_noise
 from .depth_noise import depth_noise
 from .figure import BLOCKS, Figure, Place
 from .fixed_noise import fixed_noise
-from .footage import Footage, footage_of
+from .footage import RecordingView, footage_of
 from .imu_noise import imu_noise
 from .lateness import CLOCK, LATE, depth_lateness, imu_clock, imu_clock_by_poses
-from .light import light_figures, light_of
 from .motion import Steps, steps_of
 from .parallax import AS_READ, Parallax, parallax
+from .recorded_light import light_figures, light_of
 from .timing import Doubled, depth_stamps_later_s, doubled, runs_of, stamp_figures, void_figures
 
 # Chosen, as all below: sound recordings stay below, and what breaks a system is above.
@@ -41,7 +41,7 @@ MOST_LOOK = 90
 
 
 @dataclass(frozen=True)
-class Findings:
+class RecordingFigures:
     """What was found of a recording.
 
     frames, size_px, seconds: what there is. read: how many frames were decoded. figures: by name. faults: a line each.
@@ -73,7 +73,7 @@ class _Heap:
         self.faults.append((name, text))
 
 
-def look_at(name: str, source: Source, camera: Intrinsics, looked_at: int = LOOKED_AT) -> Findings:
+def look_at(name: str, source: Source, camera: Intrinsics, looked_at: int = LOOKED_AT) -> RecordingFigures:
     """Measure a recorded source. camera: of colour. looked_at: how many frames in a row, in all; below 2 none.
 
     Raises InputError where a file that is looked at is damaged.
@@ -96,7 +96,7 @@ def look_at(name: str, source: Source, camera: Intrinsics, looked_at: int = LOOK
         else:
             _clock(heap, Figure.none(CLOCK, "no images are looked at"), by_poses)
         _geometry(heap, footage, later, edges=looked_at >= MOST_LOOK)
-        return Findings(
+        return RecordingFigures(
             name,
             len(footage),
             (round(footage.whole_px), round(footage.camera.height_px / footage.scale)),
@@ -108,7 +108,7 @@ def look_at(name: str, source: Source, camera: Intrinsics, looked_at: int = LOOK
         )
 
 
-def measured(name: str, source: Source, camera: Intrinsics) -> Findings:
+def measured(name: str, source: Source, camera: Intrinsics) -> RecordingFigures:
     """Measure the noise of a recorded source beside what `look_at` does. camera: of colour.
 
     Raises InputError where a file that is looked at is damaged.
@@ -149,7 +149,7 @@ def remarks_on(source: Source, camera: Intrinsics, making: int) -> Iterator[str]
     yield from look_at("", source, camera, 0 if looked_at < LEAST_LOOK else min(looked_at, MOST_LOOK)).faults
 
 
-def _busy(footage: Footage) -> Sequence[float]:
+def _busy(footage: RecordingView) -> Sequence[float]:
     """Return how much the camera's turning changes around each frame, by the IMU; nothing without one."""
     if footage.imu is None:
         return ()
@@ -162,7 +162,7 @@ def _busy(footage: Footage) -> Sequence[float]:
 # --- figures, and the faults that they are ---
 
 
-def _stamps(heap: _Heap, footage: Footage) -> None:
+def _stamps(heap: _Heap, footage: RecordingView) -> None:
     figures = stamp_figures(footage.stamps.rgb.seconds)
     heap.add(*figures)
     rate, jitter, gap, missing = (figure.value for figure in figures)
@@ -170,15 +170,15 @@ def _stamps(heap: _Heap, footage: Footage) -> None:
         return
     if missing > MISSING * len(footage):
         share = missing / (len(footage) + missing)
+        frames = "1 frame is" if round(missing) == 1 else f"{missing:.0f} frames are"
         heap.fault(
-            "missing_frames",
-            f"{missing:.0f} frames are missing by the time stamps ({share:.0%}), the longest gap is {gap:.3g} s",
+            "missing_frames", f"{frames} missing by the time stamps ({share:.0%}), the longest gap is {gap:.3g} s"
         )
     if jitter * rate > JITTER:
         heap.fault("jitter_s", f"time stamps jitter by {1e3 * jitter:.3g} ms, {jitter * rate:.0%} of a frame")
 
 
-def _steps(heap: _Heap, footage: Footage, steps: Steps) -> None:
+def _steps(heap: _Heap, footage: RecordingView, steps: Steps) -> None:
     """Add which frames are doubled, and what has no depth."""
     _doubles(heap, doubled(steps, steps.same, "doubled_share", steps.change), "colour")
     if not footage.has_depth:
@@ -190,7 +190,7 @@ def _steps(heap: _Heap, footage: Footage, steps: Steps) -> None:
         heap.fault(empty.name, f"{empty.value:.0%} of the frames that were looked at have no depth at all")
 
 
-def _late(heap: _Heap, footage: Footage, steps: Steps, runs: Sequence[range]) -> int:
+def _late(heap: _Heap, footage: RecordingView, steps: Steps, runs: Sequence[range]) -> int:
     """Add how late depth is; return by how many frames, where it is a fault."""
     if not footage.has_depth:
         return 0
@@ -253,7 +253,7 @@ def _clock(heap: _Heap, clock: Figure, by_poses: Figure) -> None:
         )
 
 
-def _geometry(heap: _Heap, footage: Footage, later: int, *, edges: bool) -> None:
+def _geometry(heap: _Heap, footage: RecordingView, later: int, *, edges: bool) -> None:
     found: Parallax = parallax(footage, later)
     heap.add(found.factor)
     if found.remark:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from ..core.geometry import rotation_from_rotvec, rotvec_from_rotation
 from ..images.measured_depth import completed_m
-from .footage import Float32, Float64, Footage, Look, Points
+from .footage import Float32, Float64, Look, Points, RecordingView
 
 Grey: TypeAlias = NDArray[np.uint8]
 
@@ -85,7 +85,7 @@ class _Seen:
     inverse: "Inverse | None"
 
 
-def steps_of(footage: Footage, runs: Sequence[range], *, fine: bool = False, depth_later: int = 0) -> Steps:
+def steps_of(footage: RecordingView, runs: Sequence[range], *, fine: bool = False, depth_later: int = 0) -> Steps:
     """Return what happens in runs of frames.
 
     fine: whether the camera's turns are wanted as exactly as they can be had. depth_later: depth is taken from so many
@@ -135,7 +135,7 @@ def _seen(look: Look, depth_flow: "DepthFlow | None", widest_px: int) -> _Seen:
 
 
 def _step(
-    footage: Footage,
+    footage: RecordingView,
     run: int,
     first: tuple[int, _Seen],
     second: tuple[int, _Seen],
@@ -179,7 +179,7 @@ def followed(one: Grey, other: Grey, count: int) -> tuple[Points, Points] | None
     return points[kept], np.asarray(there, np.float32)[kept]
 
 
-def _moved(footage: Footage, one: _Seen, found: tuple[Points, Points]) -> Float64:
+def _moved(footage: RecordingView, one: _Seen, found: tuple[Points, Points]) -> Float64:
     """Return the motion (6,) of a step; NaN where it cannot be told."""
     times = footage.camera.width_px / one.grey.shape[1]
     here, there = (footage.plane(((points + 0.5) * times - 0.5).astype(np.float32)) for points in found)
@@ -268,7 +268,7 @@ class DepthFlow:
     In inverse depth, in which planes are linear and a disparity's noise is even. Edges are left out.
     """
 
-    def __init__(self, footage: Footage) -> None:
+    def __init__(self, footage: RecordingView) -> None:
         wide_px, high_px = footage.size_px
         self._size_px = min(TINY_PX, wide_px), max(2, round(high_px * min(1.0, TINY_PX / wide_px)))
         times = wide_px / self._size_px[0]

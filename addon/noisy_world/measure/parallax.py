@@ -20,7 +20,7 @@ from ..core.errors import Message, Part, PresetKey
 from ..core.geometry import invert_pose
 from ..core.trajectory import Axes, Direction, convert_convention
 from .figure import Figure
-from .footage import Float64, Footage, Points
+from .footage import Float64, Points, RecordingView
 
 # Chosen, as all below: of 60 real frames and of rooms these find made faults and nothing else.
 PAIRS = 7
@@ -123,7 +123,7 @@ class Parallax:
 FACTOR = "farther_than_depth_says"
 
 
-def parallax(footage: Footage, depth_later: int = 0) -> Parallax:
+def parallax(footage: RecordingView, depth_later: int = 0) -> Parallax:
     """Return what parallax between some pairs of frames says. depth_later: by how many frames depth is late.
 
     Raises InputError where an image that is looked at is damaged.
@@ -147,7 +147,7 @@ def parallax(footage: Footage, depth_later: int = 0) -> Parallax:
 # --- following features ---
 
 
-def _pairs(footage: Footage, depth_later: int) -> Iterator[Followed]:
+def _pairs(footage: RecordingView, depth_later: int) -> Iterator[Followed]:
     """Yield pairs of frames with known poses, evenly over the recording, between which features move."""
     known = np.flatnonzero(footage.path.known)
     if len(known) < 2:
@@ -180,7 +180,7 @@ def _pairs(footage: Footage, depth_later: int) -> Iterator[Followed]:
 class _Follower:
     """Follows features between frames of a recording; each is read once."""
 
-    def __init__(self, footage: Footage, depth_later: int) -> None:
+    def __init__(self, footage: RecordingView, depth_later: int) -> None:
         self._footage, self._later = footage, depth_later
         self._images: dict[int, NDArray[np.uint8]] = {}
         self._starts: dict[int, tuple[Points, Float64]] = {}
@@ -237,7 +237,7 @@ class _Follower:
 # --- fitting ---
 
 
-def _fits(pair: Followed, footage: Footage) -> dict[Reading, Fit]:
+def _fits(pair: Followed, footage: RecordingView) -> dict[Reading, Fit]:
     """Return how a pair fits each reading of the poses."""
     c2w, focal_px = footage.path.c2w, footage.focal_px / footage.scale
     found: dict[Reading, Fit] = {}
@@ -335,7 +335,7 @@ def _factor(fits: list[dict[Reading, Fit]], reading: Reading) -> Factor | None:
     return Factor(middle, error) if spread < AGREE else None
 
 
-def _said(footage: Footage, reading: Reading, factor: float | None) -> str:
+def _said(footage: RecordingView, reading: Reading, factor: float | None) -> str:
     """Return what is wrong, in a sentence. factor: on depth; None where it is right."""
     parts: list[Part] = []
     if reading != AS_READ:

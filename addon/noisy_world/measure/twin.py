@@ -20,7 +20,7 @@ from ..perturbations.kinds import SEVERITIES
 from .depth_noise import LAGS_PX, WIDE_SIDE
 from .depth_noise import SIDE as DEPTH_SIDE
 from .figure import Figure, Place
-from .looking import Findings
+from .looking import RecordingFigures
 
 # Chosen, as all below.
 LEAST_CORRELATION = 0.05  # less at all lags is noise of independent pixels
@@ -56,7 +56,7 @@ class Twin:
     untold: list[str] = field(default_factory=list[str])
 
 
-def twin_of(found: Findings, camera: Intrinsics, lens: Distortion | None) -> Twin:
+def twin_of(found: RecordingFigures, camera: Intrinsics, lens: Distortion | None) -> Twin:
     """Return the twin of a measured recording. camera, lens: those of its colour, at the size of its frames."""
     keys: Values = {"width": camera.width_px, "height": camera.height_px}
     keys |= {name: _plain(getattr(camera, f"{name}_px"), 9) for name in ("fx", "fy", "cx", "cy")}
@@ -77,11 +77,11 @@ def twin_of(found: Findings, camera: Intrinsics, lens: Distortion | None) -> Twi
     return twin
 
 
-def _untold(found: Findings) -> Iterator[Figure]:
+def _untold(found: RecordingFigures) -> Iterator[Figure]:
     yield from (figure for figure in found.figures.values() if figure.value is None)
 
 
-def _value(found: Findings, name: str) -> float | None:
+def _value(found: RecordingFigures, name: str) -> float | None:
     figure = found.figures.get(name)
     return None if figure is None else figure.value
 
@@ -93,7 +93,7 @@ def _plain(value: float, digits: int = 4) -> float:
 # --- colour ---
 
 
-def _colour(twin: Twin, found: Findings) -> None:
+def _colour(twin: Twin, found: RecordingFigures) -> None:
     std, slope = _value(found, "colour_gaussian_std"), _value(found, "colour_variance_per_intensity") or 0.0
     if std is None:
         return
@@ -115,7 +115,7 @@ def _colour(twin: Twin, found: Findings) -> None:
 # --- depth ---
 
 
-def _depth(twin: Twin, found: Findings, camera: Intrinsics) -> None:
+def _depth(twin: Twin, found: RecordingFigures, camera: Intrinsics) -> None:
     offset, quadratic = (_value(found, name) for name in ("depth_noise_offset_m", "depth_noise_quadratic_per_m"))
     smallest, step_per_m = _value(found, "depth_step_m"), _value(found, "depth_step_per_m")
     if smallest is not None and smallest > 0 and step_per_m is None:
@@ -139,7 +139,7 @@ def _depth(twin: Twin, found: Findings, camera: Intrinsics) -> None:
 
 
 def _stepped(
-    twin: Twin, found: Findings, camera: Intrinsics, law: tuple[float, float, float], shared: Values
+    twin: Twin, found: RecordingFigures, camera: Intrinsics, law: tuple[float, float, float], shared: Values
 ) -> Values:
     """Return the parameters of a disparity that is rounded. law: offset, quadratic and step, in inverse metres."""
     offset, quadratic, step_per_m = law
@@ -168,7 +168,7 @@ def _stepped(
     return values | shared
 
 
-def _sharing(found: Findings) -> tuple[float, float, int]:
+def _sharing(found: RecordingFigures) -> tuple[float, float, int]:
     """Return the distance in pixels at which shared noise is correlated by 1 / e, its share of the variance, frames.
 
     0, 0, 1 where pixels have their own.
@@ -216,7 +216,7 @@ def _seen_of(side: int, px: float, share: float) -> float:
 # --- holes, and which depth goes with which colour ---
 
 
-def _holes(twin: Twin, found: Findings) -> None:
+def _holes(twin: Twin, found: RecordingFigures) -> None:
     names = ("at_border", "beside_edges", "in_dark", "elsewhere")
     shares = {name: _value(found, f"holes_{name}_share") for name in names}
     known = {name: value for name, value in shares.items() if value is not None}
@@ -234,7 +234,7 @@ def _has_shadow(twin: Twin) -> bool:
     return model is not None and model["baseline_m"] == SHADOW_BASELINE_M
 
 
-def _pairing(twin: Twin, found: Findings) -> None:
+def _pairing(twin: Twin, found: RecordingFigures) -> None:
     late = found.figures.get("depth_late_frames")
     if late is None or late.value is None:
         return
@@ -252,7 +252,7 @@ def _pairing(twin: Twin, found: Findings) -> None:
 # --- places on severities ---
 
 
-def places(found: Findings) -> tuple[Place, ...]:
+def places(found: RecordingFigures) -> tuple[Place, ...]:
     """Return where measured noise lies on the severities of the perturbations that make such noise.
 
     Below 1 a place is the strength over severity 1's: a deviation, the inverse number of photons, a share.
@@ -321,7 +321,7 @@ def _place(perturbation: str, parameter: str, figure: Figure, *, inverse: bool =
 # --- the files ---
 
 
-def device_text(twin: Twin, found: Findings) -> str:
+def device_text(twin: Twin, found: RecordingFigures) -> str:
     """Return the device's file as YAML, with what could not be told as comments."""
     parts: Mapping[str, Any] = {"camera": twin.camera, "depth": twin.sensor, "perturb": twin.colour}
     lines = [
@@ -333,7 +333,7 @@ def device_text(twin: Twin, found: Findings) -> str:
     return "\n".join(lines) + "\n"
 
 
-def preset_text(twin: Twin, found: Findings) -> str:
+def preset_text(twin: Twin, found: RecordingFigures) -> str:
     """Return a preset whose setting `twin` makes clean frames into such ones, of an embedded room as an example."""
     steps = [*twin.colour, *([twin.sensor] if twin.sensor else []), *twin.holes, *twin.pairing]
     rate_hz = twin.rate_hz or 30.0
@@ -358,6 +358,6 @@ def preset_text(twin: Twin, found: Findings) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _head(found: Findings, what: str) -> list[str]:
+def _head(found: RecordingFigures, what: str) -> list[str]:
     wide, high = found.size_px
     return [f"# {what}, by noisy-world measure of {found.frames} frames of {wide} x {high}: {one_line(found.name)}"]

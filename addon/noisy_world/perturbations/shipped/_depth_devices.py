@@ -13,7 +13,7 @@ from ...core.geometry import Intrinsics
 from ...core.schema import key
 from ..kinds import FrameContext
 from ._arrays import ROWS, bands, by_bands, quotient, without_void
-from ._noise import Shared
+from ._noise import SharedNoise
 
 P = TypeVar("P")
 F = TypeVar("F", np.float32, np.float64)
@@ -75,7 +75,7 @@ _SHARING: Mapping[str, Callable[[], Any]] = {
 
 
 def sharing(name: str) -> Any:
-    """Return the field of a name, of `Shared`: of errors (correlation_...) or of what makes holes (clump_...)."""
+    """Return the field of a name, of `SharedNoise`: of errors (correlation_...) or of what makes holes (clump_...)."""
     return _SHARING[name]()
 
 
@@ -84,13 +84,13 @@ def _frames(meaning: str, label: str = "") -> Any:
     return key(meaning, default=-1, minimum=-1, maximum=MOST_FRAMES, label=label, later=True)
 
 
-def shared_errors(own: Any, scale: float = 1.0) -> Shared:
+def shared_errors(own: Any, scale: float = 1.0) -> SharedNoise:
     """Return how far a device's errors are shared; one that says no share shares all.
 
     scale: how many pixels of this image are one of its own.
     """
     share = own.correlation_share if own.correlation_share >= 0 else 1.0
-    return Shared(max(own.correlation_px, 0) * scale, own.correlation_frames, share)
+    return SharedNoise(max(own.correlation_px, 0) * scale, own.correlation_frames, share)
 
 
 def filled(parameters: P, devices: Devices) -> P:

@@ -84,7 +84,7 @@ _COARSE_PX = 1.75  # of correlation that a grid resolves: farther correlation is
 
 
 @dataclass(frozen=True)
-class Shared:
+class SharedNoise:
     """How far random numbers are shared.
 
     px: at this distance their correlation is 1 / e, as exp(-(distance / px)^2), from 2 px on within 0.03, below that
@@ -98,7 +98,7 @@ class Shared:
 
 
 def drawn(
-    context: FrameContext, purpose: str, shape: tuple[int, int], shared: Shared, count: int = 1
+    context: FrameContext, purpose: str, shape: tuple[int, int], shared: SharedNoise, count: int = 1
 ) -> tuple[Draws, ...]:
     """Draw fields (H, W) of random numbers, independent of one another, for `scaled` and `shifted_places`."""
     frames = max(shared.frames, 1) if context.temporal == "fresh" else 1

@@ -25,7 +25,7 @@ from ._depth_devices import (
     shared_errors,
     sharing,
 )
-from ._noise import CODES, Shared, drawn, look_up, scaled
+from ._noise import CODES, SharedNoise, drawn, look_up, scaled
 
 STEEP_RAD = np.pi / 3  # from which on the law has a term of incidence
 STEEPEST_RAD = np.radians(80.0)  # from which on it stays: it was measured so far (from memory)
@@ -136,7 +136,7 @@ def _moved(
     reach = None
     if own.lateral_steep_px > 0 and angles is not None:
         reach = look_up(angles, _lateral(own.lateral_px * own.noise, own.lateral_steep_px * own.noise))
-    draws = drawn(context, "lateral", depth_m.shape, Shared(own.correlation_px), count=2)
+    draws = drawn(context, "lateral", depth_m.shape, SharedNoise(own.correlation_px), count=2)
     for axis, side in enumerate(depth_m.shape):
         off = scaled(draws[axis], own.lateral_px * own.noise if reach is None else 1.0)
         if reach is not None:

@@ -24,7 +24,7 @@ from ._depth_devices import (
     shared_errors,
     sharing,
 )
-from ._noise import Shared, drawn, scaled, shifted_places, taken
+from ._noise import SharedNoise, drawn, scaled, shifted_places, taken
 
 # The table by which Redwood's simulator warps depth: over the image and at five distances, in a text file.
 #
@@ -143,7 +143,7 @@ def apply(depth_m: NDArray[np.float32], parameters: Redwood, context: FrameConte
     shared = shared_errors(own)
     shift_px = own.shift_px * own.noise
     if shift_px > 0:
-        down, right = drawn(context, "place", depth_m.shape, Shared(shared.px), count=2)
+        down, right = drawn(context, "place", depth_m.shape, SharedNoise(shared.px), count=2)
         rows, columns = shifted_places(down, right, shift_px)
     else:
         rows, columns = (np.arange(side, dtype=np.int32) for side in depth.shape)

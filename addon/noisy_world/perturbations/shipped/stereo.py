@@ -25,7 +25,7 @@ from ._depth_devices import (
     shared_errors,
     sharing,
 )
-from ._noise import Draws, Shared, drawn, look_up, normal_quantiles, scaled
+from ._noise import Draws, SharedNoise, drawn, look_up, normal_quantiles, scaled
 
 WINDOW_PX = 7  # of the device's image: the census window of simsense, which is what texture is asked for
 
@@ -147,7 +147,7 @@ def _untextured(depth_m: NDArray[np.float32], own: Stereo, context: FrameContext
     squares = np.asarray(cv2.sqrBoxFilter(grey, cv2.CV_32F, window), np.float32).reshape(grey.shape)
     draws: tuple[Draws, ...] = ()
     if own.speckle * own.noise > 0:
-        shared = Shared(own.clump_px * focal_px / own.focal_px, own.clump_frames)
+        shared = SharedNoise(own.clump_px * focal_px / own.focal_px, own.clump_frames)
         draws = drawn(context, "speckle", depth_m.shape, shared)
 
     def untextured(

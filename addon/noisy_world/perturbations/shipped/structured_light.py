@@ -28,7 +28,7 @@ from ._depth_devices import (
     shared_errors,
     sharing,
 )
-from ._noise import Draws, Shared, drawn, scaled, shifted_places, taken
+from ._noise import Draws, SharedNoise, drawn, scaled, shifted_places, taken
 
 LIGHT_STEP_PX = 4  # of the grid on which light is calculated; chosen
 LEAST_JUMP_PX = 1.0  # of disparity: less is one surface; chosen
@@ -116,7 +116,7 @@ def apply(depth_m: NDArray[np.float32], parameters: StructuredLight, context: Fr
         lit[_dim(depth_m, own, context, camera)] = 0
     shared = shared_errors(own, scale)
     if own.shift_px * own.noise > 0:
-        down, right = drawn(context, "place", depth_m.shape, Shared(shared.px), count=2)
+        down, right = drawn(context, "place", depth_m.shape, SharedNoise(shared.px), count=2)
         lit = taken(lit, *shifted_places(down, right, own.shift_px * own.noise * scale))
     if own.blind_px > 0:
         lit[:, max(lit.shape[1] - round(own.blind_px * scale), 0) :] = 0
@@ -177,7 +177,7 @@ def _dim(
     axis = (camera.cx_px - step // 2) / step, (camera.cy_px - step // 2) / step
     coarse = Intrinsics(depth.shape[1], depth.shape[0], camera.fx_px / step, camera.fy_px / step, *axis)
     light = np.log(quotient(cosine_of_incidence(depth, coarse), depth * depth, known) + ~known)
-    (reflectance,) = drawn(context, "reflectance", depth.shape, Shared(clump / step, own.clump_frames))
+    (reflectance,) = drawn(context, "reflectance", depth.shape, SharedNoise(clump / step, own.clump_frames))
     light += scaled(reflectance, max(own.reflectance_spread, 0))
     whole = cv2.resize(light, (depth.shape[1] * step, depth.shape[0] * step), interpolation=cv2.INTER_LINEAR)
     return np.asarray(whole).reshape(depth.shape[0] * step, -1)[:height, :width] < np.float32(math.log(own.least_light))

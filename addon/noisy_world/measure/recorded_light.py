@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ..core.srgb import LUMINANCE, decoded
 from .figure import BLOCKS, Figure, blocks_of, jackknifed
-from .footage import Float32, Float64, Footage
+from .footage import Float32, Float64, RecordingView
 from .motion import followed
 
 # Chosen, as all below.
@@ -38,7 +38,7 @@ LOSSES = np.linspace(-0.2, 0.98, 119)
 
 
 @dataclass(frozen=True)
-class Shared:
+class SharedSurface:
     """What two frames share, N features.
 
     frames: their numbers. run: the run that they are of. where: (N, 2) the squared distance from the axis in both, of
@@ -52,25 +52,25 @@ class Shared:
 
 
 @dataclass(frozen=True)
-class Light:
+class RecordedLight:
     """Frames' mean light, of full scale, (N,), what neighbours share, and what frames share that are FAR apart.
 
     steps: how many neighbours there are, and how many frames so far apart that are looked at.
     """
 
     mean: Float64
-    shared: list[Shared]
-    far: list[Shared]
+    shared: list[SharedSurface]
+    far: list[SharedSurface]
     stamps_s: Float64
     steps: tuple[int, int]
 
 
-def light_of(footage: Footage, runs: Sequence[range]) -> Light:
+def light_of(footage: RecordingView, runs: Sequence[range]) -> RecordedLight:
     """Look at runs of frames. Raises InputError where a frame's files are damaged."""
 
     mean: list[float] = []
-    shared: list[Shared] = []
-    far: list[Shared] = []
+    shared: list[SharedSurface] = []
+    far: list[SharedSurface] = []
     looked = [0, 0]
     for number, run in enumerate(runs):
         seen: dict[int, _Seen] = {}
@@ -83,9 +83,9 @@ def light_of(footage: Footage, runs: Sequence[range]) -> Light:
                     looked[place] += 1
                     pair = _shared(footage, before, seen[frame])
                     if len(pair[0]) >= LEAST:
-                        whose.append(Shared((frame - apart, frame), number, *pair))
+                        whose.append(SharedSurface((frame - apart, frame), number, *pair))
             seen.pop(frame - FAR, None)
-    return Light(
+    return RecordedLight(
         np.array(mean), shared, far, np.asarray(footage.stamps.rgb.seconds, np.float64), (looked[0], looked[1])
     )
 
@@ -118,7 +118,7 @@ def _even(grey: NDArray[np.uint8]) -> NDArray[np.uint8]:
     return np.clip(128 + 127 * over, 0, 255).astype(np.uint8)
 
 
-def _shared(footage: Footage, one: _Seen, other: _Seen) -> tuple[Float64, Float64]:
+def _shared(footage: RecordingView, one: _Seen, other: _Seen) -> tuple[Float64, Float64]:
     """Return of features, where they are (N, 2), and how their light changes (N, 3).
 
     Half are found in the first, half in the second: of what is chosen for standing out, the other image shows less.
@@ -160,7 +160,7 @@ class _Steps:
     error: Float64
 
 
-def light_figures(light: Light) -> tuple[Figure, ...]:
+def light_figures(light: RecordedLight) -> tuple[Figure, ...]:
     """Return what light says of exposure, white balance, flicker and vignetting."""
     shared, far = (
         whose if len(whose) >= FOLLOWED * steps else []
@@ -185,7 +185,7 @@ def _brightness(means: Float64) -> tuple[Figure, ...]:
     )
 
 
-def _vignetting(shared: Sequence[Shared]) -> tuple[Figure, float]:
+def _vignetting(shared: Sequence[SharedSurface]) -> tuple[Figure, float]:
     """Return the share of light that is lost half a diagonal from the axis, by the law 1 - loss r^2."""
     name = "vignetting_corner_loss"
     count = sum(len(pair.where) for pair in shared)
@@ -225,7 +225,7 @@ def _lowest(costs: Float64) -> float:
     return float(LOSSES[at] + part * (LOSSES[1] - LOSSES[0]))
 
 
-def _gains(shared: Sequence[Shared], loss: float) -> _Steps:
+def _gains(shared: Sequence[SharedSurface], loss: float) -> _Steps:
     gains: list[Float64] = []
     errors: list[float] = []
     for pair in shared:
