@@ -11,7 +11,7 @@ from runs import run
 from many_settings import COUNT, SETTINGS, make_shard
 from worlds import write_world
 
-from noisy_world.cli.listing import cell, family_of
+from noisy_world.cli.status import cell, family_of
 from noisy_world.dataset.stored import FileInventory, JournalTimes
 from noisy_world.dataset.shards import shard_folder
 from noisy_world.core.errors import InterruptedRunError

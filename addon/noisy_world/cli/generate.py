@@ -24,7 +24,8 @@ from .arguments import (
 )
 from .command import Command
 from .entry import Entry, blender_lacks, blender_problem, listener, machine_listener, work_on
-from .listing import HELD, KNOWN, list_known, list_plan, print_plan
+from .known import KNOWN, list_known
+from .plan_text import HELD, list_plan, print_plan
 
 if TYPE_CHECKING:
     from threading import Event
@@ -72,9 +73,8 @@ def _generate_options(parser: Parser) -> None:
     parser.flag("--dry-run", "print what would be done, and do nothing")
     parser.option(
         "--list WHAT",
-        "list keys (all that a preset may have), layouts (of the files), channels (the images of a frame), "
-        "perturbations (with their parameters and severities), presets (those shipped), or this preset's scenes, "
-        "settings or sequences (default); then end",
+        "list this preset's scenes, settings or sequences (default), or a line for each of what 'noisy-world list' "
+        "knows; then end",
         nargs="?",
         const="sequences",
         choices=[*KNOWN, *HELD],

@@ -29,7 +29,7 @@ from .arguments import (
 from .command import PROGRAM, Command
 from .entry import Entry, listener
 from .generate import need_blender, tell_outcome
-from .listing import print_plan
+from .plan_text import print_plan
 
 if TYPE_CHECKING:
     from ..core.errors import StorageError

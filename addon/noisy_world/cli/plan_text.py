@@ -1,0 +1,91 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a preset holds, and what a run of it would do, as text."""
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ..core.progress import duration_text
+
+if TYPE_CHECKING:
+    from ..dataset.plan import Plan, Render
+
+
+HELD = ("scenes", "settings", "sequences")  # what a preset holds
+MOST_RENDERS = 20  # that a dry run lists one by one
+MOST_SETTINGS = 12  # of a render that it names
+
+
+def list_plan(plan: "Plan", what: str) -> int:
+    """List what a preset holds."""
+    if what == "scenes":
+        for render in plan.renders:
+            print(f"{render.name}  {len(render.frames)} frames  {render.scene.source.location}")
+    elif what == "settings":
+        for setting in plan.settings:
+            print(setting.name)
+    else:
+        for sequence in plan.sequences:
+            print(sequence.folder)
+    return 0
+
+
+def print_plan(plan: "Plan", out: Path | str) -> None:
+    """Print what a run would do."""
+    from ..core.machine import free_memory_bytes
+    from ..dataset.estimate import estimate, memory_bytes, size_text
+    from ..dataset.plan import plan_notes
+    from ..measure.looking import remarks_on
+
+    guess = estimate(plan)
+    print(f"preset     {plan.preset.path} (SHA-256 {plan.preset.sha256[:12]})")
+    print(f"dataset    {out} ({plan.format.layout.name} layout, {plan.format.image} and 16-bit png)")
+    cameras = plan.cameras if plan.camera is None else {"": plan.camera}
+    for scene, camera in cameras.items():
+        whose = f"{scene}: " if scene else ""
+        print(f"camera     {whose}{camera.width_px} x {camera.height_px}, fx {camera.fx_px:g}, fy {camera.fy_px:g}")
+    if plan.format.note:
+        print(f"note       {plan.format.note}")
+    for text in plan_notes(plan):
+        print(f"note       {text}")
+    for scene in plan.scenes:
+        for text in remarks_on(scene.source, plan.cameras[scene.name], 0):
+            print(f"note       {scene.name}: {text}")
+    print(f"sequences  {len(plan.sequences)} ({counted(plan.scenes, 'scene')}, {counted(plan.settings, 'setting')})")
+    for line in render_lines(plan):
+        print(f"  {line}")
+    print(f"renders    {len(plan.renders)}, {plan.frame_count} frames in all")
+    between = f"{size_text(guess.least_bytes)} to {size_text(guess.most_bytes)}, by what the images show"
+    took = duration_text(guess.seconds)
+    print(f"estimate   {size_text(guess.bytes_written)} ({between}), {took} on two cores (rough)")
+    free = free_memory_bytes()
+    here = "" if free is None else f"; {size_text(free)} are free here"
+    print(f"memory     {size_text(memory_bytes(plan))} or more in each process, and what the scenes take{here}")
+
+
+def counted(things: Sequence[object], name: str) -> str:
+    """Return a number of things in words."""
+    return f"{len(things)} {name}{'' if len(things) == 1 else 's'}"
+
+
+def render_lines(plan: "Plan") -> Iterator[str]:
+    """Yield a line for each render; where there are many, one for all of a scene that move its path."""
+    moved: dict[str, list[Render]] = {}
+    grouped = len(plan.renders) > MOST_RENDERS
+    for render in plan.renders:
+        if grouped and render.moving:
+            moved.setdefault(render.scene.name, []).append(render)
+        else:
+            settings = [sequence.setting.name for sequence in render.sequences]
+            yield f"{render.name}: {len(render.frames)} frames, {enumerated(settings)}"
+    for scene, renders in moved.items():
+        settings = [sequence.setting.name for render in renders for sequence in render.sequences]
+        frames = sum(len(render.frames) for render in renders)
+        yield f"{scene}, {counted(renders, 'render')} along other paths: {frames} frames, {enumerated(settings)}"
+
+
+def enumerated(settings: list[str]) -> str:
+    """Return settings in words: all of a few, and of many the first ones, the last and how many they are."""
+    if len(settings) <= MOST_SETTINGS:
+        return f"settings {', '.join(settings)}"
+    return f"{len(settings)} settings {', '.join(settings[:4])}, ... {settings[-1]}"
