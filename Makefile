@@ -28,7 +28,7 @@ help: ## list the targets
 
 venv: $(VENV)/.installed ## make .venv with the pinned packages
 
-$(VENV)/.installed: requirements.lock
+$(VENV)/.installed: requirements/base.lock
 	@$(NEEDS_PYTHON)
 	PYTHONPATH=addon "$(PYTHON)" -m noisy_world.cli.system_libraries # before half a gigabyte is downloaded
 	$(ENVIRONMENT) "$(PYTHON)" $(VENV) $(PINNED) $<
@@ -73,12 +73,13 @@ extension: venv ## build and validate the extension's zips for every platform in
 wheel: venv ## build the Python package's wheel into dist
 	$(PY) -m pip wheel --quiet --disable-pip-version-check --no-build-isolation --no-deps --wheel-dir dist .
 
-docs: $(VENV)-docs/.installed ## build the docs' site into out/docs; a broken link is an error
+docs: $(VENV)-docs/.installed ## build the docs' site into out/docs; a broken link and a misspelt word are errors
+	$(VENV)-docs/bin/codespell *.md docs/*.md docs/reference docs/examples presets addon headless
 	NO_MKDOCS_2_WARNING=1 $(VENV)-docs/bin/mkdocs build --quiet
 	@! grep -rlE '<(script|link|img|iframe)[^>]* (src|href)="?https?:' out/docs --include='*.html' || { echo "make: these pages fetch from elsewhere" >&2; exit 1; }
 	@echo "wrote out/docs/index.html"
 
-$(VENV)-docs/.installed: requirements-docs.lock
+$(VENV)-docs/.installed: requirements/docs.lock
 	@$(NEEDS_PYTHON)
 	$(ENVIRONMENT) "$(PYTHON)" $(VENV)-docs $(PINNED) $<
 	touch $@
@@ -92,11 +93,11 @@ BELOW_BLENDER_LOWEST := tests/core tests/sources tests/recipes tests/rays tests/
 COUNTED := $(BELOW_BLENDER) tests/blender/test_imported_colours.py tests/blender/test_imported_meshes.py tests/blender/test_imported_refusals.py \
 	tests/evaluation/systems/test_estimate_readers.py tests/evaluation/test_one_reader.py tests/test_fuzz.py
 
-$(VENV)/.extras: requirements-extras.lock $(VENV)/.installed
+$(VENV)/.extras: requirements/extras.lock $(VENV)/.installed
 	$(ENVIRONMENT) "$(PYTHON)" $(VENV) --only-binary :all: --no-binary jsonpath-rw --require-hashes -r $< # all wheels but one
 	touch $(VENV)/.installed $@
 
-$(VENV)/.evaluate: requirements-evaluate.lock $(VENV)/.installed
+$(VENV)/.evaluate: requirements/evaluate.lock $(VENV)/.installed
 	$(ENVIRONMENT) "$(PYTHON)" $(VENV) $(PINNED) $<
 	touch $(VENV)/.installed $@
 
@@ -129,7 +130,7 @@ test-above: $(VENV)/.extras
 test-lowest: .venv-lowest/.installed ## run tests of what needs no Blender under Python 3.11, with the lowest versions of all packages
 	.venv-lowest/bin/python -m pytest -m "not one_python and not long" -o cache_dir=.pytest_cache_lowest $(BELOW_BLENDER_LOWEST) tests/evaluation/analysis # kept rooms are each Python's own
 
-.venv-lowest/.installed: requirements-lowest.lock
+.venv-lowest/.installed: requirements/lowest.lock
 	@test -n "$(PYTHON311)" || { echo "make: no Python 3.11 is here" >&2; exit 1; }
 	$(ENVIRONMENT) "$(PYTHON311)" .venv-lowest $(PINNED) $<
 	touch $@
@@ -151,7 +152,7 @@ bench: $(VENV)/.bench ## measure speed against error on this machine into out/be
 	$(PY) headless/bench/report.py --out out/bench
 	$(PY) headless/bench/cost.py --out out/bench
 
-$(VENV)/.bench: requirements-bench.lock $(VENV)/.installed
+$(VENV)/.bench: requirements/bench.lock $(VENV)/.installed
 	$(ENVIRONMENT) "$(PYTHON)" $(VENV) $(PINNED) $<
 	touch $(VENV)/.installed $@
 
@@ -191,12 +192,12 @@ slam-env: venv ## environments of other systems; PYTHON_SLAM=/path/to/python whe
 	$(if $(ORB_SLAM3),$(PY) headless/systems.py install orb_slam3_source --source "$(ORB_SLAM3)")
 
 lock: ## pin the newest packages that pyproject.toml allows; needs uv
-	uv pip compile pyproject.toml --extra blender --group dev --universal --python-version 3.13 --generate-hashes --no-annotate --no-header --upgrade -o requirements.lock
-	uv pip compile --group pyproject.toml:extras --constraints requirements.lock --universal --python-version 3.13 --generate-hashes --no-annotate --no-header --upgrade -o requirements-extras.lock
-	uv pip compile --group pyproject.toml:evaluate --constraints requirements.lock --universal --python-version 3.13 --generate-hashes --no-annotate --no-header --upgrade -o requirements-evaluate.lock
-	uv pip compile --group pyproject.toml:bench --constraints requirements.lock --universal --python-version 3.13 --generate-hashes --no-annotate --no-header --upgrade -o requirements-bench.lock
-	uv pip compile pyproject.toml --group lowest --resolution lowest-direct --universal --python-version 3.11 --generate-hashes --no-annotate --no-header --upgrade -o requirements-lowest.lock
-	uv pip compile --group pyproject.toml:docs --constraints requirements.lock --universal --python-version 3.13 --generate-hashes --no-annotate --no-header --upgrade -o requirements-docs.lock
+	uv pip compile pyproject.toml --extra blender --group dev --universal --python-version 3.13 --generate-hashes --no-annotate --no-header --upgrade -o requirements/base.lock
+	uv pip compile --group pyproject.toml:extras --constraints requirements/base.lock --universal --python-version 3.13 --generate-hashes --no-annotate --no-header --upgrade -o requirements/extras.lock
+	uv pip compile --group pyproject.toml:evaluate --constraints requirements/base.lock --universal --python-version 3.13 --generate-hashes --no-annotate --no-header --upgrade -o requirements/evaluate.lock
+	uv pip compile --group pyproject.toml:bench --constraints requirements/base.lock --universal --python-version 3.13 --generate-hashes --no-annotate --no-header --upgrade -o requirements/bench.lock
+	uv pip compile pyproject.toml --group lowest --resolution lowest-direct --universal --python-version 3.11 --generate-hashes --no-annotate --no-header --upgrade -o requirements/lowest.lock
+	uv pip compile --group pyproject.toml:docs --constraints requirements/base.lock --universal --python-version 3.13 --generate-hashes --no-annotate --no-header --upgrade -o requirements/docs.lock
 
 clean: ## remove what the targets made
 	rm -rf $(VENV) $(VENV)-docs $(VENV)-slam .venv-lowest .venv-peer .venv-corruptions .blender-env out dist .coverage .pytest_cache .pytest_cache_lowest .ruff_cache

@@ -2,7 +2,7 @@
 """For the docs' site: what a docstring says in running text of parameters and attributes becomes a list, examples code.
 
 The docstrings say `image: (H, W, 3) uint8. seed, frame: name the stream.` where a name is a parameter or an attribute.
-Examples are the paragraphs that are indented.
+Examples are the paragraphs that are indented, and doctests.
 """
 
 import re
@@ -13,6 +13,7 @@ import griffe
 
 NAMES = r"\*{0,2}[A-Za-z_]\w*(?:, \*{0,2}[A-Za-z_]\w*)*"
 EXAMPLE = re.compile(r"(?<=\n\n)    \S.*(?:\n(?:    .*|(?=\n    )))*")  # indented lines, and blank ones between them
+DOCTEST = re.compile(r"^>>> .*(?:\n.+)*", re.MULTILINE)  # to the next blank line
 DESCRIPTION = re.compile(rf"(?:^|(?<=[.;] ))({NAMES}): ")
 
 
@@ -36,6 +37,7 @@ def rewrite(item: griffe.Object, known: set[str]) -> None:
     """Rewrite an object's docstring, where it has one."""
     if item.docstring is not None:
         text = EXAMPLE.sub(lambda found: f"```python\n{textwrap.dedent(found[0])}\n```", item.docstring.value)
+        text = DOCTEST.sub(lambda found: f"```python\n{found[0]}\n```", text)
         parts = re.split(r"(^```python\n.*?^```$)", text, flags=re.DOTALL | re.MULTILINE)
         item.docstring.value = "".join(part if number % 2 else prose(part, known) for number, part in enumerate(parts))
 

@@ -3,8 +3,8 @@
 
     .venv/bin/python headless/tools/blender_env.py /path/to/blender
 
-The versions are those of requirements.lock, in builds for that Blender's Python; headless/generate.py finds them. numpy
-stays Blender's own.
+The versions are those of requirements/base.lock, in builds for that Blender's Python; headless/generate.py finds them.
+numpy stays Blender's own.
 """
 
 import json
@@ -30,7 +30,7 @@ def main(arguments: list[str]) -> int:
     tag, version = python_of(blender)
     folder = ROOT / ".blender-env" / tag
     wanted = ROOT / ".blender-env" / f"{tag}.txt"
-    pinned = pinned_requirements((ROOT / "requirements.lock").read_text(encoding="utf-8"))
+    pinned = pinned_requirements((ROOT / "requirements/base.lock").read_text(encoding="utf-8"))
     stamp = folder / "requirements.txt"
     if stamp.is_file() and stamp.read_text(encoding="utf-8") == pinned:
         print(f"{folder.relative_to(ROOT)}: ready for Blender's Python {version}")
@@ -65,7 +65,7 @@ def pinned_requirements(lock: str) -> str:
     entries = lock.replace("\\\n", " ").splitlines()
     chosen = [entry for entry in entries if entry.split("==")[0].strip() in PACKAGES]
     if len(chosen) != len(PACKAGES):
-        raise ValueError(f"requirements.lock holds {len(chosen)} of {', '.join(PACKAGES)}")
+        raise ValueError(f"requirements/base.lock holds {len(chosen)} of {', '.join(PACKAGES)}")
     return "\n".join(chosen) + "\n"
 
 

@@ -4,9 +4,9 @@
     python headless/tools/package.py [--out FOLDER] [--blender BLENDER]
 
 A zip holds everything that the extension needs: the package, the scripts that the panel starts, the presets, the asset
-library, and wheels of the packages that Blender lacks, as requirements.lock pins them; never numpy, which is Blender's
-own. Blender's own tool builds it: that of the bpy package or, with --blender, of a Blender program. Equal sources give
-equal bytes.
+library, and wheels of the packages that Blender lacks, as requirements/base.lock pins them; never numpy, which is
+Blender's own. Blender's own tool builds it: that of the bpy package or, with --blender, of a Blender program. Equal
+sources give equal bytes.
 """
 
 import argparse
@@ -100,7 +100,7 @@ def build(out: Path, cache: Path, platforms: Iterable[str], tool: list[str]) -> 
 
     Raises PackageError where a wheel cannot be fetched or differs from the lock, or the tool refuses the zip.
     """
-    pins = pinned_hashes((ROOT / "requirements.lock").read_text(encoding="utf-8"))
+    pins = pinned_hashes((ROOT / "requirements/base.lock").read_text(encoding="utf-8"))
     wheels = {platform: fetch(platform, cache / platform, pins) for platform in platforms}
     make_library()
     out.mkdir(parents=True, exist_ok=True)
@@ -149,7 +149,7 @@ def choose(folder: Path, python: str, pins: Mapping[str, frozenset[str]]) -> lis
         if wheel.package not in pins:
             raise PackageError(f"{path}: this package does not belong in the extension; remove the file")
         if hashlib.sha256(path.read_bytes()).hexdigest() not in pins[wheel.package]:
-            raise PackageError(f"{path}: not the file that requirements.lock pins; remove it")
+            raise PackageError(f"{path}: not the file that requirements/base.lock pins; remove it")
         if wheel.serves(python):
             found[wheel.package] = wheel
     if missing := sorted(set(pins) - set(found)):
@@ -176,7 +176,7 @@ def download(platform: str, python: str, folder: Path) -> None:
     """
     folder.mkdir(parents=True, exist_ok=True)
     with tempfile.NamedTemporaryFile("w", suffix=".txt", encoding="utf-8") as wanted:
-        wanted.write(pinned_requirements((ROOT / "requirements.lock").read_text(encoding="utf-8")))
+        wanted.write(pinned_requirements((ROOT / "requirements/base.lock").read_text(encoding="utf-8")))
         wanted.flush()
         pip = [sys.executable, "-m", "pip", "download", "--quiet", "--disable-pip-version-check", "--no-deps"]
         options = ["--require-hashes", "--only-binary", ":all:", "--implementation", "cp", "--python-version", python]

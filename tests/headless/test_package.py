@@ -85,7 +85,9 @@ def test_another_files_hash_is_refused(wheels):
     folder, pins = wheels
     assert {wheel.package for wheel in package.choose(folder, "3.13", pins)} == set(NAMES)
     (folder / NAMES["openexr"]).write_bytes(b"something else")
-    refused(package.choose, folder, "3.13", pins, names=["openexr", "requirements.lock"], error=package.PackageError)
+    refused(
+        package.choose, folder, "3.13", pins, names=["openexr", "requirements/base.lock"], error=package.PackageError
+    )
 
 
 def test_what_a_python_lacks_is_named(wheels):
@@ -104,7 +106,7 @@ def test_wheels_that_are_there_are_not_fetched_again(wheels, monkeypatch):
 
 
 def test_the_lock_pins_every_package_that_is_bundled():
-    pins = package.pinned_hashes((ROOT / "requirements.lock").read_text())
+    pins = package.pinned_hashes((ROOT / "requirements/base.lock").read_text())
     assert set(pins) == set(NAMES)
     assert all(pins.values())
 

@@ -58,7 +58,7 @@ def test_what_bpy_needs_of_the_system_is_known_before_it_is_installed():
 
 
 def test_the_lock_pins_hashes_and_names_no_address():
-    text = (ROOT / "requirements.lock").read_text()
+    text = (ROOT / "requirements/base.lock").read_text()
     assert not re.search(r"https?:|index-url", text)
     entries = text.replace("\\\n", " ").splitlines()
     pinned = [entry for entry in entries if "==" in entry]
@@ -118,7 +118,7 @@ esac
 @pytest.fixture
 def checkout(tmp_path):
     """A folder with the Makefile and what its environments are made from."""
-    for name in ("Makefile", "requirements.lock", "requirements-docs.lock", "headless/tools/environment.sh"):
+    for name in ("Makefile", "requirements/base.lock", "requirements/docs.lock", "headless/tools/environment.sh"):
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         shutil.copy(ROOT / name, tmp_path / name)
     (tmp_path / "tests/peer").mkdir(parents=True)
@@ -182,11 +182,12 @@ def test_missing_libraries_are_told_before_anything_is_downloaded(checkout):
 
 def test_what_is_downloaded_is_told_with_its_size_and_how_far_it_is(checkout):
     put(checkout, WORKING, "python3.13")
-    (checkout / "requirements.lock").write_text(
+    (checkout / "requirements/base.lock").write_text(
         "bpy==5.2.3 \\\n    --hash=sha256:00\nnumpy==2.5.5 \\\n    --hash=sha256:00\n"
     )
     (checkout / "said").write_text(
-        "Collecting bpy==5.2.3 (from -r requirements.lock (line 1))\n  Downloading bpy-5.2.3-cp313.whl (402.8 MB)\n"
+        "Collecting bpy==5.2.3 (from -r requirements/base.lock (line 1))\n"
+        "  Downloading bpy-5.2.3-cp313.whl (402.8 MB)\n"
         + "".join(f"Progress {k}00000000 of 400000000\n" for k in range(5))
         + "Collecting numpy==2.5.5\n  Using cached numpy-2.5.5-cp313.whl (15 MB)\n"
         "Installing collected packages: numpy, bpy\n"
@@ -213,9 +214,9 @@ def test_an_environment_is_made_once_and_brought_up_to_date_without_being_made_a
     log = (checkout / "log").read_text().splitlines()
     assert log[0] == "venv"
     assert [line.split()[:3] for line in log[1:]] == [["-m", "pip", "install"]]
-    assert {"--require-hashes", "requirements.lock"} < set(log[1].split())
+    assert {"--require-hashes", "requirements/base.lock"} < set(log[1].split())
     time.sleep(0.02)
-    (checkout / "requirements.lock").touch()
+    (checkout / "requirements/base.lock").touch()
     assert made(checkout, "venv")[0] == 0
     assert [line.split()[0] for line in (checkout / "log").read_text().splitlines()] == ["venv", "-m", "-m"]
 

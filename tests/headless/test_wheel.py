@@ -52,7 +52,7 @@ def test_what_the_wheel_holds(wheel):
         entry = packed.read(f"noisy_world-{VERSION}.dist-info/entry_points.txt").decode()
     held = {
         f"noisy_world/{name}"
-        for name in ("py.typed", "__main__.py", "requirements-slam.lock", "perturbations/shipped/ice/rime.jpg")
+        for name in ("py.typed", "__main__.py", "requirements/slam.lock", "perturbations/shipped/ice/rime.jpg")
     }
     shipped = {path.relative_to(ROOT).as_posix() for path in (ROOT / "presets").rglob("*.yaml")}
     assert held | {f"noisy_world/{name}" for name in shipped} <= set(names)

@@ -152,7 +152,7 @@ class Tree:
 ENVIRONMENT = "slam"
 """The environment that can be installed; systems share it."""
 
-LOCK = "requirements-slam.lock"
+LOCK = "requirements/slam.lock"
 VOCABULARY = "orb_vocabulary.txt"
 PYTHONS = ("3.12", "3.11")
 """Those that the packages of LOCK are made for, the preferred one first."""

@@ -56,7 +56,7 @@ def test_an_environment_is_made_once_and_anew_where_it_is_not_whole(tmp_path, py
     monkeypatch.delenv("NO_INDEX")
     assert make(folder, python)
     (asked,) = (folder / "asked").read_text().splitlines()  # what was made half has gone
-    assert {"--no-deps", "--require-hashes", str(shipped("requirements-slam.lock"))} <= set(asked.split())
+    assert {"--no-deps", "--require-hashes", str(shipped("requirements/slam.lock"))} <= set(asked.split())
     assert (folder / "orb_vocabulary.txt").read_text() == TEXT
     (folder / "mine").touch()
     assert not make(folder)
@@ -98,7 +98,7 @@ def test_a_python_is_found_or_one_line_says_how_to_get_one(tmp_path, python, mon
 
 def test_environments_lie_where_they_are_found_again(tmp_path, monkeypatch):
     monkeypatch.delenv("NOISY_WORLD_ENVIRONMENTS", raising=False)
-    assert environments.environment_folder("slam") == shipped("requirements-slam.lock").parent / ".venv-slam"
+    assert environments.environment_folder("slam") == shipped("requirements/slam.lock").parents[1] / ".venv-slam"
     monkeypatch.setattr(environments, "checkout", lambda: None)
     monkeypatch.setattr(environments.sys, "platform", "linux")
     monkeypatch.chdir(tmp_path)
