@@ -238,9 +238,7 @@ def test_a_study_has_the_metric_and_the_system(worked):
 
 # --- the same as files of ours, in a copy of the project ---
 
-STEPS = re.search(r"```python\n(.*?)```", (ROOT / "docs/your_perturbation.md").read_text(encoding="utf-8"), re.DOTALL)[
-    1
-]
+STEPS = (ROOT / "docs/examples/my_noise/my_noise/stereo_steps.py").read_text(encoding="utf-8")
 FILES = {
     "sources/corridor.py": CORRIDOR,
     "layouts/flat.py": FLAT,

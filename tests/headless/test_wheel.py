@@ -52,7 +52,10 @@ def test_what_the_wheel_holds(wheel):
         entry = packed.read(f"noisy_world-{VERSION}.dist-info/entry_points.txt").decode()
     held = {
         f"noisy_world/{name}"
-        for name in ("py.typed", "__main__.py", "requirements/slam.lock", "perturbations/shipped/ice/rime.jpg")
+        for name in (
+            *("py.typed", "__main__.py", "requirements/slam.lock", "perturbations/shipped/ice/rime.jpg"),
+            *("docs/tutorial.md", "docs/examples/tour.yaml", "docs/examples/my_noise/pyproject.toml", "CHANGELOG.md"),
+        )
     }
     shipped = {path.relative_to(ROOT).as_posix() for path in (ROOT / "presets").rglob("*.yaml")}
     assert held | {f"noisy_world/{name}" for name in shipped} <= set(names)
@@ -119,7 +122,7 @@ def test_a_preset_of_ones_own_comes_before_the_shipped_one(tmp_path, monkeypatch
         (
             ["qwzx"],
             2,
-            "noisy-world: 'qwzx' is no subcommand; there are generate, plan, shard, merge, list, describe, status",
+            "noisy-world: 'qwzx' is no subcommand; there are example, docs, completion, generate, ",
         ),
         (["materialise"], 2, "did you mean 'remake'?"),
         (["clean"], 2, "did you mean 'render-clean'?"),

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The installed command `noisy-world`, also `python -m noisy_world`, and the registry of its subcommands.
 
-A subcommand is a `Command`: all that is said of it stands there, and help, docs and completion are made from it. Ours
-are held by modules of this package as their COMMAND; those of installed packages come by entry points.
+A subcommand is a `Command`: all that is said of it stands there, and help, docs, completion and manual pages are made
+from it. Ours are held by modules of this package as their COMMAND; those of installed packages come by entry points.
 """
 
 import argparse
@@ -65,10 +65,15 @@ class Command:
     busy: int = 1
     order: int = LAST
 
+    def parser(self, program: str) -> Parser:
+        """Return the parser of its options. program: what --help calls it."""
+        parser = Parser(prog=program, description=self.description, epilog=self.epilog)
+        self.options(parser)
+        return parser
+
     def parse(self, arguments: Sequence[str], entry: Entry) -> argparse.Namespace:
         """Parse the command line; exit with a usage line if it is wrong."""
-        parser = Parser(prog=entry.name, description=self.description, epilog=self.epilog)
-        self.options(parser)
+        parser = self.parser(entry.name)
         return self.settle(parser, parser.parse_args(arguments))
 
     def main(self, arguments: list[str], entry: Entry) -> int:

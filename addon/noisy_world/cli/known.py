@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..core.errors import InputError, did_you_mean
+from ..core.file_access import read_text
 from ..core.packages import PACKAGE, checkout
 from ..core.schema import list_keys, yaml_line
 from .arguments import Parser, add_part_options, part_words, shipped_presets
@@ -31,7 +32,7 @@ class Row:
 def presets() -> Iterator[Row]:
     """Yield the presets that are shipped, with the comment that each begins with."""
     for name, file in shipped_presets().items():
-        head = file.read_text(encoding="utf-8").splitlines()[0]
+        head = read_text(file).splitlines()[0]
         yield Row(name, head.lstrip("# ") if head.startswith("#") else "", (f"file {file}",))
 
 

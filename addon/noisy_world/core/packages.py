@@ -72,12 +72,17 @@ PACKAGE = Path(__file__).resolve().parents[1]
 """The folder of the package noisy_world."""
 
 
+def found_shipped(name: str) -> Path | None:
+    """Return a file or folder that may come along, such as docs; None where it does not."""
+    places = (folder / name for folder in (PACKAGE, PACKAGE.parents[1]))  # installed, or in a checkout
+    return next((place for place in places if place.exists()), None)
+
+
 def shipped(name: str) -> Path:
     """Return a file or folder that is shipped, such as presets."""
-    for folder in (PACKAGE, PACKAGE.parents[1]):  # installed, or in a checkout
-        if (folder / name).exists():
-            return folder / name
-    raise RuntimeError(f"no {name} at {PACKAGE} or above")
+    if (place := found_shipped(name)) is None:
+        raise RuntimeError(f"no {name} at {PACKAGE} or above")
+    return place
 
 
 def checkout() -> Path | None:
@@ -88,13 +93,22 @@ def checkout() -> Path | None:
 
 def package_version() -> str:
     """Return this package's version from blender_manifest.toml, its only source: in the package or a folder above."""
+    if version := _in_manifest("version"):
+        return version
+    raise RuntimeError(f"no blender_manifest.toml with a version at {PACKAGE} or above")
+
+
+def project_address() -> str:
+    """Return the project's address, `website` in blender_manifest.toml; "" until somebody has published it."""
+    return _in_manifest("website")
+
+
+def _in_manifest(name: str) -> str:
     for folder in (PACKAGE, *PACKAGE.parents[:2]):
         manifest = folder / "blender_manifest.toml"
-        if manifest.is_file():
-            found = re.search(r'^version\s*=\s*"([^"]+)"', read_text(manifest), re.MULTILINE)
-            if found:
-                return found[1]
-    raise RuntimeError(f"no blender_manifest.toml with a version at {PACKAGE} or above")
+        if manifest.is_file() and (found := re.search(rf'^{name}\s*=\s*"([^"]+)"', read_text(manifest), re.MULTILINE)):
+            return found[1]
+    return ""
 
 
 # The extras of the Python package, and the command that installs one, however the package came here.
