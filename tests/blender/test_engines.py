@@ -1,7 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """EEVEE and Workbench on software GL, and what is left out where it is not asked for."""
 
+import json
+import subprocess
 from dataclasses import replace
+from types import SimpleNamespace
 
 import bpy
 import numpy as np
@@ -9,8 +12,9 @@ import pytest
 
 from analytic import box_mesh, look_at, plane_depth, plane_mesh, quads_mesh
 from engines import gl_engines, need_gl
+from refusals import refused
 
-from noisy_world.render.engines import gl_version
+from noisy_world.render.engines import MARK, compositor_card, gl_version
 from noisy_world.render.mesh_session import Session, renderer_versions
 from noisy_world.core.errors import MissingDependencyError, NoisyWorldError, StorageError
 from noisy_world.core.geometry import Intrinsics
@@ -107,6 +111,18 @@ def test_a_scratch_file_that_cannot_be_written_is_one_line(tmp_path):
         with pytest.raises(StorageError, match="could not write its scratch file") as error:
             session.frame(paths.request(0))
     assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("kind", ["SOFTWARE", "NVIDIA"])
+def test_a_compositor_on_a_card_is_of_that_card_and_software_is_none(kind, monkeypatch):
+    told = SimpleNamespace(stdout=MARK + json.dumps(["Renderer", "4.6", kind]), returncode=0)
+    monkeypatch.setattr(subprocess, "run", lambda *_, **__: told)
+    if kind == "NVIDIA":
+        assert compositor_card() == "Renderer, 4.6"
+    else:
+        refused(
+            compositor_card, names=["render.compositor_device", "Renderer is software"], error=MissingDependencyError
+        )
 
 
 def card_problem():

@@ -35,6 +35,7 @@ FOG_STEP = "settings.1.perturb.0.fog"
         ({"settings.1.backend": "compositor"}, "settings: fog (backend) was reference, is compositor; give it another"),
         ({"settings.1.stream": "mist"}, "settings: fog (stream) was its own name, is mist; give it another name, "),
         ({"settings.2.perturb.0.desync.offset": 2}, "settings: late (offset) was 1, is 2; give it another name, "),
+        ({"render.compositor_device": "gpu"}, f"render.compositor_device was null, is gpu; {REMEDY}"),
         ({"seed": 4}, f"seed was 3, is 4; {REMEDY}"),
         ({"camera.fx": 9.0}, f"camera.fx was 8, is 9; {REMEDY}"),
         ({"camera.width": 17}, f"camera.width was 16, is 17; {REMEDY}"),

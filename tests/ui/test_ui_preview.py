@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The live preview, without a window: what it shows is what the generator writes, and it leaves nothing behind."""
 
+from types import SimpleNamespace
+
 import bpy
 import numpy as np
 import pytest
@@ -23,8 +25,9 @@ from noisy_world.nodes.chain_scene import (
 from noisy_world.nodes.chain_scene import is_edited
 from noisy_world.nodes.compositor import Compositor
 from noisy_world.perturbations.execution import move
+from noisy_world.core.errors import NoisyWorldError
 from noisy_world.core.trajectory import Trajectory
-from noisy_world.panel import drawn_paths, preview, properties, views
+from noisy_world.panel import drawn_paths, frame_preview, preview, properties, views
 
 
 pytestmark = pytest.mark.usefixtures("registered")
@@ -278,7 +281,7 @@ def test_views_get_their_compositor_back():
 
 def test_without_a_graphics_card_the_processor_composites_while_it_is_on(scene, monkeypatch):
     for software, expected in ((True, "CPU"), (False, "GPU")):
-        monkeypatch.setattr(preview, "is_software_gl", lambda software=software: software)
+        monkeypatch.setattr(frame_preview, "is_software_gl", lambda software=software: software)
         scene.render.compositor_device = "GPU"
         scene.noisy_world.preview = True
         preview.flush()
@@ -286,9 +289,11 @@ def test_without_a_graphics_card_the_processor_composites_while_it_is_on(scene, 
         scene.noisy_world.preview = False
         preview.flush()
         assert scene.render.compositor_device == "GPU"
-    monkeypatch.setattr(preview, "is_software_gl", lambda: True)
+    monkeypatch.setattr(frame_preview, "is_software_gl", lambda: True)
     scene.noisy_world.preview = True
     preview.flush()
+    with pytest.raises(NoisyWorldError, match="there is none here: choose Processor"):
+        frame_preview.compositor_device(SimpleNamespace(render=SimpleNamespace(compositor_device="gpu")))
     scene.render.compositor_device = "GPU"  # by hand: left alone
     scene.noisy_world.preview_split = 0.5
     preview.flush()

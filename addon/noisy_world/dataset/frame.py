@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -820,19 +820,27 @@ def _inputs(clean: CleanFrame, frames: Mapping[str, PlannedFrame]) -> tuple[Any,
 
 @contextmanager
 def compositing(
-    chains: Chains, clean: CleanFrames, size_px: tuple[int, int], *, lit: bool, of_light: bool
+    chains: Chains,
+    clean: CleanFrames,
+    size_px: tuple[int, int],
+    *,
+    lit: bool,
+    of_light: bool,
+    device: Literal["cpu", "gpu"],
 ) -> Iterator[Compositing]:
-    """Prepare Blender's compositor for some chains. clean, size_px, lit, of_light: as `colour_of` takes them."""
+    """Prepare Blender's compositor for some chains. clean, size_px and so on: as `colour_of` takes them."""
     from ..nodes.compositor import Compositor
 
     keep_freed_memory()
-    known = size_px[0], clean.colour.intrinsics
+    made = partial(
+        Compositor, size_px, reference_width_px=size_px[0], intrinsics=clean.colour.intrinsics, device=device
+    )
     if not lit:
-        with Compositor(size_px, chains, *known) as compositor:
+        with made(chains=chains) as compositor:
             yield Compositing(compositor)
         return
     before, after = parts = _parted(chains)
-    with Compositor(size_px, before, *known, lit=True) as of_lights, Compositor(size_px, after, *known) as of_shown:
+    with made(chains=before, lit=True) as of_lights, made(chains=after) as of_shown:
         yield LitCompositing(parts, (of_lights, of_shown), of_light)
 
 

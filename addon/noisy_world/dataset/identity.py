@@ -507,6 +507,10 @@ def versions_of(plan: Plan) -> dict[str, str]:
         from ..render.mesh_session import blender_version
 
         versions |= blender_version()
+    if plan.composites and plan.preset.spec.render.compositor_device == "gpu":
+        from ..render.engines import compositor_card
+
+        versions["compositor_gpu"] = compositor_card()
     return versions
 
 

@@ -10,7 +10,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Generic, Self, TypeAlias, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, Literal, Self, TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -142,11 +142,13 @@ def colour_of(
     *,
     lit: bool = False,
     of_light: bool = False,
+    device: Literal["cpu", "gpu"] = "cpu",
 ) -> Iterator[Colour]:
     """Prepare to perturb the colour of sequences.
 
     clean: the cameras of the render. size_px: width and height of the frames; parameters in pixels refer to this width.
-    lit: clean frames have light before a view transform. of_light: that is what is stored.
+    lit: clean frames have light before a view transform. of_light: that is what is stored. device: what Blender's
+    compositor runs on.
     """
     perturbed = [item for item in sequences if item.frames and item.setting.rgb]
     chains = {item.folder: item.setting.rgb for item in perturbed if item.setting.composited}
@@ -155,7 +157,7 @@ def colour_of(
         return
     from .frame import compositing
 
-    with compositing(chains, clean, size_px, lit=lit, of_light=of_light) as carried_out:
+    with compositing(chains, clean, size_px, lit=lit, of_light=of_light, device=device) as carried_out:
         yield Colour(perturbed, clean, carried_out, lit=lit)
 
 
@@ -493,7 +495,8 @@ class FrameMaker:
         looks_back = any(item.setting.looks_back for item in lacking)
         earlier = _earlier_frames(scene.stamps_s, seen) if looks_back else None
         size_px = (render.camera.width_px, render.camera.height_px)
-        options = {"lit": scene.capabilities.lit, "of_light": self._plan.format.of_light}
+        device = self._plan.preset.spec.render.compositor_device
+        options = {"lit": scene.capabilities.lit, "of_light": self._plan.format.of_light, "device": device}
         cameras = cameras_of(render, self.paths_of(render), earlier)
         return self._colour.keep(key, colour_of(lacking, cameras, size_px, **options))
 

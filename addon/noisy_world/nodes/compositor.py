@@ -45,6 +45,8 @@ FLOATS = 4  # bytes of a float32
 Motions: TypeAlias = Mapping[str, CameraMotion | None]
 """How the camera moves at a frame, by chain; of those that are missing nothing is known."""
 
+Device: TypeAlias = Literal["cpu", "gpu"]
+
 _Output: TypeAlias = Literal["Image", "Bytes"]
 
 SocketValues: TypeAlias = dict[str, Any]
@@ -80,12 +82,14 @@ class Compositor:
         intrinsics: Intrinsics | None = None,
         *,
         lit: bool = False,
+        device: Device = "cpu",
     ) -> None:
         """Build the chains.
 
         size_px: width, height of the frames. chains: steps of colour by the chain's name.
         reference_width_px: the width to which parameters in pixels refer. intrinsics: of the camera, if known. lit:
         frames are scene-linear light of any brightness, which `evaluate` takes and gives; there is no `perturb`.
+        device: what evaluates them.
         """
         # Blender treats an image of one pixel as a single value and writes no file for it, so two equal pixels are
         # used.
@@ -100,7 +104,7 @@ class Compositor:
         self._rgba = np.ones((size_px[1], size_px[0], 4), dtype=np.float32)
         self._image = float_image("Noisy World frame", size_px)
         self._depth_image = float_image("Noisy World depth", size_px) if self._needs_depth else None
-        self._configure()
+        self._configure(device)
         self._nodes: dict[str, bpy.types.CompositorNodeGroup] = {}
         self._pool_of: dict[str, _Pool] = {}
         self._known: dict[bpy.types.CompositorNodeGroup, SocketValues] = defaultdict(dict)
@@ -108,7 +112,7 @@ class Compositor:
         self._wire(reference_width_px)
         self._outputs: dict[_Output, _Layers] = {}
 
-    def _configure(self) -> None:
+    def _configure(self, device: Device) -> None:
         scene = self._scene
         scene.compositing_node_group = self._tree
         render = scene.render
@@ -116,7 +120,7 @@ class Compositor:
         render.resolution_percentage = 100
         render.use_compositing = True
         render.use_sequencer = False
-        render.compositor_device = "CPU"
+        render.compositor_device = "GPU" if device == "gpu" else "CPU"
         render.compositor_precision = "FULL"
 
     def _wire(self, reference_width_px: int) -> None:

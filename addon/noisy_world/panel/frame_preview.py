@@ -9,6 +9,7 @@ from functools import partial
 from typing import Any, Literal, TypeAlias
 
 import bpy
+import gpu
 import numpy as np
 from bpy.app.handlers import persistent
 from numpy.typing import NDArray
@@ -422,11 +423,24 @@ def _perturbed(scene: bpy.types.Scene, index: int | None) -> _Drawn:
         height, width = before.shape[:2]
         only = replace(sequence, frames=range(index, index + 1))
         lit = clean.light is not None
-        with colour_of([only], CleanFrames(camera_at(scene, sequence, index)), (width, height), lit=lit) as colour:
+        cameras, device = CleanFrames(camera_at(scene, sequence, index)), compositor_device(panel_of(scene))
+        with colour_of([only], cameras, (width, height), lit=lit, device=device) as colour:
             frame = colour.frames_of(clean)(only, index)
             made, notes = frame.changed("rgb"), frame.steps("rgb")
         after = before if made is None else _as_stored(made, stored)
     return _Drawn(index, before, after, f"Frame {index}: {_listed(notes)}")
+
+
+def compositor_device(panel: Any) -> Literal["cpu", "gpu"]:
+    """Return what the panel lets the compositor run on. Raises NoisyWorldError for a card that is not there."""
+    if panel.render.compositor_device == "gpu" and is_software_gl():
+        raise NoisyWorldError("Compositor Device is Graphics Card, but there is none here: choose Processor")
+    return panel.render.compositor_device
+
+
+def is_software_gl() -> bool:
+    """Tell whether Blender draws without a graphics card."""
+    return not bpy.app.background and gpu.platform.device_type_get() == "SOFTWARE"
 
 
 def _as_stored(rgb: NDArray[Any], colour: str) -> NDArray[np.uint8]:

@@ -7,7 +7,6 @@ from contextlib import contextmanager
 from typing import Any
 
 import bpy
-import gpu
 import numpy as np
 from bpy.app.handlers import persistent
 
@@ -389,14 +388,9 @@ def hide(scene: bpy.types.Scene) -> None:
 
 def _prefer_processor(scene: bpy.types.Scene) -> None:
     """Composite the last render on the processor where there is no graphics card: it takes a third of the time."""
-    if scene.render.compositor_device == "GPU" and DEVICE_CHANGED not in scene and is_software_gl():
+    if scene.render.compositor_device == "GPU" and DEVICE_CHANGED not in scene and frame_preview.is_software_gl():
         scene.render.compositor_device = "CPU"
         scene[DEVICE_CHANGED] = True
-
-
-def is_software_gl() -> bool:
-    """Tell whether Blender draws without a graphics card."""
-    return not bpy.app.background and gpu.platform.device_type_get() == "SOFTWARE"
 
 
 @persistent

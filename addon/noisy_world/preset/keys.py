@@ -513,6 +513,16 @@ class RenderSpec:
         },
         identity="meaning",
     )
+    compositor_device: Literal["cpu", "gpu"] = key(
+        "what Blender's compositor perturbs colour on; a graphics card is used only where this asks for it",
+        default="cpu",
+        choices={
+            "cpu": Choice("Processor", "Frames are the same on every computer"),
+            "gpu": Choice("Graphics Card", "Faster; frames depend on the card, by float32's last digits"),
+        },
+        identity="value",
+        label="Compositor Device",
+    )
     samples: int = key(
         "rays a pixel, with embree at most: it casts more than one where colours differ; depth is the pixel centre's "
         "at any number",

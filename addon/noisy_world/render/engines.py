@@ -200,7 +200,8 @@ scene.render.resolution_x = scene.render.resolution_y = 4
 scene.camera = bpy.data.objects.new("camera", bpy.data.cameras.new("camera"))
 scene.collection.objects.link(scene.camera)
 bpy.ops.render.render()
-print({MARK!r} + json.dumps([gpu.platform.renderer_get(), gpu.platform.version_get()]))
+told = gpu.platform.renderer_get(), gpu.platform.version_get(), gpu.platform.device_type_get()
+print({MARK!r} + json.dumps(told))
 """
 
 
@@ -209,6 +210,26 @@ def gl_version() -> str:
 
     Raises MissingDependencyError, which names Debian's packages, where that fails.
     """
+    other = Message("use ", PresetKey("render.engine", "cycles"), ", which needs none")
+    renderer, version, _ = _gl_here("EEVEE and Workbench need", other)
+    return f"{renderer}, {version}"
+
+
+def compositor_card() -> str:
+    """Return the graphics card that the compositor would run on, and its driver's version.
+
+    Raises MissingDependencyError where there is none; one in software does not count.
+    """
+    other = Message("use ", PresetKey("render.compositor_device", "cpu"))
+    renderer, version, kind = _gl_here("a compositor on a graphics card needs", other)
+    if kind == "SOFTWARE":
+        problem = f"render.compositor_device is gpu, but there is no graphics card here: {renderer} is software"
+        raise MissingDependencyError(problem, remedy=either(other, "install the card's driver"))
+    return f"{renderer}, {version}"
+
+
+def _gl_here(asking: str, other: Message) -> tuple[str, str, str]:
+    """Return GL's renderer, version and kind of device. asking, other: the error's beginning and another remedy."""
     command = [bpy.app.binary_path, "-b", "--factory-startup", "--python-exit-code", "1", "--python-expr", ASK]
     if not bpy.app.binary_path:
         command = [sys.executable, "-c", ASK]
@@ -220,11 +241,10 @@ def gl_version() -> str:
         answer, problem = [], f"no answer within {TIMEOUT_S} s"
     if problem or not answer:
         packages = "libegl1 libgl1 libgl1-mesa-dri"
-        message = f"EEVEE and Workbench need OpenGL, which fails here ({problem or 'it told nothing'})"
-        other = Message("use ", PresetKey("render.engine", "cycles"), ", which needs none")
+        message = f"{asking} OpenGL, which fails here ({problem or 'it told nothing'})"
         raise MissingDependencyError(message, remedy=either(f"run: apt-get install {packages}", other))
-    renderer, version = json.loads(answer[0].removeprefix(MARK))
-    return f"{renderer}, {version}"
+    renderer, version, kind = json.loads(answer[0].removeprefix(MARK))
+    return renderer, version, kind
 
 
 # Lines of a frame that are read one after another: each band of them is rendered at its own moment, by a border.
