@@ -20,8 +20,10 @@ import runs
 
 from noisy_world.core import atomic_files
 from noisy_world.core.errors import InterruptedRunError, StorageError
+from noisy_world.dataset import identity
 from noisy_world.dataset.plan import make_plan
 from noisy_world.preset.keys import read_preset
+from noisy_world.dataset.remaking import made_here, made_otherwise
 from noisy_world.dataset.run import Run
 
 
@@ -203,6 +205,22 @@ def test_another_version_of_what_decides_the_bytes_is_refused(world, tmp_path, p
     with pytest.MonkeyPatch.context() as patched:
         patched.setattr(module, "__version__", "1.2.3")
         refused(run, world, out, names=[f"{name} {VERSIONS[package]}", "1.2.3"], error=StorageError)
+
+
+def test_a_dataset_of_the_first_release_grows_and_one_of_an_unknown_release_does_not(world, tmp_path):
+    for release, grows in (("0.1.0", True), ("0.0.9", False)):
+        out = tmp_path / release
+        with pytest.MonkeyPatch.context() as patched:
+            patched.setattr(identity, "package_version", lambda release=release: release)
+            run(world, out, overrides=['settings=[{"name": "clean"}]'])
+        if grows:
+            run(world, out)
+            assert (out / "same/box/traj.txt").is_file()
+        else:
+            refused(run, world, out, names=["noisy_world 0.0.9"], error=StorageError)
+        here = made_here()
+        there = {**here, "versions": here["versions"] | {"noisy_world": release}}
+        assert ("noisy_world" in made_otherwise(there, here)) is not grows  # a recipe
 
 
 def test_other_peoples_folders_are_left_alone(world, tmp_path):

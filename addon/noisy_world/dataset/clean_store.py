@@ -46,7 +46,7 @@ from ..render.source import (
 from .estimate import size_text
 from .folder_state import WORK_FOLDER, clean_identity, first_difference
 from .identity import FORMAT as IDENTITY_FORMAT
-from .identity import identity_problem, plain_identity, versions_of
+from .identity import identity_problem, plain_identity, same_version, versions_of
 from .plan import Plan, Render
 from .remaking import different_input
 from .rendering import open_render, render_options, source_paths
@@ -404,9 +404,11 @@ class _Making:
         return CleanStore(self._out, here)
 
     def _check_same(self, there: CleanStore, here: dict[str, Any]) -> None:
-        for name, value in (("versions", here["versions"]), ("processor", here["processor"])):
-            if there.identity[name] != value:
-                raise StorageError(f"was made with other {name}", file=self._out, remedy=ANOTHER)
+        made, versions = there.identity["versions"], here["versions"]
+        if not all(same_version(name, made.get(name), versions.get(name)) for name in {*made, *versions}):
+            raise StorageError("was made with other versions", file=self._out, remedy=ANOTHER)
+        if there.identity["processor"] != here["processor"]:
+            raise StorageError("was made on another processor", file=self._out, remedy=ANOTHER)
         for folder in here["sequences"]:
             setting, scene = folder.split("/")
             known = scene in there.identity["scenes"] and setting in there.identity["settings"]

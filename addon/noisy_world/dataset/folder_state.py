@@ -36,6 +36,7 @@ from .identity import (
     is_sequence,
     manifest_problem,
     path_sha256,
+    same_version,
     version_problem,
 )
 
@@ -719,7 +720,7 @@ def _made_with(there: dict[str, Any], here: dict[str, Any], *, any_processor: bo
         )
     for name in sorted({*there["versions"]} & {*here["versions"]}):
         before, now = there["versions"][name], here["versions"][name]
-        if before != now:
+        if not same_version(name, before, now):
             return Message(f"made with {name} {_short(before)}, this is {_short(now)}", ANOTHER_FOLDER)
     if not any_processor and (found := first_difference(there["processor"], here["processor"])):
         return Message("made on another processor: ", found, either(PROCESSORS, *ELSEWHERE))

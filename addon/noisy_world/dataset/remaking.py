@@ -18,7 +18,15 @@ from ..preset.names import chosen_part
 from ..sources import read_scenes
 from ..sources.scene_kinds import Scene
 from .folder_state import MANIFEST, DatasetState, was_is
-from .identity import HUFFMAN, RecordedSetting, base_versions, path_sha256, processor, relevant_entry
+from .identity import (
+    HUFFMAN,
+    RecordedSetting,
+    base_versions,
+    path_sha256,
+    processor,
+    relevant_entry,
+    same_version,
+)
 from .plan import Plan, Render, make_plan, needed_sources, read_settings
 from .recipe import (
     Digests,
@@ -189,7 +197,8 @@ def made_otherwise(recipe: Mapping[str, Any], here: Mapping[str, Any]) -> str:
         name: (recipe["versions"].get(name, "none"), version)
         for name, version in here["versions"].items()
         # Python itself decides no byte; deflate does since it compresses PNG files.
-        if name != "python" and recipe["versions"].get(name, version if name != "deflate" else None) != version
+        if name != "python"
+        and not same_version(name, recipe["versions"].get(name, version if name != "deflate" else None), version)
     }
     parts = [f"{name} {was_is(*pair)}" for name, pair in versions.items()]
     if other := _processor(recipe["processor"], here["processor"]):
