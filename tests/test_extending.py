@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The package of docs/extend.md, as it stands there: a source, two layouts, a metric and more, all by entry points."""
+"""The package of docs/examples/my_lab: a source, two layouts, a metric and more, all by entry points."""
 
 import ast
 import csv
@@ -26,25 +26,18 @@ from noisy_world.core.errors import NoisyWorldError
 for package in ("embreex", "tabulate", "pandas", "jinja2", "matplotlib"):
     pytest.importorskip(package, reason=f"{package} comes with the extra evaluate")
 
-PAGE = (ROOT / "docs/extend.md").read_text(encoding="utf-8")
-PROGRAMS = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
-CORRIDOR, FLAT, PHONE, ODOMETER, FACING, UPWARD, STRAYS, HOLES, HELMET, STILL, TESTS = PROGRAMS
-PROJECT = tomllib.loads(re.search(r"```toml\n(.*?)```", PAGE, re.DOTALL)[1])["project"]
+EXAMPLE = ROOT / "docs/examples/my_lab"
+PROJECT = tomllib.loads((EXAMPLE / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 MODULES = {
-    "__init__.py": "",
-    "corridor.py": CORRIDOR,
-    "flat.py": FLAT,
-    "phone.py": PHONE,
-    "odometer.py": ODOMETER,
-    "facing.py": FACING,
-    "strays.py": STRAYS,
-    "upward.py": UPWARD,
-    "holes.py": HOLES,
-    "helmet.py": HELMET,
-    "systems/__init__.py": "",
-    "systems/still.yaml": re.search(r"```yaml\n(.*?)```", PAGE, re.DOTALL)[1],
-    "systems/still.py": STILL,
+    file.relative_to(EXAMPLE / "my_lab").as_posix(): file.read_text(encoding="utf-8")
+    for file in sorted((EXAMPLE / "my_lab").rglob("*.*"))
+    if file.suffix in (".py", ".yaml")
 }
+TESTS = (EXAMPLE / "test_rules.py").read_text(encoding="utf-8")
+NAMES = ("corridor", "flat", "phone", "odometer", "facing", "upward", "strays", "holes", "helmet", "systems/still")
+CORRIDOR, FLAT, PHONE, ODOMETER, FACING, UPWARD, STRAYS, HOLES, HELMET, STILL = (
+    MODULES[f"{name}.py"] for name in NAMES
+)
 FRAMES = 5
 RENDER = {"engine": "embree", "backend": "reference"}
 # All in one process, as one that starts takes longer than what it does.

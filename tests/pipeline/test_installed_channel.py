@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The channel of docs/extend.md, as it stands there, of an installed package: listed, written, and in the panel."""
+"""The channel of docs/examples/my_lab, of an installed package: listed, written, and in the panel."""
 
 import json
 import os
@@ -18,8 +18,7 @@ from noisy_world.core.errors import NoisyWorldError
 
 pytest.importorskip("embreex", reason="embreex comes with an extra")
 
-PAGE = (ROOT / "docs/extend.md").read_text(encoding="utf-8")
-(FACING,) = re.findall(r"```python\n(\"\"\"How far the surface.*?)```", PAGE, re.DOTALL)
+FACING = (ROOT / "docs/examples/my_lab/my_lab/facing.py").read_text(encoding="utf-8")
 PROGRAM = """
 import sys
 from noisy_world.cli import command

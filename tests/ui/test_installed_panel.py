@@ -3,7 +3,6 @@
 
 import json
 import os
-import re
 import subprocess
 import sys
 from pathlib import Path
@@ -31,8 +30,8 @@ SETTING = {
 @pytest.fixture(scope="module")
 def site(tmp_path_factory):
     site = tmp_path_factory.mktemp("site")
-    page = (ROOT / "docs/extend.md").read_text(encoding="utf-8")
-    corridor = {"__init__.py": "", "corridor.py": re.search(r"```python\n(.*?)```", page, re.DOTALL)[1]}
+    source = (ROOT / "docs/examples/my_lab/my_lab/corridor.py").read_text(encoding="utf-8")
+    corridor = {"__init__.py": "", "corridor.py": source}
     installed_package.install(site, "my-lab", "1.0", {"corridor": "my_lab.corridor:SOURCE"}, corridor, kind="sources")
     return installed_package.install(site)
 
