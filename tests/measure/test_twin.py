@@ -2,7 +2,9 @@
 """Out of a measured recording: a device and a setting that make clean frames into such ones, and severities."""
 
 from dataclasses import replace
+from pathlib import Path
 
+import numpy as np
 import pytest
 import yaml
 from refusals import refused
@@ -14,7 +16,8 @@ from noisy_world.dataset.plan import make_plan
 from noisy_world.measure.depth_noise import depth_noise
 from noisy_world.measure.figure import Figure
 from noisy_world.measure.looking import RecordingFigures
-from noisy_world.measure.twin import places, twin_of
+from noisy_world.measure.severities import places
+from noisy_world.measure.twin import preset_text, twin_of
 from noisy_world.perturbations import registry
 from noisy_world.perturbations.kinds import FrameContext
 from noisy_world.preset.keys import check_document, read_preset
@@ -94,6 +97,69 @@ def test_colour_holes_and_lateness_become_steps_and_what_is_untold_is_said():
     assert any("depth_noise_offset_m" in line and "too few distances" in line for line in twin.untold)
 
 
+def test_shutter_lens_light_files_and_clocks_become_steps():
+    found = found_of(
+        Figure.exact("rate_hz", 20.0, 9),
+        Figure("exposure_ms", 12.0, 10.0, 14.0),
+        Figure("readout_down_ms", -20.0, -21.0, -19.0),
+        Figure("readout_right_ms", 0.3, -1.0, 1.6),
+        Figure("defocus_sigma_px", 1.5, 1.3, 1.7),
+        Figure("vignetting_corner_loss", 0.4, 0.3, 0.5),
+        Figure("exposure_range_stops", 1.2, 1.0, 1.4),
+        Figure.exact("exposure_rate_stops_per_s", 2.0, 9),
+        Figure.exact("mean_light", 0.2, 9),
+        Figure("white_balance_range_stops", 0.4, 0.3, 0.5),
+        Figure("flicker_swing_120_hz", 0.1, 0.08, 0.12),
+        Figure("column_noise_std", 0.01, 0.008, 0.012),
+        Figure.exact("colour_gaussian_std", 0.03, 9),
+        Figure.exact("jpeg_quality", 80, 9),
+        Figure.exact("jpeg_420_share", 0.0, 9),
+        Figure("depth_late_frames", 1.4, 1.3, 1.5),
+        Figure.exact("gyro_noise_density", 0.002, 9),
+        Figure("imu_clock_s", 0.02, 0.015, 0.025),
+        Figure("imu_clock_by_poses_s", 0.021, 0.02, 0.022),
+        Figure.exact("jitter_s", 0.001, 9),
+        Figure.exact("missing_frames", 2, 9),
+    )
+    twin = twin_of(found, CAMERA, None)
+    assert twin.shutter == [
+        {"camera_motion_blur": {"shutter_ms": 12.0}},
+        {"rolling_shutter": {"readout_ms": 20.0, "direction": "up"}},
+    ]
+    # Lamps of 120 Hz that are seen for 12 ms: sinc(1.44) of the swing is left.
+    left = abs(np.sinc(1.44))
+    assert twin.colour == [
+        {"gaussian_blur": {"sigma_px": 1.5}},
+        {"vignetting": {"corner_loss": 0.4}},
+        {"auto_exposure": {"target": 0.2, "lag_s": 0.6}},
+        {"flicker": {"mains_hz": 60, "modulation": pytest.approx(0.1 / left, rel=0.01)}},
+        {"gaussian_noise": {"std": 0.03}},
+        {"jpeg_compression": {"quality": 80}},
+    ]
+    assert twin.delay_ms == -70.0
+    assert twin.pairing == []
+    assert twin.imu == {"gyro_noise_density": 0.002, "time_offset_s": 0.021}
+    for name in ("white_balance_range_stops", "column_noise_std", "jpeg_420_share", "jitter_s", "missing_frames"):
+        assert any(line.startswith(name) for line in twin.untold)
+    (setting,) = (
+        each for each in check_document(yaml.safe_load(preset_text(twin, found)), Path("t")).spec.settings[1:]
+    )
+    assert setting.name == "twin"
+    assert "rig.depth.delay_ms" not in str(setting.perturb)
+
+
+def test_rows_and_hot_pixels_are_a_sensors():
+    light = 0.2  # 0.4845 encoded, by IEC 61966-2-1
+    known = Figure("row_noise_std", 0.02, 0.019, 0.021), Figure("hot_pixel_share", 0.01, 0.009, 0.011)
+    (step,) = twin_of(found_of(*known, Figure.exact("mean_light", light, 9)), CAMERA, None).colour
+    model = registry()["sensor_noise"]
+    image = np.full((300, 200, 3), 0.4845, np.float32)
+    made = model.apply(image, model.parameters(**step["sensor_noise"]), FrameContext(0, (1, "sensor")))
+    assert np.median(made, axis=1).std(axis=0) == pytest.approx(0.02, rel=0.15)
+    over = made - np.median(made, axis=1, keepdims=True)
+    assert (over > 8 / 255).any(axis=2).mean() == pytest.approx(0.01, rel=0.15)
+
+
 @pytest.mark.parametrize("severity", [1.4, 2.0, 3.7, 4.5])
 @pytest.mark.parametrize(
     ("figure", "perturbation", "parameter"),
@@ -108,6 +174,44 @@ def test_a_place_on_the_severities_is_the_inverse_of_what_they_mean(figure, pert
     value = {"photons": 1 / value, "missing_percent": value / 100}.get(parameter, value)
     (place,) = places(found_of(Figure.exact(figure, value, 9)))
     assert (place.perturbation, place.severity) == (perturbation, pytest.approx(severity))
+
+
+@pytest.mark.parametrize(
+    ("figure", "value", "perturbation", "severity"),
+    [
+        ("vignetting_corner_loss", 0.35, "vignetting", 2),
+        ("exposure_ms", 20.0, "camera_motion_blur", 3.5),
+        ("readout_down_ms", -10.0, "rolling_shutter", 2),
+        ("flicker_swing_100_hz", 0.025, "flicker", 0.5),
+        ("jpeg_quality", 16.5, "jpeg_compression", 2.5),
+        ("jpeg_quality", 75, "jpeg_compression", 0.25),  # libjpeg: 200 - 2 x 75 per cent, of 5000 / 25
+    ],
+)
+def test_places_on_other_severities(figure, value, perturbation, severity):
+    (place,) = places(found_of(Figure(figure, value, value - 1, value + 1)))
+    assert (place.perturbation, place.severity) == (perturbation, pytest.approx(severity))
+    assert place.low <= place.severity <= place.high
+
+
+@pytest.mark.parametrize("severity", [1, 3, 5])
+def test_blurs_are_placed_by_what_they_spread_of_a_point(severity):
+    point = np.zeros((81, 81, 3), np.float32)
+    point[40, 40] = 1
+
+    def deviation_px(name, **given):
+        model = registry()[name]
+        spread = model.apply(point, model.at_severity(severity, **given), FrameContext(0, (1,)))[..., 1].sum(axis=0)
+        at = np.arange(81)
+        mean = spread @ at / spread.sum()
+        return float(np.sqrt(spread @ (at - mean) ** 2 / spread.sum()))
+
+    way_px = 12**0.5 * deviation_px("motion_blur", max_angle_deg=0)
+    (moved,) = places(found_of(Figure.exact("motion_blur_most_px", way_px, 9)))
+    assert (moved.perturbation, moved.severity) == ("motion_blur", pytest.approx(severity, abs=0.02))
+    assert "one edge in twenty" in str(moved)
+    sigma_px = deviation_px("defocus_blur")
+    (lens,) = places(found_of(Figure.exact("defocus_sigma_px", sigma_px, 9)))
+    assert (lens.perturbation, lens.severity) == ("defocus_blur", pytest.approx(severity, abs=0.15))
 
 
 def test_places_below_and_beyond_the_severities():
@@ -134,13 +238,15 @@ DEVICE = {
         "distortion": {"k1": 0.1},
     },
     "depth": {"axial_noise": LAW},
+    "delay_ms": 12.5,
+    "imu": {"gyro_noise_density": 0.001, "time_offset_s": 0.01},
     "perturb": [{"gaussian_noise": {"std": 0.03}}, {"shot_noise": {"photons": 80}}],
 }
 PRESET = {
     "scenes": [{"name": "room", "mesh": "embedded:room", "trajectory": {"handheld": {"frames": 4}}}],
     "camera": {"device": "./measured.yaml", "width": 640},
     "render": {"engine": "embree", "backend": "reference"},
-    "rig": {"depth": {"sensor": "./measured.yaml"}},
+    "rig": {"depth": {"sensor": "./measured.yaml"}, "imu": {"device": "./measured.yaml", "time_offset_s": 0.0}},
     "settings": [{"name": "seen", "perturb": [{"device": "measured.yaml"}, {"pixelate": {"severity": 1}}]}],
 }
 
@@ -156,7 +262,10 @@ def test_a_preset_takes_what_a_devices_file_says(tmp_path):
     taken = read_preset(written(tmp_path))
     said = PRESET | {
         "camera": {"width": 640, "height": 480, "fx": 500.0, "fy": 502.0, "cx": 319.5, "cy": 239.5},
-        "rig": {"depth": {"sensor": DEVICE["depth"]}},
+        "rig": {
+            "depth": {"sensor": DEVICE["depth"], "delay_ms": 12.5},
+            "imu": {"gyro_noise_density": 0.001, "time_offset_s": 0.0},
+        },
         "settings": [{"name": "seen", "perturb": [*DEVICE["perturb"], {"pixelate": {"severity": 1}}]}],
     }
     said["camera"]["distortion"] = {"k1": 0.1}
@@ -165,6 +274,7 @@ def test_a_preset_takes_what_a_devices_file_says(tmp_path):
     assert one.settings == other.settings
     assert one.cameras == other.cameras
     assert taken.spec.camera == other.preset.spec.camera
+    assert taken.spec.rig == other.preset.spec.rig
     # All that decides bytes stands in the document, as a recipe has it: the file may go.
     assert "measured.yaml" not in str(taken.described)
     (tmp_path / "measured.yaml").unlink()
@@ -187,6 +297,8 @@ def test_parts_of_a_devices_file_are_changed_or_left_out(tmp_path):
     ("change", "names"),
     [
         ({"depth": None}, ("measured.yaml", "depth", "is missing", "rig.depth.sensor", "--device")),
+        ({"imu": None}, ("measured.yaml", "imu", "is missing", "rig.imu.device", "--device")),
+        ({"imu": {"gyro_noise": 1}}, ("measured.yaml", "imu.gyro_noise", "gyro_noise_density")),
         ({"camera": {"width": 320}}, ("measured.yaml", "camera.height", "add it")),
         ({"camera": DEVICE["camera"] | {"fx": -1}}, ("measured.yaml", "camera.fx", "allowed")),
         ({"lens": {}}, ("measured.yaml", "unknown key", "lens")),

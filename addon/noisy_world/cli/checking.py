@@ -66,7 +66,8 @@ def _check(options: argparse.Namespace, _: Entry) -> int:
 def _measure(options: argparse.Namespace, _: Entry) -> int:
     """Measure, print the page, write what is asked for, and return 0 where nothing is wrong."""
     from ..measure.looking import measured
-    from ..measure.twin import device_text, places, preset_text, twin_of
+    from ..measure.severities import places
+    from ..measure.twin import device_text, preset_text, twin_of
 
     files = [(file, text) for file, text in ((options.device, device_text), (options.twin, preset_text)) if file]
     for file, _text in files:

@@ -79,26 +79,32 @@ class Figure:
 
 @dataclass(frozen=True)
 class Place:
-    """Where a figure lies on a perturbation's severities. times: its strength over severity 5's, where it is beyond."""
+    """Where a figure lies on a perturbation's severities. times: its strength over severity 5's, where it is beyond.
+
+    whose: of what, where there are several of a perturbation.
+    """
 
     perturbation: str
     severity: float
     low: float | None
     high: float | None
     times: float
+    whose: str = ""
 
     def __str__(self) -> str:
+        whose = f", {self.whose}" if self.whose else ""
         if self.times > 1:
-            return f"{self.perturbation} beyond 5, {self.times:.2g} times its strength"
+            return f"{self.perturbation} beyond 5, {self.times:.2g} times its strength{whose}"
         within = ""
         if self.low is not None and self.high is not None and self.low != self.high:
             within = f" ({self.low:.2g} to {self.high:.2g})"
-        return f"{self.perturbation} {self.severity:.2g}{within}"
+        return f"{self.perturbation} {self.severity:.2g}{within}{whose}"
 
     def content(self) -> dict[str, Any]:
         """Return it as plain JSON values."""
         values: dict[str, Any] = {"perturbation": self.perturbation, "severity": self.severity}
-        return values | {"low": self.low, "high": self.high, "times_severity_5": max(self.times, 1.0)}
+        values |= {"low": self.low, "high": self.high, "times_severity_5": max(self.times, 1.0)}
+        return values | ({"whose": self.whose} if self.whose else {})
 
 
 def blocks_of(count: int) -> NDArray[np.int64]:

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Out of what was measured: a device's file, a preset that makes clean frames into such ones, places on severities.
+"""Out of what was measured: a device's file, and a preset that makes clean frames into such ones.
 
 What a figure cannot tell is left out, and a comment of the file says why.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cache
 from typing import Any
@@ -15,11 +15,10 @@ from ..core.errors import one_line
 from ..core.geometry import Intrinsics
 from ..core.lens import Distortion
 from ..core.schema import yaml_line
-from ..perturbations import registry
-from ..perturbations.kinds import SEVERITIES
+from ..core.srgb import exact_colours
 from .depth_noise import LAGS_PX, WIDE_SIDE
 from .depth_noise import SIDE as DEPTH_SIDE
-from .figure import Figure, Place
+from .figure import Figure
 from .looking import RecordingFigures
 
 # Chosen, as all below.
@@ -30,8 +29,15 @@ LEAST_STEP = 0.3  # of a disparity, over the deviation of depth in inverse metre
 MOST_PHOTONS = 256.0  # that shot_noise counts
 SHADOW_BASELINE_M, NO_SHADOW_BASELINE_M = 0.075, 0.001  # of a projector: the first Kinect's, and one beside the camera
 MIDDLE = 0.5  # intensity at which a noise of photons that are too many is added to the even one
-COMPARED_AT_M = 2.0  # at which noise of depth is compared with that of axial_noise
 DRAWS = 4000
+LEAST_BLUR_PX, LEAST_READOUT_MS, LEAST_EXPOSURE_MS = 0.4, 1.0, 1.0  # of the lower ends of intervals
+LEAST_LOSS, LEAST_SWING, LEAST_STOPS = 0.03, 0.01, 0.15
+LEAST_CLOCK_S = 0.002
+WHITE_ELECTRONS, MOST_ELECTRONS = 1e6, 1000.0  # of white, so that photons' noise is not seen; of a row, at most
+HOT_LIGHT, HOT_SEEN = 0.2, 0.86  # of white, on average; share of such pixels that stand out as measured ones do
+DARK_S = 0.01  # default of sensor_noise
+LEAST_JITTER_S = 1e-6  # less is the rounding of stamps
+IMU_KEYS = ("gyro_noise_density", "accel_noise_density")
 
 Values = dict[str, Any]
 
@@ -41,11 +47,15 @@ class Twin:
     """What makes clean frames into such as were measured.
 
     camera: keys of a preset's camera. sensor: how depth is measured, one perturbation; None where it cannot be told.
-    colour, pairing, holes: further steps of a setting. depth_scale_per_m: of images of depth. untold: why something is
-    not in it, or not as it was measured, a line each.
+    shutter, colour, pairing, holes: further steps of a setting. imu: keys of a rig's. delay_ms: how much later than
+    colour depth is exposed; between_frames: which is no whole number of frames. depth_scale_per_m: of images of depth.
+    untold: why something is not in it, or not as it was measured, a line each.
     """
 
     camera: Values
+    shutter: list[Values] = field(default_factory=list[Values])
+    delay_ms: float | None = None
+    between_frames: bool = False
     sensor: Values | None = None
     colour: list[Values] = field(default_factory=list[Values])
     holes: list[Values] = field(default_factory=list[Values])
@@ -67,13 +77,16 @@ def twin_of(found: RecordingFigures, camera: Intrinsics, lens: Distortion | None
     rate = found.figures.get("rate_hz")
     twin.rate_hz = None if rate is None or rate.value is None else _plain(rate.value)
     twin.untold += [f"{figure.name}: cannot be told here, because {figure.untold}" for figure in _untold(found)]
+    _shutter(twin, found)
+    _light(twin, found)
     _colour(twin, found)
+    _lines(twin, found)
+    _coding(twin, found)
     _depth(twin, found, camera)
     _holes(twin, found)
     _pairing(twin, found)
-    for name in ("gyro_noise_density", "accel_noise_density"):
-        if (value := _value(found, name)) is not None:
-            twin.imu[name] = _plain(value)
+    _imu(twin, found)
+    _stamps(twin, found)
     return twin
 
 
@@ -86,11 +99,117 @@ def _value(found: RecordingFigures, name: str) -> float | None:
     return None if figure is None else figure.value
 
 
+def _sure(found: RecordingFigures, name: str, least: float = 0.0) -> float | None:
+    """Return a figure's value where its whole interval is beyond a number, on one side; None elsewhere."""
+    figure = found.figures.get(name)
+    return figure.value if figure is not None and figure.sure_beyond(least) else None
+
+
 def _plain(value: float, digits: int = 4) -> float:
     return float(f"{value:.{digits}g}")
 
 
-# --- colour ---
+# --- colour: what the shutter and the lens do, light, noise, files ---
+
+
+def _shutter(twin: Twin, found: RecordingFigures) -> None:
+    """Add what acts on a scene while it is rendered: exposure and readout."""
+    if (exposure_ms := _sure(found, "exposure_ms", LEAST_EXPOSURE_MS)) is not None:
+        twin.shutter.append({"camera_motion_blur": {"shutter_ms": _plain(exposure_ms, 3)}})
+    readouts = {
+        ways: value
+        for name, ways in (("readout_down_ms", ("down", "up")), ("readout_right_ms", ("right", "left")))
+        if (value := _sure(found, name, LEAST_READOUT_MS)) is not None
+    }
+    if readouts:
+        ways, readout_ms = max(readouts.items(), key=lambda each: abs(each[1]))
+        direction = ways[readout_ms < 0]
+        twin.shutter.append({"rolling_shutter": {"readout_ms": _plain(abs(readout_ms), 3), "direction": direction}})
+    if len(readouts) > 1:
+        twin.untold.append("readout: rows and columns were told to be read one after another; the longer one is taken")
+    if twin.shutter:
+        names = " and ".join(name for step in twin.shutter for name in step)
+        verb = "act" if len(twin.shutter) > 1 else "acts"
+        twin.untold.append(
+            f"{names} {verb} on what is rendered; over a recording write {{device: {{name: ./FILE, "
+            f"{', '.join(f'{name}: false' for step in twin.shutter for name in step)}}}}}"
+        )
+
+
+def _light(twin: Twin, found: RecordingFigures) -> None:
+    """Add what the lens does, and how light changes."""
+    if (sigma_px := _sure(found, "defocus_sigma_px", LEAST_BLUR_PX)) is not None:
+        twin.colour.append({"gaussian_blur": {"sigma_px": _plain(sigma_px, 3)}})
+    if (loss := _sure(found, "vignetting_corner_loss", LEAST_LOSS)) is not None and loss > 0:
+        twin.colour.append({"vignetting": {"corner_loss": min(_plain(loss, 3), 1.0)}})
+    stops, light = _sure(found, "exposure_range_stops", LEAST_STOPS), _value(found, "mean_light")
+    if stops is not None and light:
+        speed = _value(found, "exposure_rate_stops_per_s")
+        lag_s = min(_plain(stops / speed, 2), 5.0) if speed else 0.4
+        twin.colour.append({"auto_exposure": {"target": min(_plain(light, 3), 1.0), "lag_s": lag_s}})
+        twin.untold.append(
+            f"auto_exposure.lag_s: is guessed, {stops:.2g} stops over the fastest that was seen; how bright the scene "
+            "itself was is not known, so images stay as bright as they are rendered when light_stops is 0"
+        )
+    if (balance := _sure(found, "white_balance_range_stops", LEAST_STOPS)) is not None:
+        twin.untold.append(
+            f"white_balance_range_stops: {balance:.2g} were measured; white_balance would need what was asked for"
+        )
+    exposure_ms = _value(found, "exposure_ms") if twin.shutter else None
+    for mains_hz in (50, 60):
+        swing = _sure(found, f"flicker_swing_{2 * mains_hz}_hz", LEAST_SWING)
+        if swing is None:
+            continue
+        exposed_s = (exposure_ms or 0.0) / 1e3
+        seen = abs(float(np.sinc(2 * mains_hz * exposed_s)))
+        keys: Values = {"mains_hz": mains_hz, "modulation": _plain(min(swing / max(seen, 1e-3), 1.0), 3)}
+        if not exposed_s:
+            keys["exposure_ms"] = 0.0
+            twin.untold.append("flicker: modulation is what frames show, as if they were exposed for no time")
+        twin.colour.append({"flicker": keys})
+
+
+def _lines(twin: Twin, found: RecordingFigures) -> None:
+    """Add hot pixels and what rows share: a sensor that has no other noise."""
+    rows, hot = (_sure(found, name) for name in ("row_noise_std", "hot_pixel_share"))
+    if (columns := _sure(found, "column_noise_std")) is not None:
+        twin.untold.append(f"column_noise_std: {columns:.2g} of white was measured, and no sensor here has columns")
+    if rows is None and hot is None:
+        return
+    light = _value(found, "mean_light") or MIDDLE**2.2
+    codes = exact_colours(np.array([0.99, 1.01]) * light)
+    of_row = (rows or 0.0) * 0.02 * light / float(codes[1] - codes[0])  # in light
+    white = min(WHITE_ELECTRONS, MOST_ELECTRONS / of_row) if of_row > 0 else WHITE_ELECTRONS
+    keys: Values = {
+        "gain_db": 0.0,
+        "full_well_electrons": _plain(white, 3),
+        "read_noise_electrons": 0.0,
+        "dark_electrons_per_s": 0.0,
+        "hot_percent": _plain(100 * (hot or 0.0) / (3 * HOT_SEEN), 3),
+        "hot_electrons_per_s": _plain(HOT_LIGHT * white / DARK_S, 3),
+        "row_noise_electrons": min(_plain(of_row * white, 3), MOST_ELECTRONS),
+        "bits": 16,
+    }
+    twin.colour.append({"sensor_noise": keys})
+    if hot is not None:
+        twin.untold.append("hot_pixel_share: how bright hot pixels are was not measured")
+    if rows is not None:
+        twin.untold.append(
+            f"row_noise_std: rows share as much at the mean light, {light:.2g} of white; in light, not in pixels"
+        )
+
+
+def _coding(twin: Twin, found: RecordingFigures) -> None:
+    """Add JPEG, which comes last."""
+    quality = _value(found, "jpeg_quality")
+    if quality is None:
+        return
+    twin.colour.append({"jpeg_compression": {"quality": round(quality)}})
+    halved = _value(found, "jpeg_420_share")
+    if halved is not None and halved < MIDDLE:
+        twin.untold.append("jpeg_420_share: chroma was not halved both ways, as jpeg_compression has it")
+    if twin.colour[0].keys() & {"gaussian_noise", "shot_noise"} or len(twin.colour) > 1:
+        twin.untold.append("jpeg_quality: noise was measured behind the JPEG, and is compressed once more here")
 
 
 def _colour(twin: Twin, found: RecordingFigures) -> None:
@@ -106,7 +225,8 @@ def _colour(twin: Twin, found: RecordingFigures) -> None:
             "gaussian_noise has it at middle intensity"
         )
     if std > 0:
-        twin.colour.insert(0, {"gaussian_noise": {"std": _plain(std)}})
+        shot = 1 if twin.colour and "shot_noise" in twin.colour[-1] else 0
+        twin.colour.insert(len(twin.colour) - shot, {"gaussian_noise": {"std": _plain(std)}})
     beside = _value(found, "colour_noise_correlation")
     if beside is not None and beside > 0.2:
         twin.untold.append(f"colour_noise_correlation: {beside:.2f} was measured, and each pixel of this has its own")
@@ -236,86 +356,49 @@ def _has_shadow(twin: Twin) -> bool:
 
 def _pairing(twin: Twin, found: RecordingFigures) -> None:
     late = found.figures.get("depth_late_frames")
-    if late is None or late.value is None:
+    if late is None or late.value is None or not late.sure_beyond(0.05):
         return
     frames = round(late.value)
-    if frames and late.sure_beyond(0.5):
-        twin.pairing.append({"desync": {"offset": -frames}})
-    if late.sure_beyond(0.05) and abs(late.value - frames) > 0.1 and twin.rate_hz:
-        shift_ms = 0.0 - 1e3 * late.value / twin.rate_hz
+    if twin.rate_hz:
+        twin.delay_ms = 0.0 - _plain(1e3 * late.value / twin.rate_hz)
+    if abs(late.value - frames) > 0.1 and twin.delay_ms is not None:
+        twin.between_frames = True
+        nearest = f"desync: {{offset: {-frames}}} is the nearest" if frames else "there is nothing so near"
         twin.untold.append(
-            f"depth_late_frames: {late.value:.2f} was measured, and desync counts whole frames; of a rendered scene "
-            f"rig.depth.delay_ms: {shift_ms:.3g} is exact"
+            f"depth_late_frames: {late.value:.2f} was measured; rig.depth.delay_ms has it, of what is rendered; over a "
+            f"recording {nearest}"
         )
+    elif frames and late.sure_beyond(0.5):
+        twin.pairing.append({"desync": {"offset": -frames}})
 
 
-# --- places on severities ---
+# --- the IMU, and stamps ---
 
 
-def places(found: RecordingFigures) -> tuple[Place, ...]:
-    """Return where measured noise lies on the severities of the perturbations that make such noise.
+def _imu(twin: Twin, found: RecordingFigures) -> None:
+    for name in IMU_KEYS:
+        if (value := _value(found, name)) is not None:
+            twin.imu[name] = _plain(value)
+    clocks = [
+        figure
+        for name in ("imu_clock_s", "imu_clock_by_poses_s")
+        if (figure := found.figures.get(name)) is not None and figure.sure_beyond(LEAST_CLOCK_S)
+    ]
+    if clocks and (later_s := min(clocks, key=lambda figure: figure.half_width).value) is not None:
+        twin.imu["time_offset_s"] = _plain(later_s)
 
-    Below 1 a place is the strength over severity 1's: a deviation, the inverse number of photons, a share.
-    """
-    made: list[Place] = []
-    for name, perturbation, parameter, inverse in (
-        ("colour_gaussian_std", "gaussian_noise", "std", False),
-        ("colour_variance_per_intensity", "shot_noise", "photons", True),
+
+def _stamps(twin: Twin, found: RecordingFigures) -> None:
+    """Say what is of stamps: frames of a preset are even, and none is lost."""
+    for name, told in (
+        ("jitter_s", "deviation of the stamps, in seconds"),
+        ("missing_frames", "frames were lost"),
+        ("doubled_share", "of the frames show what the one before showed"),
+        ("doubled_depth_share", "of the images of depth show what the one before showed"),
     ):
-        figure = found.figures.get(name)
-        if figure is not None and figure.value is not None and figure.value > 0:
-            made.append(_place(perturbation, parameter, figure, inverse=inverse))
-    names = ("depth_noise_offset_m", "depth_noise_quadratic_per_m")
-    law = [figure for name in names if (figure := found.figures.get(name)) is not None and figure.value is not None]
-    if len(law) == len(names):
-        made.append(_place("axial_noise", "noise", _times_the_model(law)))
-    void = found.figures.get("void_share")
-    if void is not None and void.value is not None and void.value > 0:
-        made.append(_place("depth_random_missing", "missing_percent", _percent(void)))
-    return tuple(made)
-
-
-def _times_the_model(law: Sequence[Figure]) -> Figure:
-    """Return how strong noise of depth is at COMPARED_AT_M, times that of axial_noise."""
-    from ..perturbations.shipped.axial_noise import DEVICES
-
-    model = DEVICES[registry()["axial_noise"].parameters().device]
-    beyond_m = COMPARED_AT_M - model["from_m"]
-    of_model = model["offset_m"] + model["linear"] * beyond_m + model["quadratic_per_m"] * beyond_m**2
-
-    def times(*parts: float | None) -> float | None:
-        offset, quadratic = parts
-        return None if offset is None or quadratic is None else (offset + quadratic * COMPARED_AT_M**2) / of_model
-
-    one, other = law
-    return Figure("depth_noise", times(one.value, other.value), times(one.low, other.low), times(one.high, other.high))
-
-
-def _percent(figure: Figure) -> Figure:
-    value, low, high = (None if share is None else 100 * share for share in (figure.value, figure.low, figure.high))
-    return Figure(figure.name, value, low, high)
-
-
-def _place(perturbation: str, parameter: str, figure: Figure, *, inverse: bool = False) -> Place:
-    """Return the place of a figure. inverse: whether the table has one over it."""
-    table = np.asarray(registry()[perturbation].severities[parameter], np.float64)
-    strengths = 1 / table if inverse else table
-
-    def severity(strength: float | None) -> float | None:
-        if strength is None:
-            return None
-        if strength <= strengths[0]:
-            return max(float(strength / strengths[0]), 0.0)
-        if strength >= strengths[-1]:
-            return SEVERITIES[-1]
-        # Between severities the table is linear in the parameter itself.
-        at, values = (1 / strength, table[::-1]) if inverse else (strength, table)
-        return float(np.interp(at, values, SEVERITIES[::-1] if inverse else SEVERITIES))
-
-    assert figure.value is not None
-    place = severity(figure.value)
-    assert place is not None
-    return Place(perturbation, place, severity(figure.low), severity(figure.high), float(figure.value / strengths[-1]))
+        value = _value(found, name)
+        if value and value > (LEAST_JITTER_S if name == "jitter_s" else 0):
+            twin.untold.append(f"{name}: {value:.3g} {told}; frames of a preset come evenly, each with its own image")
 
 
 # --- the files ---
@@ -323,10 +406,18 @@ def _place(perturbation: str, parameter: str, figure: Figure, *, inverse: bool =
 
 def device_text(twin: Twin, found: RecordingFigures) -> str:
     """Return the device's file as YAML, with what could not be told as comments."""
-    parts: Mapping[str, Any] = {"camera": twin.camera, "depth": twin.sensor, "perturb": twin.colour}
+    perturb = [*twin.shutter, *twin.colour]
+    parts: Mapping[str, Any] = {
+        "camera": twin.camera,
+        "depth": twin.sensor,
+        "delay_ms": twin.delay_ms,
+        "imu": twin.imu,
+        "perturb": perturb,
+    }
     lines = [
         *_head(found, "A measured device"),
-        "# In a preset: camera: {device: ./FILE}, rig: {depth: {sensor: ./FILE}}, and {device: ./FILE} in perturb.",
+        "# In a preset: camera: {device: ./FILE}, rig: {depth: {sensor: ./FILE}, imu: {device: ./FILE}}, and",
+        "# {device: ./FILE} in perturb.",
         *(f"# {line}" for line in twin.untold),
         *(f"{name}: {yaml_line(value)}" for name, value in parts.items() if value),
     ]
@@ -335,7 +426,9 @@ def device_text(twin: Twin, found: RecordingFigures) -> str:
 
 def preset_text(twin: Twin, found: RecordingFigures) -> str:
     """Return a preset whose setting `twin` makes clean frames into such ones, of an embedded room as an example."""
-    steps = [*twin.colour, *([twin.sensor] if twin.sensor else []), *twin.holes, *twin.pairing]
+    steps = [*twin.shutter, *twin.colour, *([twin.sensor] if twin.sensor else []), *twin.holes, *twin.pairing]
+    rig = {"imu": twin.imu} if twin.imu else {}
+    rig |= {"depth": {"delay_ms": twin.delay_ms}} if twin.between_frames else {}
     rate_hz = twin.rate_hz or 30.0
     room = {"name": "room", "mesh": "embedded:room", "trajectory": {"handheld": {"frames": 100, "rate_hz": rate_hz}}}
     lines = [
@@ -345,7 +438,7 @@ def preset_text(twin: Twin, found: RecordingFigures) -> str:
         f"  - {yaml_line(room)}",
         f"camera: {yaml_line(twin.camera)}",
         "render: {engine: embree, backend: reference}",
-        *([f"rig: {yaml_line({'imu': twin.imu})}"] if twin.imu else []),
+        *([f"rig: {yaml_line(rig)}"] if rig else []),
         "settings:",
         "  - {name: clean}",
         "  - name: twin",

@@ -14,7 +14,7 @@ from ..core.file_access import path_in
 from ..core.geometry import Intrinsics
 from ..core.schema import ConfigPath, describe, key, parse, unknown_name
 from .camera_devices import CameraDevice, in_place_of_device
-from .sensor_keys import DistortionSpec, check_distortion
+from .sensor_keys import DistortionSpec, ImuKeys, check_distortion
 
 ENDINGS = (".yaml", ".yml")
 DEVICE = "device"
@@ -40,6 +40,14 @@ class DeviceFile:
 
     camera: DeviceCamera | None = key("the camera, for `camera: {device: FILE}`", default=None)
     depth: Any = key("how depth is measured, {axial_noise: {...}}: for `sensor: FILE` of a rig", default=None)
+    delay_ms: float | None = key(
+        "how much later than colour depth is exposed; `sensor: FILE` takes it too, where the rig has no delay_ms",
+        unit="ms",
+        default=None,
+        minimum=-10_000,
+        maximum=10_000,
+    )
+    imu: ImuKeys | None = key("what the IMU measures by, for `imu: {device: FILE}` of a rig", default=None)
     perturb: tuple[Any, ...] = key("noise of colour: perturbations, for `{device: FILE}` in a setting", default=())
 
 
@@ -63,6 +71,10 @@ def with_device_files(
     taken: list[NamedFile] = []
 
     def part(value: str, where: ConfigPath, name: str) -> Any:
+        return whole(value, where, name)[name]
+
+    def whole(value: str, where: ConfigPath, name: str) -> Mapping[str, Any]:
+        """Return all that a file says, which has to have a part of a name."""
         file = path_in(where.folder, value, where)
         if not file.is_file():
             raise where.error(f"{file} is not there", "name the file that noisy-world measure --device wrote")
@@ -75,9 +87,9 @@ def with_device_files(
             assert parsed.camera is not None, "this has been checked"
             if parsed.camera.distortion is not None:
                 check_distortion(parsed.camera.distortion, inside.at("distortion"))
-        else:
+        elif name in ("depth", "perturb"):
             taken.append(NamedFile(inside, name, content[name]))
-        return content[name]
+        return content
 
     found = dict(document)
     camera = document.get("camera")
@@ -86,26 +98,29 @@ def with_device_files(
         device = _camera_device(part(camera[DEVICE], where.at(DEVICE), "camera"))
         found["camera"] = in_place_of_device(camera, device, where)
     rig = document.get("rig")
-    depth = rig.get("depth") if isinstance(rig, Mapping) else None
-    if isinstance(rig, Mapping) and isinstance(depth, Mapping) and is_device_file(depth.get("sensor")):
-        where = place.at("rig").at("depth").at("sensor")
-        found["rig"] = {**rig, "depth": {**depth, "sensor": part(depth["sensor"], where, "depth")}}
+    if isinstance(rig, Mapping):
+        found["rig"] = _rig(rig, place.at("rig"), whole)
     items = document.get("settings")
     if isinstance(items, list) and any(_names_file(step) for item in items for step in _steps(item)):
-        made: list[Any] = []
-        for number, item in enumerate(items):
-            where = (settings[number] if settings else place.at("settings").at(number)).at("perturb")
-            steps: list[Any] = []
-            for at, step in enumerate(_steps(item)):
-                if not _names_file(step):
-                    steps.append(step)
-                    continue
-                inside = where.at(at).at(DEVICE)
-                given = step[DEVICE] if isinstance(step[DEVICE], Mapping) else {NAME: step[DEVICE]}
-                steps.append(_changed(part(given[NAME], inside, "perturb"), given, inside))
-            made.append({**item, "perturb": steps} if steps else item)
-        found["settings"] = made
+        places = settings or tuple(place.at("settings").at(number) for number in range(len(items)))
+        found["settings"] = [_setting(item, where, part) for item, where in zip(items, places, strict=True)]
     return found, tuple(taken)
+
+
+def _rig(
+    rig: Mapping[str, Any], place: ConfigPath, read: Callable[[str, ConfigPath, str], Mapping[str, Any]]
+) -> dict[str, Any]:
+    """Return a rig with what files say of its depth sensor and of its IMU, where it names files."""
+    made = dict(rig)
+    depth, imu = rig.get("depth"), rig.get("imu")
+    if isinstance(depth, Mapping) and is_device_file(depth.get("sensor")):
+        file = read(depth["sensor"], place.at("depth").at("sensor"), "depth")
+        delay = {} if file.get("delay_ms") is None else {"delay_ms": file["delay_ms"]}
+        made["depth"] = {**delay, **depth, "sensor": file["depth"]}
+    if isinstance(imu, Mapping) and is_device_file(imu.get(DEVICE)):
+        keys = read(imu[DEVICE], place.at("imu").at(DEVICE), "imu")["imu"]
+        made["imu"] = {**keys, **{name: value for name, value in imu.items() if name != DEVICE}}
+    return made
 
 
 def is_device_file(value: object) -> bool:
@@ -116,6 +131,19 @@ def is_device_file(value: object) -> bool:
 def _steps(setting: object) -> list[Any]:
     steps = setting.get("perturb") if isinstance(setting, Mapping) else None
     return steps if isinstance(steps, list) else []
+
+
+def _setting(item: Any, place: ConfigPath, part: Callable[[str, ConfigPath, str], Any]) -> dict[str, Any]:
+    """Return a setting with what files say in place of the steps that name them."""
+    steps: list[Any] = []
+    for at, step in enumerate(_steps(item)):
+        if not _names_file(step):
+            steps.append(step)
+            continue
+        inside = place.at("perturb").at(at).at(DEVICE)
+        given = step[DEVICE] if isinstance(step[DEVICE], Mapping) else {NAME: step[DEVICE]}
+        steps.append(_changed(part(given[NAME], inside, "perturb"), given, inside))
+    return {**item, "perturb": steps} if steps else item
 
 
 def _names_file(step: object) -> bool:
