@@ -27,7 +27,7 @@ from .core.schema import ConfigPath, describe
 from .images.measured_depth import Void, completed_m
 from .images.pixels import GREY_WEIGHTS_PER_MILLE, as_float, grey_bytes
 from .perturbations import registry
-from .perturbations.execution import perturb_colour, perturb_depth, perturb_rgb, split_motion
+from .perturbations.execution import perturb_colour, perturb_depth, perturb_rgb, shown_share, split_motion
 from .perturbations.kinds import (
     SEQUENCE_KINDS,
     SEVERITIES,
@@ -433,7 +433,10 @@ def _perturbed(step: Step[Any], image: NDArray[Any], where: FrameContext) -> NDA
         return image if pixels is None else pixels
     context = step.context(where)
     severity = step.severity_of(context)
-    return image if severity == 0 else np.clip(perturb_colour(step, image, severity, context), 0.0, 1.0)
+    if severity == 0:
+        return image
+    made = shown_share(step, image, perturb_colour(step, image, severity, context), context, bright=False)
+    return np.clip(made, 0.0, 1.0)
 
 
 @dataclass(frozen=True, repr=False)

@@ -5,6 +5,7 @@ import subprocess
 import sys
 
 import bpy
+import cv2
 import numpy as np
 import OpenEXR
 import pytest
@@ -20,7 +21,8 @@ from noisy_world.nodes.datablocks import read_rows
 from noisy_world.images.pixels import rgb_bytes
 from noisy_world.core.errors import StorageError
 from noisy_world.perturbations.parsing import parse_steps
-from noisy_world.perturbations.kinds import ColourPerturbation
+from noisy_world.perturbations.execution import perturb_rgb
+from noisy_world.perturbations.kinds import ColourPerturbation, FrameContext
 from noisy_world.core.schema import ConfigPath
 from noisy_world.perturbations import registry
 
@@ -291,3 +293,35 @@ def test_two_processes_make_the_same_bytes():
     result = subprocess.run(command, capture_output=True, text=True, timeout=300, check=True)
     (found,) = (line.split()[1:] for line in result.stdout.splitlines() if line.startswith("@"))
     assert dict(zip(NAMES, found, strict=True)) == dict(zip(NAMES, digests(NAMES), strict=True))
+
+
+def test_a_share_of_the_effect_is_the_references_and_the_chains_that_people_see(tmp_path):
+    """Mix and mask, keyed over the frames: nodes on arrays, the reference, and a chain after an image agree."""
+    rgb = picture(60, 100)
+    cv2.imwrite(str(tmp_path / "mask.png"), np.linspace(0, 255, 100).astype(np.uint8)[None].repeat(60, 0))
+    (tmp_path / "each").mkdir()
+    for number in range(3):
+        cv2.imwrite(str(tmp_path / f"each/{number}.png"), np.full((4, 6), 90 * number, np.uint8))
+    mask, each = str(tmp_path / "mask.png"), str(tmp_path / "each")
+    steps = steps_of(
+        [{"contrast": {"severity": 5, "mix": [1, 0.25], "mask": mask}}, {"brightness": {"severity": 4, "mix": 0.5}}]
+    )
+    chains = {"x": steps, "y": steps_of([{"contrast": {"severity": 5, "mask": each}}]), "z": steps_of([MIXED[3]])}
+    with Compositor((100, 60), chains, 100) as compositor:
+        found = [compositor.evaluate(rgb, dict.fromkeys(chains, (k, IDENTIFIERS)))[0] for k in range(3)]
+    for name, own in chains.items():
+        for k in range(3):
+            wanted, _ = perturb_rgb(own, rgb, FrameContext(k, IDENTIFIERS))
+            assert np.abs(rgb_bytes(found[k][name]).astype(int) - wanted).max() <= 1, (name, k)
+    assert not np.array_equal(found[0]["y"], found[1]["y"])
+    assert np.array_equal(found[1]["x"], found[2]["x"])
+    scene = scene_of((100, 60))
+    show_chain(scene, make_chain("shared", steps, range(3), IDENTIFIERS), image=image_of(rgb), encoded=True)
+    for k in (0, 1):
+        scene.frame_set(k)
+        assert np.abs(evaluate_scene(scene, tmp_path) - found[k]["x"]).max() < 1e-4
+    chain = make_chain(
+        "shared", steps_of([{"contrast": {"severity": 5}}, {"brightness": {"severity": 4}}]), [0], IDENTIFIERS
+    )
+    assert [chain.nodes[name].inputs["Mix"].default_value for name in ("Contrast", "Brightness")] == [1, 1]
+    assert not chain.nodes["Contrast"].inputs["Mask"].is_linked

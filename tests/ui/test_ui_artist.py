@@ -4,6 +4,7 @@
 import json
 
 import bpy
+import cv2
 import numpy as np
 import pytest
 from refusals import refused
@@ -15,7 +16,7 @@ from noisy_world.perturbations.parsing import parse_steps
 from noisy_world.perturbations.kinds import FrameContext
 from noisy_world.core.schema import ConfigPath
 from noisy_world.perturbations import registry
-from noisy_world.panel import document, section_presets, step_list, own_objects, preview, loading
+from noisy_world.panel import document, section_presets, step_list, own_objects, preview, loading, shots
 
 pytestmark = pytest.mark.usefixtures("add_on")
 
@@ -94,10 +95,10 @@ def test_the_camera_of_a_file(tmp_path):
 # --- what is keyed ---
 
 
-def key_severity(step, *keys):
-    for frame, severity in keys:
-        step.severity = severity
-        assert step.keyframe_insert("severity", frame=frame)
+def key_severity(step, *keys, name="severity"):
+    for frame, value in keys:
+        setattr(step, name, value)
+        assert step.keyframe_insert(name, frame=frame)
     for curve in step_list.fcurves_of(scene().animation_data):
         for point in curve.keyframe_points:
             point.interpolation = "LINEAR"
@@ -128,11 +129,31 @@ def test_a_keyed_severity_is_in_the_preset_frame_by_frame_and_comes_back(tmp_pat
     assert document.perturb_of(settings()) == sampled
 
 
+def test_mix_and_mask_are_in_the_preset_and_the_mix_is_keyed_frame_by_frame(tmp_path):
+    (tmp_path / "presets").mkdir()
+    cv2.imwrite(str(tmp_path / "presets/mask.png"), np.zeros((4, 6), np.uint8))
+    step = add(scene(), "gaussian_noise")
+    assert document.values_of(step) == {"severity": 3.0}
+    step.share_mix, step.share_mask = 0.3, str(tmp_path / "presets/mask.png")
+    assert document.values_of(step) == {"severity": 3.0, "mix": 0.3, "mask": str(tmp_path / "presets/mask.png")}
+    key_severity(step, (0, 0.0), (4, 1.0), name="share_mix")
+    said = document.perturb_of(settings())
+    assert said[0]["gaussian_noise"]["mix"] == [0.0, 0.25, 0.5, 0.75, 1.0]
+    assert (step_list.without_effect(scene()), shots.kept_list(settings())) == ([], "")
+    document.save_preset(settings(), tmp_path / "presets/keyed.yaml")
+    text = (tmp_path / "presets/keyed.yaml").read_text()
+    (tmp_path / "presets/keyed.yaml").write_text(text.replace(str(tmp_path / "presets/mask.png"), "mask.png"))
+    bpy.ops.noisy_world.remove_step()
+    document.open_preset(settings(), tmp_path / "presets/keyed.yaml")
+    assert document.perturb_of(settings()) == said
+    assert step_list.curve_of(settings().steps[0], "share_mix").evaluate(2) == 0.5
+
+
 def test_what_no_preset_holds_cannot_be_keyed_and_old_keys_are_named():
     step = add(scene(), "snow")
     assert not any(item.is_animatable for item in settings().bl_rna.properties)
     assert not any(item.is_animatable for item in step.snow.bl_rna.properties)
-    assert [item.identifier for item in step.bl_rna.properties if item.is_animatable] == ["severity"]
+    assert [item.identifier for item in step.bl_rna.properties if item.is_animatable] == ["severity", "share_mix"]
     key_severity(step, (0, 1.0), (5, 3.0))
     action = scene().animation_data.action
     action.fcurve_ensure_for_datablock(scene(), "noisy_world.camera.fx").keyframe_points.insert(1, 3.0)

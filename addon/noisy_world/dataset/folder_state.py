@@ -571,6 +571,9 @@ def _step(there: RecordedStep, here: RecordedStep) -> tuple[str, str] | None:
         return key, was_is(getattr(there, key), getattr(here, key))
     if there.temporal != here.temporal:
         return "temporal", was_is(there.temporal, here.temporal)
+    for name in sorted({*there.share, *here.share}):
+        if there.share.get(name) != here.share.get(name):
+            return name, was_is(there.share.get(name), here.share.get(name))
     for left, right in zip(there.parameters, here.parameters, strict=True):
         before, now = left or {}, right or {}
         for name in sorted({*before, *now}):

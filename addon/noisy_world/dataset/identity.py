@@ -56,7 +56,7 @@ class RecordedStep:
     """A step: what decides what it does to a frame.
 
     severity: None where only parameters or levels were given. levels: None of a static step. parameters: of its
-    severity alone or, where it has levels, of each of them.
+    severity alone or, where it has levels, of each of them. share: `mix` and `mask`, where the step has them.
     """
 
     name: str
@@ -66,6 +66,7 @@ class RecordedStep:
     temporal: str = "fresh"
     keyed: bool = False
     version: int = 1
+    share: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def mode(self) -> Literal["static", "dynamic", "keyed"]:
@@ -86,6 +87,7 @@ class RecordedStep:
             step.temporal,
             step.keyed,
             step.perturbation.version,
+            {} if step.share is None else plain_values(step.share.deciding()),
         )
 
     def content(self) -> dict[str, Any]:
@@ -98,6 +100,7 @@ class RecordedStep:
             **({} if self.version == 1 else {"version": self.version}),
             "temporal": self.temporal,
             "parameters": self.parameters[0] if self.levels is None else list(self.parameters),
+            **({"share": dict(self.share)} if self.share else {}),
         }
 
     @classmethod
@@ -117,8 +120,10 @@ class RecordedStep:
         _check(isinstance(temporal, str), ".temporal: is no text")
         _check(isinstance(keyed, bool), ".keyed: is neither true nor false")
         _check(type(version) is int, ".version: is no whole number")
+        share = content.get("share", {})
+        _check(isinstance(share, dict), ".share: is no mapping")
         of_levels = None if levels is None else tuple(levels)
-        return cls(name, severity, of_levels, tuple(each), temporal, keyed, version)
+        return cls(name, severity, of_levels, tuple(each), temporal, keyed, version, share)
 
 
 @dataclass(frozen=True)

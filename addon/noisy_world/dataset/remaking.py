@@ -4,6 +4,7 @@
 import threading
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,8 @@ from ..core.file_access import plain_values
 from ..core.frame_table import FRAMES, FrameRecord
 from ..core.progress import Progress
 from ..perturbations import registry
-from ..perturbations.steps import Setting, files_of, sha256_of
+from ..perturbations.shares import MASK, sha256_of
+from ..perturbations.steps import Setting, files_of
 from ..preset.keys import Preset, check_document
 from ..preset.names import chosen_part
 from ..sources import read_scenes
@@ -83,8 +85,14 @@ def check_setting(file: Path, wanted: Mapping[str, Any], setting: Setting) -> No
     recorded = RecordedSetting.read(wanted)
     for step, made in zip((*setting.sensor, *setting.steps), (*recorded.sensor, *recorded.steps), strict=False):
         severity = step.severity if step.levels is None else step.levels[0]
-        for name, path in {} if severity == 0 else files_of(step.parameters(severity)).items():
-            here, there = sha256_of(path), (made.parameters[0] or {}).get(name, {}).get("sha256")
+        parameters = {} if severity == 0 else files_of(step.parameters(severity))
+        named = [
+            (name, path, (made.parameters[0] or {}).get(name, {}).get("sha256")) for name, path in parameters.items()
+        ]
+        masks, wanted_masks = () if step.share is None else step.share.masks, made.share.get(MASK, ())
+        named += [(MASK, path, there) for path, there in zip_longest(masks, wanted_masks) if path is not None]
+        for name, path, there in named:
+            here = sha256_of(path)
             if here != there:
                 problem = f"{path} is not what the recipe was made from: its sha256 is {here[:12]}..."
                 where = f"settings: {setting.name}: {step.perturbation.name}.{name}"

@@ -3,7 +3,8 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
-from functools import lru_cache
+from functools import lru_cache, partial
+from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -12,13 +13,15 @@ from numpy.typing import NDArray
 from ..core.camera_motion import AT_REST, CameraState
 from ..core.errors import title
 from ..core.geometry import Intrinsics
-from ..core.node_graph import INTERFACE, Graph, GroupInput, Socket, flat
+from ..core.node_graph import INTERFACE, BroughtImage, Graph, GroupInput, Socket, flat
 from ..perturbations.execution import ColourWork, deciding
 from ..perturbations.groups import (
     CLIP_INPUT,
     DEPTH_INPUT,
     ENCODED_INPUT,
     IMAGE_INPUT,
+    MASK_INPUT,
+    MIX_INPUT,
     OFFSET_INPUT,
     OVERRIDE,
     OVERRIDE_CAMERA,
@@ -36,6 +39,7 @@ from ..perturbations.groups import (
     socket_value,
 )
 from ..perturbations.kinds import SEVERITIES, ColourPerturbation, FrameContext, Identifiers, Nodes, without_frames
+from ..perturbations.shares import WHOLE, has_share, sha256_of, whole_mask
 from ..perturbations.steps import Step
 
 BYTE_PLACES = (1.0, 2.0**8, 2.0**16)
@@ -66,11 +70,24 @@ def build_chain(name: str, steps: Sequence[Step[ColourPerturbation]], *, lit: bo
             inputs: dict[str, Any] = {"Image": result, "Reference Width": reference, "Encoded": given, "Clip": cut}
             if step.perturbation.needs_depth:
                 inputs["Depth"] = depth_m
+            if step.share is not None and step.share.masks:
+                inputs[MASK_INPUT.name] = _over(image, step.share.masks[0])
             group = build_group(step.perturbation, capacity_of(step))
             result = graph.group(group, inputs, name=step_node(step)).out("Image", "color")
     end = result if lit else light.from_encoded(result)
     graph.output("Image", end, description="The perturbed frame")
     return graph
+
+
+def _over(image: Socket, mask: Path) -> Socket:
+    """Return a mask laid over an image of any size; it goes with the chain into the file."""
+    graph = image.graph
+    place = graph.node("CompositorNodeImageCoordinates", {"Image": image}).out("Normalized", "vector")
+    where = graph.vector(place.x, place.y, 1.0)  # z is Map UV's weight
+    brought = graph.picture(BroughtImage(f"Mask {mask.name}", sha256_of(mask), partial(whole_mask, mask)))
+    inputs = {"Image": brought, "UV": where, "Interpolation": "Bilinear"}
+    extension = {"Extension X": "Extend", "Extension Y": "Extend"}
+    return graph.node("CompositorNodeMapUV", inputs | extension).out("Image", "float")
 
 
 def build_written(steps: Sequence[Step[ColourPerturbation]], *, lit: bool = False, apart: bool = False) -> Graph:
@@ -83,23 +100,27 @@ def build_written(steps: Sequence[Step[ColourPerturbation]], *, lit: bool = Fals
 
     A description is kept, as it takes tens of milliseconds: the same steps are given the same one.
     """
-    parts = (_Part(step_node(step), tuple(capacity_of(step).items()), step.perturbation) for step in steps)
+    parts = (
+        _Part(step_node(step), tuple(capacity_of(step).items()), step.perturbation, step.share is not None)
+        for step in steps
+    )
     return _written(tuple(parts), lit, apart)
 
 
 @dataclass(frozen=True)
 class _Part:
-    """What a step's group hangs on. node: `step_node`. served: `capacity_of`."""
+    """What a step's group hangs on. node: `step_node`. served: `capacity_of`. shared: whether it has mask and mix."""
 
     node: str
     served: tuple[tuple[str, float], ...]
     perturbation: ColourPerturbation = field(hash=False)
+    shared: bool = False
 
 
 @lru_cache(maxsize=128)
 def _written(parts: tuple[_Part, ...], lit: bool, apart: bool) -> Graph:
     groups = [
-        build_group(part.perturbation, dict(part.served), bare=True, lit=lit or passes)
+        build_group(part.perturbation, dict(part.served), bare=True, lit=lit or passes, shared=part.shared)
         for part, passes in zip(parts, _pass_bright(parts), strict=True)
     ]
     if apart and len(groups) > 1:
@@ -207,6 +228,8 @@ def socket_values(
     severity = step.severity_of(context)
     note = group_note(step, context, severity)
     values: dict[str, Any] = {"Enabled": severity != 0}
+    if step.share is not None:
+        values[MIX_INPUT.name] = step.share.mix_of(index)
     perturbation = step.perturbation
     of_frame = {} if severity == 0 else _told(step, severity, replace(decided or without_frames(context), lit=lit))
     if not perturbation.has_parameter_sockets:
@@ -228,6 +251,12 @@ def socket_values(
         if len(perturbation.group_temporals) > 1:
             values[PATTERN] = title(step.temporal)
     return values, note
+
+
+def mask_values(steps: Sequence[Step[ColourPerturbation]], index: int) -> dict[str, Path]:
+    """Return the masks of a frame of a sequence, by the names of their inputs in what `build_written` describes."""
+    masks = {socket_of(step, MASK_INPUT.name): step.share.mask_of(index) for step in steps if step.share is not None}
+    return {name: mask for name, mask in masks.items() if mask is not None}
 
 
 def group_note(step: Step[ColourPerturbation], context: FrameContext, severity: float | None) -> dict[str, Any]:
@@ -280,6 +309,8 @@ def shown_values(
     values, note = socket_values(
         step, index, identifiers, scene_frame=scene_frame, intrinsics=intrinsics, decided=decided, lit=lit
     )
+    if has_share(step.perturbation):
+        values[MIX_INPUT.name] = (step.share or WHOLE).mix_of(index)
     if looks_at_scene(step.perturbation):
         values[OVERRIDE_CAMERA] = True
     table = step.perturbation.group_severities
@@ -363,13 +394,20 @@ def pooled(
     """
     equal: dict[tuple[Any, ...], list[str]] = {}
     for name, steps in chains.items():
-        what = tuple((step_node(step), step.perturbation.name, tuple(capacity_of(step).items())) for step in steps)
+        what = tuple(
+            (step_node(step), step.perturbation.name, tuple(capacity_of(step).items()), _shared(step)) for step in steps
+        )
         streams = tuple(step.stream for step in steps)
         equal.setdefault((what, None if None in streams else streams), []).append(name)
     for (_, streams), names in equal.items():
         steps = chains[names[0]]
         parted = divided(build_written(steps, lit=lit)) if streams and len(names) > 1 else None
         yield tuple(names), parted or build_written(steps, lit=lit, apart=True)
+
+
+def _shared(step: Step[ColourPerturbation]) -> bool | None:
+    """Return whether a step has a mask; None where it shows all of its effect."""
+    return None if step.share is None else bool(step.share.masks)
 
 
 _ZERO: Mapping[str, Any] = {"float": 0.0, "vector": (0.0, 0.0, 0.0), "color": (0.0, 0.0, 0.0, 1.0)}

@@ -15,6 +15,7 @@ from ..core.geometry import Intrinsics
 from ..core.node_graph import Graph
 from ..perturbations.groups import socket_name
 from ..perturbations.kinds import ColourPerturbation, FrameContext, Identifiers
+from ..perturbations.shares import WHOLE, sha256_of
 from ..perturbations.steps import Step
 from .chain import build_chain, camera_state_values, capacity_of, nodes_of, shown_values, step_node
 from .datablocks import (
@@ -130,18 +131,21 @@ def _values(
     decided_at: DecidedAt | None,
 ) -> Iterator[tuple[int, Any]]:
     """Yield scene frames and socket values: those of each frame, or only of the first where all are equal."""
-    by_severity: dict[float | None, dict[str, Any]] = {}
+    by_severity: dict[tuple[float | None, float], dict[str, Any]] = {}
+    share = step.share or WHOLE
     camera_state_at = camera_state_at if step.uses_motion else None
-    changes = step.levels is not None or any(item is not None for item in (index_of, camera_state_at, decided_at))
+    varies = step.levels is not None or len(share.mix) > 1
+    changes = varies or any(item is not None for item in (index_of, camera_state_at, decided_at))
     for k in frames if changes else frames[:1]:
         index = k if index_of is None else index_of(k)
         severity = step.severity_of(step.context(FrameContext(index, identifiers)))
         if decided_at is not None:
             values = shown(index=index, scene_frame=index, decided=decided_at(index).get(step_node(step)))
         else:
-            if severity not in by_severity:
-                by_severity[severity] = shown(index=index, scene_frame=index)
-            values = by_severity[severity]
+            known = severity, share.mix_of(index)
+            if known not in by_severity:
+                by_severity[known] = shown(index=index, scene_frame=index)
+            values = by_severity[known]
         if camera_state_at is not None:
             values = values | camera_state_values(step, severity, camera_state_at(index))
         yield k, values | {"Frame Offset": index - k} if "Frame Offset" in values else values
@@ -295,13 +299,18 @@ def make_chain(
 
 def _described(name: str, steps: Sequence[Step[ColourPerturbation]], lit: bool) -> Graph:
     """Describe a chain; the last description holds as long as the steps have the same groups, whatever their values."""
-    made_from = [lit, *((step.perturbation, step_node(step), capacity_of(step)) for step in steps)]
+    made_from = [lit, *((step.perturbation, step_node(step), capacity_of(step), _masks_of(step)) for step in steps)]
     known = _descriptions.get(name)
     if known is None or known[0] != made_from:
         while len(_descriptions) >= MOST_KEPT:
             del _descriptions[next(iter(_descriptions))]
         known = _descriptions[name] = made_from, build_chain(name, steps, lit=lit)
     return known[1]
+
+
+def _masks_of(step: Step[ColourPerturbation]) -> list[str]:
+    """Return what tells the mask that a step's chain is shown with from others."""
+    return [] if step.share is None else [f"{mask} {sha256_of(mask)}" for mask in step.share.masks[:1]]
 
 
 def _groups_in(tree: bpy.types.NodeTree) -> list[bpy.types.NodeTree]:

@@ -18,8 +18,9 @@ from ..core.geometry import Intrinsics
 from ..core.machine import batched
 from ..core.node_graph import Graph
 from ..perturbations.kinds import ColourPerturbation, FrameContext, Identifiers
+from ..perturbations.shares import read_mask
 from ..perturbations.steps import Step
-from .chain import Decided, Divided, bytes_of, is_active, pooled, socket_of, socket_values, step_node
+from .chain import Decided, Divided, bytes_of, is_active, mask_values, pooled, socket_of, socket_values, step_node
 from .datablocks import (
     float_image,
     group_of,
@@ -108,6 +109,7 @@ class Compositor:
         self._nodes: dict[str, bpy.types.CompositorNodeGroup] = {}
         self._pool_of: dict[str, _Pool] = {}
         self._known: dict[bpy.types.CompositorNodeGroup, SocketValues] = defaultdict(dict)
+        self._masks: dict[tuple[bpy.types.CompositorNodeGroup, str], bpy.types.Image] = {}
         self._lit = lit
         self._wire(reference_width_px)
         self._outputs: dict[_Output, _Layers] = {}
@@ -148,8 +150,12 @@ class Compositor:
             draws = node_of(graph.draws) if isinstance(graph, Divided) else None
             pool = _Pool(tuple(f"{number}: {rank}" for rank in range(len(names))), draws)
             always = sum(all(step.levels is None for step in self._chains[name]) for name in names)
+            masked = mask_values(self._chains[names[0]], 0)
             for rank, name in enumerate(pool.names):
                 node = node_of(graph.rest if isinstance(graph, Divided) else graph)
+                for socket in masked:
+                    self._masks[node, socket] = image = float_image("Noisy World mask", self._size_px)
+                    tree.links.new(image_node(tree, image).outputs["Image"], node.inputs[socket])
                 for output in () if draws is None else draws.outputs:
                     tree.links.new(output, node.inputs[output.name])
                 ordered.append(((max(rank - always + 1, 0), draws is None, number, rank), name, node))
@@ -287,14 +293,19 @@ class Compositor:
             for step in self._chains[name]
             for socket, value in values[step_node(step)].items()
         }
-        return flat, notes, is_active(values)
+        return flat | mask_values(self._chains[name], index), notes, is_active(values)
 
     def _set_sockets(self, node: bpy.types.CompositorNodeGroup, values: SocketValues) -> None:
         """Set the sockets that are there and change: for each that is set, Blender looks through all nodes."""
         known = self._known[node]
         for name, value in values.items():
             if (name not in known or known[name] != value) and name in node.inputs:
-                set_value(node.inputs[name], value)
+                if isinstance(value, Path):
+                    rgba = np.ones_like(self._rgba)
+                    rgba[..., :3] = read_mask(value, self._size_px)[::-1, :, None]
+                    set_pixels(self._masks[node, name], rgba)
+                else:
+                    set_value(node.inputs[name], value)
             known[name] = value
 
     def _upload(self, rgb: NDArray[Any], depth_m: NDArray[np.float32] | None) -> None:
@@ -338,7 +349,7 @@ class Compositor:
         for tree in trees.values():
             if tree.users == 0:
                 remove_group(tree)
-        for image in (self._image, self._depth_image):
+        for image in (self._image, self._depth_image, *self._masks.values()):
             if image is not None:
                 bpy.data.images.remove(image)
         self._scratch.remove()

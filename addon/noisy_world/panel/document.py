@@ -24,6 +24,7 @@ from ..perturbations import registry
 from ..perturbations.execution import chosen_poses, split_motion
 from ..perturbations.kinds import Identifiers, MotionPerturbation
 from ..perturbations.parsing import drawing_by, parse_settings, parse_steps, swept
+from ..perturbations.shares import MASK, MIX, has_share
 from ..perturbations.steps import Step, steps_of_kind
 from ..preset.keys import EngineName, OutputSpec, Preset, PresetSpec, SettingSpec, check_document, read_preset
 from ..preset.scene_keys import HandheldSpec, TrajectorySpec
@@ -35,7 +36,7 @@ from .fields import is_offered, tell
 from .open_scene import absolute
 from .properties import parameters_of, perturbation_of
 from .source_views import PANEL_SOURCES, Footage, footage_of, shown, shown_as, shows_footage
-from .step_list import clear_entries, curve_ends, curve_of, levels_of
+from .step_list import SEVERITY, SHARE_MIX, clear_entries, curve_ends, curve_of, levels_of
 from .tree import FileText, from_line, is_file, is_given, set_value, take, taking, to_line, value_of, with_files
 from .tree import to_document as said_by
 
@@ -197,12 +198,20 @@ def values_of(step: Any) -> dict[str, Any]:
             values[name] = absolute(value)
     if perturbation.temporals and step.temporal != perturbation.temporals[0]:
         values["temporal"] = step.temporal
-    return values
+    return values | _share_of(step) if has_share(perturbation) else values
+
+
+def _share_of(step: Any) -> dict[str, Any]:
+    """Return how much of an entry's effect shows, and where, as a preset has it; {} for all of it."""
+    levels = levels_of(step, _keyed_frames(step, SHARE_MIX), SHARE_MIX)
+    mix = value_of(step, SHARE_MIX) if levels is None else levels if len(levels) > 1 else levels[0]
+    said: dict[str, Any] = {} if mix == 1 else {MIX: mix}
+    return said | {MASK: absolute(step.share_mask)} if step.share_mask else said
 
 
 def _severity_of(step: Any) -> dict[str, Any]:
     """Return an entry's severity as a preset has it: one, drawn for each frame, or of each frame as it is keyed."""
-    levels = levels_of(step, _keyed_frames(step))
+    levels = levels_of(step, _keyed_frames(step, SEVERITY))
     if levels is not None:
         return {"mode": "keyed", "levels": levels} if len(levels) > 1 else {"severity": levels[0]}
     if step.mode == "dynamic" and step.levels:
@@ -211,9 +220,9 @@ def _severity_of(step: Any) -> dict[str, Any]:
     return values | {"mode": "dynamic"} if step.mode == "dynamic" else values
 
 
-def _keyed_frames(step: Any) -> NDArray[np.int64] | None:
-    """Return the scene frames that the sequence shows, as far as an entry's severity is keyed; None for all from 0."""
-    curve = curve_of(step)
+def _keyed_frames(step: Any, name: str) -> NDArray[np.int64] | None:
+    """Return the scene frames that the sequence shows, as far as an entry's value is keyed; None for all from 0."""
+    curve = curve_of(step, name)
     ends = None if curve is None else curve_ends(curve)
     if ends is None:
         return None
@@ -434,9 +443,22 @@ def written_settings(preset: Preset) -> dict[str, dict[str, Any]]:
         for name, stream, perturb in made:
             given = {"backend": item.backend, "stream": stream}
             own = {key: value for key, value in given.items() if value is not None}
-            found[name or ""] = {"name": name, "perturb": perturb, **own}
+            located = [_located(step, preset.folder, place) for step in perturb]
+            found[name or ""] = {"name": name, "perturb": located, **own}
     assert list(found) == [item.name for item in parsed]
     return found
+
+
+def _located(step: Any, folder: Path, place: ConfigPath) -> Any:
+    """Return a preset's step with the files that it names by whole paths. folder: of the preset."""
+    ((name, values),) = step.items() if isinstance(step, dict) else (("", None),)
+    kind = registry().get(name)
+    if kind is None or not isinstance(values, dict):
+        return step
+    of_files = {item.name for item in fields(kind.parameters) if is_file(kind.parameters, item.name)}
+    of_files |= {MASK} if has_share(kind) else set()
+    whole = {key: str(path_in(folder, values[key], place)) for key in of_files if values.get(key)}
+    return {name: {**values, **whole}}
 
 
 def setting_of(preset: Preset, wanted: str) -> dict[str, Any]:

@@ -11,10 +11,11 @@ from ..core.schema import ConfigPath, parse
 from ..perturbations import registry
 from ..perturbations.kinds import SEQUENCE_KINDS, SEVERITIES, DepthPerturbation, Perturbation, propagation_key
 from ..perturbations.parsing import written_out
+from ..perturbations.shares import MASK, MIX, has_share
 from ..perturbations.steps import DEFAULT_SEVERITY
 from .open_scene import follows, frame_range, is_shown, scene_frames
 from .properties import parameters_of, perturbation_of
-from .step_list import add_step, curve_of, key_severity, move_entry, remove_entry
+from .step_list import SHARE_MASK, SHARE_MIX, add_step, curve_of, key_levels, move_entry, remove_entry
 from .tree import GIVEN, property_name, set_value, take, taking, to_line, value_of
 
 RATE = "frame_rate_hz"  # the parameter of what counts time by frames
@@ -43,10 +44,17 @@ def take_entry(item: Any, name: str, values: Mapping[str, Any], *, speed_factor:
         if perturbation.temporals:
             item.temporal = values.get("temporal", perturbation.temporals[0])
         take(parameters_of(item), parse(perturbation.parameters, given, place), given)
+        if has_share(perturbation):
+            mix = values.get(MIX, 1.0)
+            set_value(item, SHARE_MIX, mix[0] if isinstance(mix, Sequence) else mix)
+            item.share_mask = values.get(MASK) or ""
     if mode == "keyed" and levels:
         item.severity = levels[0]
         frames = scene_frames(item.id_data, len(levels) * speed_factor)[::speed_factor]
-        key_severity(item, levels, frames)
+        key_levels(item, levels, frames)
+    if has_share(perturbation) and isinstance(mix := values.get(MIX, 1.0), Sequence):
+        frames = scene_frames(item.id_data, len(mix) * speed_factor)[::speed_factor]
+        key_levels(item, mix, frames, SHARE_MIX)
 
 
 def put_entry(panel: Any, name: str, values: Mapping[str, Any], occurrence: int) -> bool:
@@ -135,6 +143,8 @@ def draw_step(layout: bpy.types.UILayout, step: Any) -> None:
         label.label(text="Pattern")
         for value in perturbation.temporals:
             buttons.prop_enum(step, "temporal", value)
+    if has_share(perturbation):
+        _draw_share(column, step)
     column.separator(factor=0.5)
     first, rest = parts_of(perturbation)
     for name in first:
@@ -146,6 +156,16 @@ def draw_step(layout: bpy.types.UILayout, step: Any) -> None:
             body.active = step.enabled
             for name in names:
                 _draw_parameter(body, step, perturbation, name)
+
+
+def _draw_share(column: bpy.types.UILayout, step: Any) -> None:
+    """Draw how much of the effect shows, and where."""
+    column.prop(step, SHARE_MIX, slider=True)
+    if (curve := curve_of(step, SHARE_MIX)) is not None:
+        column.label(text=f"{len(curve.keyframe_points)} keys: each frame has its own", icon="KEYFRAME")
+    row = column.row()
+    row.use_property_decorate = False
+    row.prop(step, SHARE_MASK)
 
 
 def parts_of(perturbation: Perturbation) -> tuple[list[str], dict[str, list[str]]]:

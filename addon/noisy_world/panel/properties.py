@@ -89,7 +89,7 @@ def active_shot(panel: Any) -> Any | None:
     return panel.shots[panel.active_shot] if 0 <= panel.active_shot < len(panel.shots) else None
 
 
-# Presets hold no keyframes, so what they hold cannot be animated; but for a severity, which they hold frame by frame.
+# Presets hold no keyframes, so what they hold cannot be animated; but for severity and mix, which they hold by frames.
 _enum = partial(bpy.props.EnumProperty, options=set())
 DEVIATION, FASTER = "motion_deviation", "faster_motion"
 OWN_SLIDERS = {
@@ -196,6 +196,23 @@ def _step_members() -> dict[str, Any]:
         ),
         "levels": _text(
             name="Levels", description="The severities that each frame's is drawn from, as YAML", update=tell("steps")
+        ),
+        "share_mix": bpy.props.FloatProperty(
+            name="Mix",
+            description="How much of the effect shows: 0 nothing, 1 all",
+            default=1.0,
+            min=0.0,
+            max=1.0,
+            subtype="FACTOR",
+            update=tell("steps"),
+        ),
+        "share_mask": _text(
+            name="Mask",
+            description="An image whose white shows the effect and whose black does not, or a folder with one for each "
+            "frame",
+            subtype="FILE_PATH",
+            options={"PATH_SUPPORTS_BLEND_RELATIVE"},
+            update=tell("steps"),
         ),
         "exact": _text(options={"HIDDEN"}),
     }

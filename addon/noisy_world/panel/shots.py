@@ -36,7 +36,7 @@ from .runs import (
 )
 from .sections import PanelSection
 from .sidebar import write
-from .step_list import curve_of
+from .step_list import is_keyed
 from .wording import spoken
 
 if TYPE_CHECKING:
@@ -118,8 +118,8 @@ def _as_in(scene: bpy.types.Scene, shot: Any) -> Iterator[None]:
 
 
 def kept_list(panel: Any) -> str:
-    """Return what the panel does to a scene as a text that a shot can hold; "" where a severity is keyed."""
-    if any(step.enabled and curve_of(step) is not None for step in panel.steps):
+    """Return what the panel does to a scene as a text that a shot can hold; "" where something of it is keyed."""
+    if any(step.enabled and is_keyed(step) for step in panel.steps):
         return ""  # a curve belongs to the timeline
     return json.dumps({"name": setting_name(panel), "perturb": perturb_of(panel)}, ensure_ascii=False)
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The list of perturbations: its entries, their order, and severities that are keyed on the timeline."""
+"""The list of perturbations: its entries, their order, and what of them is keyed on the timeline."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -13,22 +13,36 @@ from ..nodes.chain_scene import action_bag
 from ..nodes.datablocks import action_of, fcurves_of, interpolation, new_action
 from ..perturbations import registry
 from ..perturbations.kinds import SEQUENCE_KINDS, SEVERITIES
+from ..perturbations.shares import has_share
 from .fields import notify_once
 
-# Severities that are keyed on the timeline, frame by frame as presets hold them; and keys that nothing honours.
+# Severities and mixes that are keyed on the timeline, by frames as presets hold them; and keys that nothing honours.
 
 
 STEPS = "noisy_world.steps"
-DIGITS = 3  # of a severity that a curve gives; chosen: finer than anyone sees
+SEVERITY, SHARE_MIX, SHARE_MASK = "severity", "share_mix", "share_mask"
+DIGITS = 3  # of a value that a curve gives; chosen: finer than anyone sees
 
 
-def curve_of(step: Any) -> bpy.types.FCurve | None:
-    """Return the curve of an entry's severity; None where it is not keyed."""
+def may_key(step: Any, name: str = SEVERITY) -> bool:
+    """Tell whether presets hold an entry's severity, or another value of that name, frame by frame."""
     perturbation = registry().get(step.perturbation)
-    if perturbation is None or isinstance(perturbation, SEQUENCE_KINDS) or not perturbation.severities:
+    if perturbation is None or isinstance(perturbation, SEQUENCE_KINDS):
+        return False
+    return bool(perturbation.severities) if name == SEVERITY else has_share(perturbation)
+
+
+def is_keyed(step: Any) -> bool:
+    """Tell whether something of an entry is keyed that presets hold frame by frame."""
+    return any(curve_of(step, name) is not None for name in (SEVERITY, SHARE_MIX))
+
+
+def curve_of(step: Any, name: str = SEVERITY) -> bpy.types.FCurve | None:
+    """Return the curve of an entry's severity, or of its mix; None where it is not keyed."""
+    if not may_key(step, name):
         return None
     data = step.id_data.animation_data
-    path = f"{step.path_from_id()}.severity"
+    path = f"{step.path_from_id()}.{name}"
     curves = [] if data is None else fcurves_of(data)
     return next((curve for curve in curves if curve.data_path == path and not curve.mute and curve_ends(curve)), None)
 
@@ -39,12 +53,12 @@ def curve_ends(curve: bpy.types.FCurve) -> tuple[float, float] | None:
     return (points[0].co.x, points[len(points) - 1].co.x) if len(points) else None
 
 
-def levels_of(step: Any, shown: NDArray[np.int64] | None) -> list[float] | None:
-    """Return an entry's severity for each frame of the sequence; None where it is not keyed.
+def levels_of(step: Any, shown: NDArray[np.int64] | None, name: str = SEVERITY) -> list[float] | None:
+    """Return an entry's severity, or its mix, for each frame of the sequence; None where it is not keyed.
 
     The last one holds for all that follow. shown: (N,) the scene frames that the sequence shows; None for all from 0.
     """
-    curve = curve_of(step)
+    curve = curve_of(step, name)
     if curve is None:
         return None
     ends = curve_ends(curve)
@@ -54,7 +68,8 @@ def levels_of(step: Any, shown: NDArray[np.int64] | None) -> list[float] | None:
     frames = range(last + 1) if shown is None else [int(frame) for frame in shown]
     levels: list[float] = []
     for frame in frames:
-        levels.append(_snapped(curve.evaluate(frame)))
+        value = curve.evaluate(frame)
+        levels.append(_snapped(value) if name == SEVERITY else round(min(max(value, 0.0), 1.0), DIGITS))
         if frame >= last:
             break
     while len(levels) > 1 and levels[-1] == levels[-2]:
@@ -69,12 +84,12 @@ def _snapped(severity: float) -> float:
     return inside if inside >= lowest else float(int(inside + 0.5))
 
 
-def key_severity(step: Any, levels: Sequence[float], frames: NDArray[np.int64]) -> None:
-    """Key an entry's severity (N,) as a preset lists it, at scene frames (N,)."""
+def key_levels(step: Any, levels: Sequence[float], frames: NDArray[np.int64], name: str = SEVERITY) -> None:
+    """Key an entry's severity, or its mix, (N,) as a preset lists it, at scene frames (N,)."""
     scene: bpy.types.Scene = step.id_data
     if scene.animation_data is None or scene.animation_data.action is None:
         new_action(scene, f"{scene.name} severity")
-    curve = action_of(scene).fcurve_ensure_for_datablock(scene, f"{step.path_from_id()}.severity")
+    curve = action_of(scene).fcurve_ensure_for_datablock(scene, f"{step.path_from_id()}.{name}")
     points = curve.keyframe_points
     points.add(len(frames))
     points.foreach_set("co", np.stack([frames, levels], axis=1).astype(np.float32).ravel())
@@ -125,7 +140,8 @@ def without_effect(scene: bpy.types.Scene) -> list[str]:
     if data is None:
         return []
     steps = scene.noisy_world.steps  # pyright: ignore[reportAttributeAccessIssue]  added by register
-    heard = {curve.data_path for step in steps if (curve := curve_of(step)) is not None}
+    curves = [curve_of(step, name) for step in steps for name in (SEVERITY, SHARE_MIX)]
+    heard = {curve.data_path for curve in curves if curve is not None}
     strips = [strip for track in data.nla_tracks for strip in track.strips if strip.action is not None]
     in_strips = [curve for strip in strips for curve in _all_curves(strip.action)]
     paths = [curve.data_path for curve in fcurves_of(data) if not curve.mute and curve.data_path not in heard]

@@ -31,6 +31,7 @@ from .kinds import (
     SceneAround,
     TakenImages,
 )
+from .shares import mixed
 from .steps import SENSOR_STREAM, Step
 
 # Code of perturbations, carried out. Settings share clean images, so what it is given is read-only: otherwise one that
@@ -81,7 +82,9 @@ def work_key(active: Active[Any]) -> tuple[Hashable, ...]:
 
 def _key_of(step: Step[Any], context: FrameContext, parameters: Any) -> tuple[Hashable, ...]:
     kind = step.perturbation
-    named = kind.name, tuple(asdict(parameters).items())
+    named: tuple[Hashable, ...] = kind.name, tuple(asdict(parameters).items())
+    if step.share is not None:
+        named = *named, step.share.key(context.index)
     if isinstance(kind, ColourPerturbation) and kind.is_repeatable(parameters):
         return *named, None, None
     drawn = context.identifiers, context.index, context.temporal, context.earlier_key
@@ -249,7 +252,10 @@ class ColourWork(_ImageWork[ColourPerturbation]):
     @property
     def takes_bytes(self) -> bool:
         """Whether it is a single step that works on bytes: float colour is then rounded before it, as its file is."""
-        return len(self.active) == 1 and self.active[0][0].perturbation.apply_bytes is not None
+        if len(self.active) != 1:
+            return False
+        step = self.active[0][0]
+        return step.share is None and step.perturbation.apply_bytes is not None
 
     def on(self, rgb: NDArray[Any]) -> NDArray[np.uint8] | None:
         """Do it to a colour image as `perturb_rgb` says; None where it is the identity."""
@@ -298,7 +304,10 @@ def on_encoded(active: Active[ColourPerturbation], image: NDArray[np.float32]) -
             bright = step.perturbation.on_light and active[number - 1][0].perturbation.on_light
             # What a step returns may be what it was given, which is not to be written into.
             image = np.clip(image, 0.0, None if bright else 1.0, out=image if image.flags.writeable else None)
-        image = perturb_colour(step, image, severity, context)
+        bright = step.perturbation.on_light and any(
+            item.perturbation.on_light for item, _, _ in active[number + 1 :][:1]
+        )
+        image = shown_share(step, image, perturb_colour(step, image, severity, context), context, bright=bright)
     return rgb_bytes(image)  # which clips what the last step made
 
 
@@ -318,7 +327,10 @@ def perturb_rgb(
 def perturb_colour(
     step: Step[ColourPerturbation], rgb: NDArray[np.float32], severity: float | None, context: FrameContext
 ) -> NDArray[np.float32]:
-    """Carry out one step on (H, W, 3) float32; the result may lie outside [0, 1]. context: the step's own."""
+    """Carry out the whole effect of a step on (H, W, 3) float32; the result may lie outside [0, 1].
+
+    context: the step's own. `shown_share` then takes the share of it that shows.
+    """
     if step.perturbation.needs_depth and context.read_depth_m is None:
         raise TypeError(f"{step.perturbation.name} needs the frame's depth; give depth_m")
     if step.perturbation.automatic is not None and context.read_decided is None:
@@ -326,6 +338,24 @@ def perturb_colour(
     with left_alone(step.perturbation):
         made = step.perturbation.apply(read_only(rgb), step.parameters(severity), context)
     return _checked_image(step, made, rgb)
+
+
+def shown_share(
+    step: Step[ColourPerturbation],
+    before: NDArray[np.float32],
+    made: NDArray[np.float32],
+    context: FrameContext,
+    *,
+    bright: bool,
+) -> NDArray[np.float32]:
+    """Return what a step's mix and mask leave of its effect: all of it, as it is, where it has neither.
+
+    before, made: (H, W, 3), the image and the whole effect. bright: what is brighter than white stays.
+    """
+    if step.share is None:
+        return made
+    clipped = np.clip(made, 0.0, None if bright else 1.0)
+    return mixed(before, clipped, step.share.at(context.index, (made.shape[1], made.shape[0])))
 
 
 # --- depth ---
@@ -556,7 +586,7 @@ def perturb_light(
         made = perturb_colour(step, light, severity, context)
     else:
         made = decoded(perturb_colour(step, encoded(light), severity, context))
-    return np.maximum(made, np.float32(0))
+    return shown_share(step, light, np.maximum(made, np.float32(0)), context, bright=True)
 
 
 # --- frames that were shown before ---

@@ -20,6 +20,7 @@ from ..core.node_graph import Graph, GroupInput, Kind, Panel, Socket, Value
 from ..core.schema import label_of
 from ..core.streams import stream
 from .kinds import SEVERITIES, ColourPerturbation, Nodes, Perturbation, Temporal
+from .shares import has_share
 
 # The camera in node groups: the scene's own, by drivers, or sockets in its place; and how it moves, by sockets.
 #
@@ -180,6 +181,7 @@ IMAGE_PANEL = Panel("Image Options", "How the image is given and is to be given"
 IMAGE_INPUT = GroupInput("Image", "color", (0.5, 0.5, 0.5, 1.0), "The frame")
 DEPTH_INPUT = GroupInput("Depth", "float", 1.0, "Planar depth: the Depth pass", 0.0, subtype="DISTANCE")
 MASK_INPUT = GroupInput("Mask", "float", 1.0, "Where the effect shows: 0 nowhere, 1 wholly", 0.0, 1.0, "FACTOR")
+MIX_INPUT = GroupInput("Mix", "float", 1.0, "How much of the effect shows: 0 nothing, 1 all", 0.0, 1.0, "FACTOR")
 SEVERITY_INPUT = GroupInput(
     "Severity", "float", 3.0, "How strong: 1 to 5 as in presets, less than 1 fades it out, 0 is off", 0.0, MOST_SEVERE
 )
@@ -457,11 +459,11 @@ def _looked_up(
     return made.out("Output", "float" if len(names) == 1 else "vector")
 
 
-def strength(severity: Socket, override: Socket, mask: Socket) -> Socket:
-    """Return the share of the effect that shows: the mask, faded out below severity 1 unless `override` is on."""
+def strength(severity: Socket, override: Socket, share: Socket) -> Socket:
+    """Return the share of the effect that shows, faded out below severity 1 unless `override` is on."""
     graph = severity.graph
     fade = graph.math("MINIMUM", severity, 1.0)
-    return mask * graph.choose(override, 1.0, fade, "float")
+    return share * graph.choose(override, 1.0, fade, "float")
 
 
 __all__ = ["PURPOSES", "Canvas", "build_group", "convert", "group_name", "socket_name"]
@@ -547,12 +549,14 @@ def build_group(
     *,
     bare: bool = False,
     lit: bool = False,
+    shared: bool = False,
 ) -> Graph:
     """Describe the node group of a perturbation of colour.
 
     capacity: for each parameter that the number of nodes depends on, the largest value to serve; by default that of
     the perturbation. bare: as the generator uses it, with the definition's own sockets only: without severity and mask,
-    and always clipped. lit: for linear light, so never clipped, where it is bare. Raises NoisyWorldError where the
+    and always clipped. lit: for linear light, so never clipped, where it is bare. shared: with mask and mix where it is
+    bare. Raises NoisyWorldError where the
     perturbation has no group.
     """
     nodes = perturbation.nodes
@@ -561,6 +565,7 @@ def build_group(
     served = dict(nodes.capacity) | dict(capacity or {})
     larger = {name: value for name, value in served.items() if value != nodes.capacity[name]}
     more = [f"{socket_name(perturbation, name)} {value:g}" for name, value in larger.items()]
+    more += ["Mask, Mix"] if bare and shared else []
     text = " ".join((perturbation.parameters.__doc__ or "").split("\n\n")[0].split())
     graph = Graph(
         group_name(perturbation) + (f" ({', '.join(more)})" if more else ""),
@@ -570,7 +575,7 @@ def build_group(
     )
     image = graph.input(IMAGE_INPUT)
     depth_m = graph.input(DEPTH_INPUT) if perturbation.needs_depth else None
-    mask = None if bare else graph.input(MASK_INPUT)
+    share = _share(graph, perturbation) if shared or not bare else None
     severity = graph.input(SEVERITY_INPUT) if perturbation.group_severities and not bare else None
     enabled = graph.input(ENABLED_INPUT)
     given, override, own_camera = _parameters(graph, perturbation, served, severity, bare=bare)
@@ -578,11 +583,10 @@ def build_group(
     camera = camera_sockets(graph, own_camera) if perturbation.uses_motion else None
     reference, encoded = graph.input(REFERENCE_INPUT), graph.input(ENCODED_INPUT)
     light = Light(image, encoded, not lit if bare else graph.input(CLIP_INPUT))
-    share = mask
-    if severity is not None and override is not None and mask is not None:
+    if severity is not None and override is not None and share is not None:
         with graph.section("Severity"):
             given |= by_severity(perturbation, severity, override, given)
-            share = strength(severity, override, mask)
+            share = strength(severity, override, share)
     source = _given(light, nodes, averages=perturbation.averages)
     scenes = () if own_camera is None else of_scene(perturbation)
     with graph.section("Size"):
@@ -607,6 +611,16 @@ def build_group(
             given_back = graph.choose(_is_there(depth_m), given_back, image)
         graph.output("Image", graph.choose(enabled, given_back, image), description="The perturbed frame")
     return graph
+
+
+def _share(graph: Graph, perturbation: ColourPerturbation) -> Socket:
+    """Add the inputs that say how much of the effect shows, and where; return the share of each pixel."""
+    mask = graph.input(MASK_INPUT)
+    if not has_share(perturbation):
+        return mask
+    mix = graph.input(MIX_INPUT)
+    with graph.section("Share"):
+        return mask * mix
 
 
 def _is_there(depth_m: Socket) -> Socket:

@@ -11,6 +11,7 @@ from ..core.schema import ConfigPath, deciding_values, describe, parse, quoted, 
 from ..preset.camera_devices import device_named
 from ..preset.names import PLACEHOLDER, format_same_folder, safe_name, stream_name
 from .kinds import SEQUENCE_KINDS, SEVERITIES, ColourPerturbation, DepthPerturbation, Perturbation, propagation_key
+from .shares import MASK, MIX, has_share, parse_share
 from .steps import DEFAULT_SEVERITY, SENSOR_STREAM, Backend, Setting, Step, with_files
 
 # `{device: NAME}` among a setting's steps stands for a real camera's shutter, lens and electronics.
@@ -268,9 +269,9 @@ def _check_count(items: Sequence[Any], places: Sequence[ConfigPath]) -> None:
 
 
 def parse_steps(items: Sequence[Any], place: ConfigPath, registry: Registry) -> tuple[Step[Any], ...]:
-    """Read a list of `{name: {severity, mode, levels, temporal, parameters...}}` into steps in propagation order.
+    """Read a list of `{name: {severity, mode, levels, temporal, mix, mask, parameters...}}` into steps.
 
-    `{device: NAME}` stands for a real camera's.
+    They are in propagation order. `{device: NAME}` stands for a real camera's.
     """
     steps: list[Step[Any]] = []
     for item, where in written_out(items, place):
@@ -345,6 +346,7 @@ def _parse_step(perturbation: Perturbation, values: object, place: ConfigPath, s
     known = [item.name for item in fields(perturbation.parameters)]
     own = ["severity", "mode", "levels"] if perturbation.severities else []
     own += ["temporal"] if perturbation.temporals else []
+    own += [MIX, MASK] if has_share(perturbation) else []
     for name in values:
         if name not in (*own, *known):
             raise unknown_name(place.at(str(name)), "key", str(name), [*own, *known])
@@ -364,7 +366,8 @@ def _parse_step(perturbation: Perturbation, values: object, place: ConfigPath, s
         choices = ", ".join(perturbation.temporals)
         raise place.at("temporal").error(f"is {describe(temporal)}, but has to be one of {choices}")
     keyed = levels is not None and mode == "keyed"
-    step = Step(perturbation, same, severity, levels, temporal, given, keyed=keyed)
+    share = parse_share({name: values.get(name) for name in (MIX, MASK)}, place) if has_share(perturbation) else None
+    step = Step(perturbation, same, severity, levels, temporal, given, keyed=keyed, share=share)
     _check_values(step, place)
     return step
 

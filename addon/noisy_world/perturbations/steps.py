@@ -9,12 +9,11 @@ post-processing) and depth, then pairing. Within a stage, each perturbation's `o
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import Field, asdict, dataclass, field, fields, replace
-from functools import cached_property, lru_cache
+from functools import cached_property
 from pathlib import Path
 from typing import Any, Generic, Literal, TypeAlias, TypeVar
 
 from ..channels import CHANNELS
-from ..core.atomic_files import read_sha256
 from ..core.file_access import path_in
 from ..core.frame_request import Shutter
 from ..core.schema import ConfigPath, KeyInfo
@@ -30,6 +29,7 @@ from .kinds import (
     SequenceContext,
     Temporal,
 )
+from .shares import Share, sha256_of
 
 # Files that are parameters of a perturbation: found beside the preset, checked, and recorded by what they hold.
 
@@ -91,21 +91,6 @@ def _names(parameters: Any) -> set[str]:
     return {item.name for item in fields(parameters) if item.metadata["key"].file is not None}
 
 
-def sha256_of(path: Path) -> str:
-    """Return the SHA-256 of a file, which is known while the file stays. Raises OSError."""
-    return _sha256(str(path), *_stamp(str(path)))
-
-
-def _stamp(path: str) -> tuple[int, int]:
-    status = Path(path).stat()
-    return status.st_mtime_ns, status.st_size
-
-
-@lru_cache(maxsize=16)
-def _sha256(path: str, _changed_ns: int, _size: int) -> str:
-    return read_sha256(Path(path))
-
-
 Kind = TypeVar("Kind", bound=Perturbation)
 
 SENSOR_STREAM = "rig.depth"  # what a rig's depth sensor draws by, whatever the setting
@@ -121,7 +106,8 @@ class Step(Generic[Kind]):
     occurrence: its number among the setting's steps of the same name, from 0. severity: None where only parameters are
     given. levels: the severities that each frame's is drawn from in dynamic mode; where it is keyed, those of the
     frames one after another, of which the last one holds. given: parameters that override the severity's. stream: the
-    name under which colour and depth draw their random patterns; None is the setting's.
+    name under which colour and depth draw their random patterns; None is the setting's. share: of a step of colour, how
+    much of its effect shows; None for all of it.
     """
 
     perturbation: Kind
@@ -132,6 +118,7 @@ class Step(Generic[Kind]):
     given: Mapping[str, Any]
     stream: str | None = None
     keyed: bool = False
+    share: Share | None = None
 
     def context(self, where: FrameContext) -> FrameContext:
         """Return this step's context for a frame. where: the frame, with the identifiers of its sequence.
@@ -188,7 +175,12 @@ class Step(Generic[Kind]):
         return SequenceContext((*identifiers, self.perturbation.name, self.occurrence))
 
     def severity_of(self, context: FrameContext) -> float | None:
-        """Return the severity of a frame; in dynamic mode it is drawn uniformly and independently for each frame."""
+        """Return the severity of a frame; in dynamic mode it is drawn uniformly and independently for each frame.
+
+        Where nothing of the effect shows it is 0, which is the identity.
+        """
+        if self.share is not None and self.share.mix_of(context.index) == 0:
+            return 0.0
         if self.levels is None:
             return self.severity
         if self.keyed:
@@ -212,7 +204,7 @@ class Step(Generic[Kind]):
             done["severity"] = severity
         if severity != 0:
             done["parameters"] = recorded(self.parameters(severity))
-        return done
+        return done if self.share is None else done | self.share.note(context.index)
 
 
 def steps_of_kind(steps: Iterable[Step[Any]], kind: type[Kind]) -> tuple[Step[Kind], ...]:
