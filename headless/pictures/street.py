@@ -170,7 +170,7 @@ def build_street(size_px: tuple[int, int], frames: int = FRAMES) -> Street:
     path = path_c2w(frames)
     key_trajectory(scene, camera, path)
     scene.render.fps = FPS
-    _set_look(scene)
+    set_look(scene)
     return Street(scene, camera, path)
 
 
@@ -279,7 +279,7 @@ def _trees(scene: bpy.types.Scene, bark: bpy.types.Material) -> None:
         _link(scene, item)
 
 
-def _set_look(scene: bpy.types.Scene) -> None:
+def set_look(scene: bpy.types.Scene) -> None:
     """Set how the scene is rendered: the view of a plain camera, Cycles with few samples and a denoiser."""
     view = scene.view_settings
     assert view is not None

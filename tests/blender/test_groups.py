@@ -76,7 +76,9 @@ def test_sockets_say_what_the_parameters_say(trees, name):
         if socket.bl_socket_idname == "NodeSocketMenu":
             assert socket.default_value == field.default.capitalize()
             continue
-        assert socket.default_value == pytest.approx(field.default * degrees)
+        switch = isinstance(field.default, bool)
+        begins = perturbation.newly.get(field.name, field.default) if switch else field.default
+        assert socket.default_value == pytest.approx(begins * degrees)
         if info.unit in ("px", "deg", "m"):
             assert socket.subtype == {"px": "PIXEL", "deg": "ANGLE", "m": "DISTANCE"}[info.unit]
         if socket.bl_socket_idname != "NodeSocketBool":

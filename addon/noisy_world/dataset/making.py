@@ -24,6 +24,7 @@ from ..core.frame_table import FrameRecord
 from ..core.machine import DECODING, LOADING, RENDERING, StageTimer
 from ..core.progress import Progress
 from ..layouts import Modality, OutputFormat
+from ..perturbations.clipping import Clipping, clipping
 from ..perturbations.steps import Setting
 from ..render.source import OpenSource, PreparedSource, RenderedFrame, SourceFrame, light_seen
 from .dataset_folder import Dataset, FinishedImages
@@ -183,12 +184,14 @@ class FrameWriter:
     """Perturbs, encodes and writes frames in threads beside the rendering, for every sequence that shows them.
 
     An image that several sequences share is written once and linked. finished: what is not to be written again.
-    first_lost: the first frame that was written whose depth 16 bits do not hold, None while there is none.
+    first_lost: the first frame that was written whose depth 16 bits do not hold, None while there is none. clipped: by
+    setting, what its steps make white or black of a sequence's first frame, where that is much.
     """
 
     def __init__(self, dataset: Dataset, render: Render, finished: FinishedImages, timer: StageTimer) -> None:
         """Open the journals. finished: what is not to be written again. timer: hears how long what took."""
         self._dataset = dataset
+        self.scene = render.scene.name
         self.timer = self._timer = timer
         self._stamps = render.scene.source.frame_stamps
         self._names = dataset.format.names(self._stamps)
@@ -200,6 +203,7 @@ class FrameWriter:
         self._pool = ThreadPoolExecutor(ENCODERS, thread_name_prefix="encoder")
         self._waiting: deque[tuple[Future[Lost | None], int]] = deque()  # and how many frames are finished with it
         self.first_lost: Lost | None = None
+        self.clipped: dict[str, Clipping] = {}
 
     def submit(self, clean: CleanFrame, frames: FrameOf) -> int:
         """Queue a clean frame; block while too many are queued. Return how many were finished meanwhile.
@@ -275,6 +279,8 @@ class FrameWriter:
                 continue
             frame, name = frames(sequence, index), self._names.image(modality, index)
             written = files.put(modality, frame, name)
+            if files.clipped is not None:
+                self.clipped[sequence.setting.name] = files.clipped
             done = frame.record((modality,), self._dataset.format.modalities)
             yield self._record(index, {name: written.sha256}, done, written.out_of_range)
 
@@ -295,7 +301,8 @@ class FrameWriter:
 class FrameFiles:
     """The images of one frame that several sequences may show, each written when it is first needed and linked later.
 
-    A clean one that a sequence of the dataset has already is linked too.
+    A clean one that a sequence of the dataset has already is linked too. clipped: what the steps of the image that was
+    put last clip of it, where it is a sequence's first frame and that is much.
     """
 
     def __init__(
@@ -307,10 +314,12 @@ class FrameFiles:
         self._finished = finished
         self._written: dict[Modality, WrittenImage] = {}
         self._perturbed: dict[Hashable, WrittenImage] = {}  # by the key of the frame's image
+        self.clipped: Clipping | None = None
 
     def put(self, modality: Modality, frame: PlannedFrame, name: str) -> WrittenImage:
         """Put a frame's image under a name into its sequence; return the file that it was first written to."""
         folder, steps = frame.sequence.folder, frame.sequence.setting.on(modality)
+        self.clipped = None
         if not steps:
             return self._put_clean(modality, folder, name)
         key = frame.key(modality)
@@ -320,6 +329,8 @@ class FrameFiles:
             pixels = frame.taken(modality)
         if pixels is None:
             return self._put_clean(modality, folder, name)
+        if modality == "rgb" and frame.index == 0 and pixels.dtype == np.uint8 and isinstance(self._clean, CleanFrame):
+            self.clipped = clipping(frame.colour.active, self._clean.byte_rgb, pixels)
         written = self._put_image(modality, pixels, CHANNELS[modality].encode, folder, name)
         self._perturbed[key] = written
         return written
@@ -403,6 +414,7 @@ class FrameMaker:
         self._threads = threads
         self._paths: dict[str, SensorPaths] = {}
         self._noted_lost: set[str] = set()  # the scenes that a note on lost depth has named
+        self._noted_clipped: set[str] = set()  # the settings that a note on clipping has named
         self._scene = KeptScene() if scene is None else scene
         self._clean = clean
         self._render = Kept[OpenSource]()
@@ -548,6 +560,10 @@ class FrameMaker:
 
     def _count(self, frames: int, writer: FrameWriter) -> None:
         self._tell_lost(writer.first_lost)
+        for setting, found in sorted(writer.clipped.items()):
+            if setting not in self._noted_clipped:
+                self._noted_clipped.add(setting)
+                self._note(writer.scene, found.note(setting))
         self.report.frames_rendered += frames
         if frames:
             self._progress.advance(frames)

@@ -425,6 +425,10 @@ PairingApply: TypeAlias = Callable[[int, Any, SequenceContext], NDArray[np.int64
 """
 
 
+ByDepth: TypeAlias = Callable[[NDArray[np.float32]], tuple[Mapping[str, Any], str]]
+"""Clean planar depth (H, W) of a scene, metres, 0 = void -> parameters that follow from it, and why, in words."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Perturbation:
     """What all kinds share; a perturbation is one of the five kinds below.
@@ -440,9 +444,12 @@ class Perturbation:
     implied: for a parameter that only counts with a value of another one, that one and the value, which it has
     where the first is given and it is not. other_severities: by a parameter that is a bool, the table that holds
     where it is true, of the same parameters. contradiction: parameters -> what cannot be in their values together, ""
-    for nothing; a preset with it is refused. version: raised when equal parameters give other results, so that
-    datasets of before do not grow. about: what is said of it to people. distribution: the installed package that
-    brought it, set when it is found; None for our own.
+    for nothing; a preset with it is refused. newly: parameters that a step which is newly written into a preset has, in
+    place of the defaults that presets of before count on. by_depth: the clean depth (H, W) of the scene, metres, 0 =
+    void -> what of its parameters follows from that, and why, in words; asked where a step is newly written.
+    version: raised when equal parameters give other results, so that datasets of before do not grow.
+    about: what is said of it to people. distribution: the installed package that brought it, set when it is found; None
+    for our own.
 
     Raises ValueError for a name, parameters, severities or a natural_temporal that are not as described, and for a
     parameter with the name of a key that every perturbation has in a preset.
@@ -461,6 +468,8 @@ class Perturbation:
     implied: Mapping[str, tuple[str, Any]] = field(default_factory=dict)
     other_severities: Mapping[str, Mapping[str, Sequence[float]]] = field(default_factory=dict)
     contradiction: Callable[[Any], str] | None = None
+    newly: Mapping[str, Any] = field(default_factory=dict)
+    by_depth: ByDepth | None = None
     version: int = 1
     about: About = UNSAID
     distribution: Distribution | None = None
@@ -480,6 +489,8 @@ class Perturbation:
         own = [*(RESERVED[:3] if self.severities else ()), *(RESERVED[3:] if self.temporals else ())]
         if taken := sorted(known.intersection(own)):
             raise ValueError(f"{self.name}: a parameter may not be called {taken[0]}, a key of every perturbation")
+        if unknown := sorted(self.newly.keys() - known):
+            raise ValueError(f"{self.name}: newly gives {unknown[0]}, which is no parameter")
         if self.natural_temporal is not None and self.natural_temporal not in self.temporals:
             raise ValueError(f"{self.name}: natural_temporal has to be one of its temporals")
 
@@ -624,6 +635,7 @@ class ColourPerturbation(Perturbation):
     pixel has noise of its own, which files of images hardly compress; estimates of sizes ask for it. limits:
     parameters, camera -> what `apply` draws less of there than they ask for, to be said in the plan after its name; ""
     where nothing. breaks_depth: it moves what colour shows, so that depth no longer fits, which is said in the plan.
+    overlay: it lays something light over the whole frame, so that several of them add up to white.
 
     Raises ValueError for another stage, for temporals of what is repeatable, and where it decides and is repeatable.
     """
@@ -644,6 +656,7 @@ class ColourPerturbation(Perturbation):
     grain: bool = False
     limits: Callable[[Any, Intrinsics], str] | None = None
     breaks_depth: bool = False
+    overlay: bool = False
 
     @property
     def has_parameter_sockets(self) -> bool:

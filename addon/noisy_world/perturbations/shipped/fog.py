@@ -247,6 +247,7 @@ PERTURBATION = ColourPerturbation(
         twin="fog_depth",
         of_paper=True,
     ),
+    overlay=True,
     apply=apply,
     version=2,  # float colour is rounded before it
     apply_bytes=apply,

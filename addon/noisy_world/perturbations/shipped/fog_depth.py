@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
-from typing import ClassVar, Literal, TypeAlias
+from typing import Any, ClassVar, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -620,6 +620,21 @@ def build(canvas: Canvas, given: Mapping[str, Socket], _served: Mapping[str, flo
         return fogged_over + lamps.veil(hidden)
 
 
+FAR_M, FAR_SHARE = 15.0, 0.1  # chosen: a tenth of what is seen of a room is hardly farther
+
+
+def by_depth(depth_m: Float32) -> tuple[Mapping[str, Any], str]:
+    """Return whether severities are those of streets or of rooms, by how far a tenth of what a frame shows is.
+
+    depth_m: (H, W), 0 = void, which says nothing: of a recording it was not measured.
+    """
+    known = depth_m[depth_m > 0]
+    far_m = float(np.quantile(known, 1 - FAR_SHARE)) if len(known) else 0.0
+    outdoors = far_m > FAR_M
+    which = "Outdoors: visibilities of streets" if outdoors else "Indoors: visibilities of rooms"
+    return {"outdoors": outdoors}, f"{which}, as a tenth of what is seen is farther than {far_m:.0f} m"
+
+
 PERTURBATION = ColourPerturbation(
     name="fog_depth",
     label="Fog by depth",
@@ -637,6 +652,7 @@ PERTURBATION = ColourPerturbation(
     apply=apply,
     nodes=Nodes(build, linear=True, draws_lit=True, by_camera=by_camera),
     needs_depth=True,
+    by_depth=by_depth,
     implied=GIVEN_AIR | {"glow": ("lamps", 0.0)},
     uses_motion=True,
     repeats=is_even,

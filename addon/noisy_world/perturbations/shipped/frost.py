@@ -284,6 +284,7 @@ PERTURBATION = ColourPerturbation(
         twin="lens_frost",
         of_paper=True,
     ),
+    overlay=True,
     apply=apply,
     version=2,  # float colour is rounded before it
     apply_bytes=apply_bytes,

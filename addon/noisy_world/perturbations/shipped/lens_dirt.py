@@ -3,7 +3,7 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import ClassVar, TypeAlias
 
@@ -14,11 +14,11 @@ from ...core.node_graph import BroughtImage, Graph, Socket
 from ...core.schema import key
 from ...core.srgb import decoded, encoded
 from ...core.streams import stream
-from ..groups import Canvas
+from ..groups import SEEDS, Canvas
 from ..kinds import About, ColourPerturbation, Example, FrameContext, Nodes
 from ._arrays import by_bands, gaussian, kept_for_sequence, three_channels
 from ._glass import reduced, reduced_nodes, sampled, share_of
-from ._noise import white_noise
+from ._noise import WhiteNoise, white_noise
 
 # A pane's dirt, drawn once: a picture that repeats, with specks of dust, smears of grease and scratches.
 #
@@ -222,7 +222,9 @@ def build_dirt(canvas: Canvas, given: Given, absorbed_share: float) -> Socket:
     graph = canvas.graph
     with graph.section("Pixels"):
         share = graph.node("CompositorNodeImageCoordinates", {"Image": canvas.image}).out("Normalized", "vector")
-    dirt = _dirt(canvas, given["size"], share)
+    assert canvas.seed is not None, "its group is seeded"
+    lens = replace(canvas, seed=graph.choose(given["lens"] > 0.0, given["lens"], canvas.seed, "float"))
+    dirt = _dirt(lens, given["size"], share)
     with graph.section("What is lost"):
         dust = dirt.x
         absorbed = dust * (given["dust"] * absorbed_share)
@@ -326,6 +328,13 @@ class LensDirt:
         maximum=180,
     )
     glare: float = key("scattered light, times what is taken away for it", default=1.0, minimum=0, maximum=20)
+    lens: int = key(
+        "which lens: one has the same dirt in all settings and datasets; 0 draws it for each setting",
+        default=0,
+        minimum=0,
+        maximum=SEEDS - 1,
+        later=True,
+    )
     TOOLTIPS: ClassVar[Mapping[str, str]] = {
         "dust": "Higher: darker specks of dust",
         "smudges": "Higher: thicker grease; bright light spreads over it",
@@ -334,6 +343,7 @@ class LensDirt:
         "reach_px": "Higher: lamps light up dirt further away from them",
         "streaks": "Higher: lamps draw streaks instead of halos",
         "wiped_deg": "Turns the streaks, which run across the direction of wiping",
+        "lens": "Another number: other dirt, which is the same wherever the number is; 0 follows Seed",
         "glare": "Higher: dirt shines more than it takes away; 1 is as it is, 0 only takes away",
     }
 
@@ -353,7 +363,9 @@ def apply(rgb: Float32, parameters: LensDirt, context: FrameContext) -> Float32:
         seen += three_channels(1 - absorbed - scattered).reshape(band.shape) * band
         return encoded(seen)
 
-    return by_bands(linear, rgb.dtype, dirty, glare, dirt_before(context, rgb.shape[:2], parameters.size))
+    return by_bands(
+        linear, rgb.dtype, dirty, glare, dirt_before(context, rgb.shape[:2], parameters.size, parameters.lens)
+    )
 
 
 def lost(dirt: Float32, parameters: LensDirt) -> tuple[Float32, Float32]:
@@ -366,11 +378,12 @@ def lost(dirt: Float32, parameters: LensDirt) -> tuple[Float32, Float32]:
 
 
 @kept_for_sequence
-def dirt_before(context: FrameContext, shape: tuple[int, int], size: float) -> Float32:
-    """Return (H, W, 3): dust, grease and scratches before each pixel, in [0, 1]."""
+def dirt_before(context: FrameContext, shape: tuple[int, int], size: float, lens: int = 0) -> Float32:
+    """Return (H, W, 3): dust, grease and scratches before each pixel, in [0, 1]. lens: which; 0 is drawn."""
     import cv2
 
-    drawn = white_noise(context)
+    own = white_noise(context)
+    drawn = WhiteNoise(lens, own.key) if lens else own
     start, turned = drawn.numbers(0), drawn.numbers(1)
     dirt = tile()
     matrix = np.zeros((2, 3))
@@ -404,6 +417,7 @@ PERTURBATION = ColourPerturbation(
         "smudges": (0.1, 0.2, 0.35, 0.55, 0.8),
         "scratches": (0.08, 0.15, 0.25, 0.4, 0.6),
     },
+    newly={"lens": 1},
     source="our own: from a lens that was wiped to one that never was",
     about=About(
         "Puts dust, grease and scratches on the front glass, which light up near lamps",

@@ -246,6 +246,11 @@ class SensorNoise:
         minimum=0,
         maximum=16,
     )
+    even_steps: bool = key(
+        "severities make noise grow by equal steps, to gain of 30 dB, instead of equal ratios, to 41.6 dB",
+        default=False,
+        later=True,
+    )
     sensor: int = key("which one of its kind: it decides where hot pixels are", default=0, minimum=0, maximum=2**31 - 1)
     TOOLTIPS: ClassVar[Mapping[str, str]] = {
         "gain_db": "Higher: a darker scene, so stronger noise",
@@ -261,6 +266,7 @@ class SensorNoise:
         "bits": "Lower: colors in visible steps",
         "grain_px": "Higher: soft and large grain",
         "headroom_stops": "Lower: what shines is cut off earlier",
+        "even_steps": "On: from one severity to the next noise grows by as much; off: it nearly doubles",
         "sensor": "Another number: hot pixels are elsewhere",
     }
 
@@ -414,6 +420,11 @@ def hot_pixels(
     return places, generator.exponential(size=len(places))
 
 
+# By equal steps: the deviation of photons goes as the root of gain, 10^(dB / 40). Severities 1 and 3 are as they were,
+# so it is 1, 2.16, 3.31, 4.47 and 5.62 times that of severity 1. The read noise is on the same line as before.
+EVEN_GAIN_DB = (0.0, 13.34, 20.8, 26.0, 29.99)
+EVEN_READ = (0.8, 0.916, 0.99, 1.041, 1.085)
+
 PERTURBATION = ColourPerturbation(
     name="sensor_noise",
     label="Sensor noise",
@@ -424,6 +435,8 @@ PERTURBATION = ColourPerturbation(
         "gain_db": (0.0, 10.4, 20.8, 31.2, 41.6),
         "read_noise_electrons": (0.8, 0.89, 0.99, 1.1, 1.22),
     },
+    other_severities={"even_steps": {"gain_db": EVEN_GAIN_DB, "read_noise_electrons": EVEN_READ}},
+    newly={"even_steps": True},
     source=(
         "our own: the range of shot noise of Brooks and others (Unprocessing images for learned raw denoising, 2019) "
         "in equal ratios, with the read noise of their line, for a full well of 10,000 electrons; model: EMVA 1288"

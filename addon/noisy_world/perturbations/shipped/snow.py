@@ -337,6 +337,7 @@ PERTURBATION = ColourPerturbation(
         twin="snow_depth",
         of_paper=True,
     ),
+    overlay=True,
     apply=apply,
     version=2,  # float colour is rounded before it
     apply_bytes=apply,

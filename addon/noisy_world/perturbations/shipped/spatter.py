@@ -359,6 +359,7 @@ PERTURBATION = ColourPerturbation(
         twin="lens_drops",
         of_paper=True,
     ),
+    overlay=True,
     apply=apply,
     version=2,  # its noise is drawn by tables, and float colour is rounded before it
     apply_bytes=apply,

@@ -1,0 +1,98 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Draw strips of eight frames of a place, at severities 1, 3 and 5 below one another, on which a look is judged.
+
+    python headless/pictures/strips.py PLACES OUT [--only rain_depth ...] [--places harbour ...] [--severities 1 3 5]
+        [--given '{caustic: 1}'] [--frames 8] [--size 384]
+
+PLACES: a folder of `places.py`. OUT: gets PLACE_NAME.png. Arrays carry out the node groups, so what is seen is what the
+compositor shows. given: parameters beside the severity, as YAML.
+"""
+
+import argparse
+import json
+import sys
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path[:0] = [str(ROOT / "addon"), str(ROOT / "headless")]
+
+import cv2
+import numpy as np
+import yaml
+from numpy.typing import NDArray
+
+from noisy_world.core.camera_motion import motion_between
+from noisy_world.core.geometry import Intrinsics
+from noisy_world.core.schema import ConfigPath
+from noisy_world.perturbations import registry
+from noisy_world.perturbations.execution import perturb_light
+from noisy_world.perturbations.kinds import FrameContext
+from noisy_world.perturbations.parsing import parse_steps
+from pictures.street import read_frame
+
+SEED = 1
+JUDGED = ("rain_depth", "lens_drops", "lens_frost", "lens_dirt", "fog_depth")
+
+
+def main(arguments: list[str]) -> int:
+    """Run the command line and return the exit status."""
+    parser = argparse.ArgumentParser(prog="strips.py", description="Draw strips of frames on which looks are judged.")
+    parser.add_argument("places", type=Path, help="a folder of places.py")
+    parser.add_argument("out", type=Path, help="the folder to write into")
+    parser.add_argument("--only", nargs="+", default=list(JUDGED), help="perturbations")
+    parser.add_argument("--place", nargs="+", help="places (default: all that are there)")
+    parser.add_argument("--severities", type=float, nargs="+", default=[1, 3, 5], help="a row each")
+    parser.add_argument("--frames", type=int, default=8, help="at most so many of a strip")
+    parser.add_argument("--given", type=yaml.safe_load, default={}, help="parameters beside the severity, as YAML")
+    options = parser.parse_args(arguments)
+    options.out.mkdir(parents=True, exist_ok=True)
+    for folder in sorted(path.parent for path in options.places.glob("*/cameras.json")):
+        if options.place and folder.name not in options.place:
+            continue
+        for name in options.only:
+            rows = [
+                strip(folder, name, {"severity": each, **options.given}, options.frames) for each in options.severities
+            ]
+            path = options.out / f"{folder.name}_{name}.png"
+            cv2.imwrite(str(path), np.vstack(rows)[..., ::-1])
+            print(f"wrote {path}", flush=True)
+    return 0
+
+
+def strip(folder: Path, name: str, values: dict[str, Any], most: int) -> NDArray[np.uint8]:
+    """Return frames of a place side by side, perturbed, as bytes. values: of the step, as a preset has them."""
+    cameras = json.loads((folder / "cameras.json").read_text(encoding="utf-8"))
+    lens = Intrinsics(*(cameras[key] for key in ("width", "height", "fx", "fy", "cx", "cy")))
+    (step,) = parse_steps([{name: values}], ConfigPath("--given"), registry())
+    poses = {int(file[:4]): np.array(pose) for file, pose in cameras["c2w"].items()}
+    numbers = sorted(poses)
+    shown = []
+    for place, number in enumerate(numbers[:most]):
+        frame = read_frame(folder / f"{number:04}.exr")
+        before = numbers[max(place - 1, 0)]
+        seconds = (number - before) / cameras["fps"]
+        motion = motion_between(poses[numbers[0]], poses[before], poses[number], seconds)
+        where = FrameContext(
+            number,
+            (SEED, "place", folder.name),
+            stamp_s=number / cameras["fps"],
+            intrinsics=lens,
+            motion=motion,
+            read_depth_m=lambda depth_m=frame.depth_m: depth_m,
+        )
+        made = perturb_light(step, frame.rgb, step.severity, step.context(replace(where, lit=True)))
+        shown.append(as_picture(made))
+    return np.hstack(shown)
+
+
+def as_picture(linear: NDArray[np.float32]) -> NDArray[np.uint8]:
+    """Return scene-linear light as bytes by sRGB's curve."""
+    light = np.clip(linear, 0.0, 1.0)
+    encoded = np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 0.055)
+    return np.rint(encoded * 255).astype(np.uint8)
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
