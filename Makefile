@@ -63,9 +63,10 @@ assets: venv ## write the asset library of node groups for Blender's asset brows
 example: venv ## write out/example/street.blend: a lit street with four node groups behind its render, ready to play
 	$(PY) headless/pictures/example.py
 
-film: venv ## render the street's path and write docs/street.mp4 anew: a quarter of an hour on two idle cores
+film: venv ## render the street's path and write docs/street.mp4 and .webp anew: a quarter of an hour on two idle cores
 	$(PY) headless/pictures/street.py out/film/frames --samples 5
 	$(PY) headless/pictures/film.py docs/street --frames out/film/frames
+	$(PY) headless/pictures/moving_picture.py docs/street.mp4 docs/street.webp
 
 extension: venv ## build and validate the extension's zips for every platform into dist; BLENDER=... uses its tool
 	$(PY) headless/tools/package.py $(if $(filter file,$(origin BLENDER)),,--blender $(BLENDER))

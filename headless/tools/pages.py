@@ -26,19 +26,18 @@ from numpy.typing import NDArray
 from noisy_world.channels import CHANNELS, Channel
 from noisy_world.cli.command import COMMANDS
 from noisy_world.core.lens import Distortion, straightened
-from noisy_world.core.packages import Registry
-from noisy_world.core.schema import ConfigPath, list_keys, parse
+from noisy_world.core.packages import Registry, project_address
+from noisy_world.core.schema import ConfigPath, parse
 from noisy_world.evaluate.map_metrics import MAP_METRICS
 from noisy_world.evaluate.metrics import METRICS, Metric
 from noisy_world.evaluate.systems import find_system, shipped_names
 from noisy_world.layouts import EVERY, Layout, RecordedLayout
-from noisy_world.layouts.described import SequenceSpec
 from noisy_world.layouts.with_reader import LayoutWithReader
 from noisy_world.perturbations import registry
 from noisy_world.perturbations.kinds import STAGES, Perturbation
 from noisy_world.preset.camera_devices import CAMERA_DEVICES, CameraDevice
 from noisy_world.preset.sensor_keys import DistortionSpec
-from noisy_world.sources import SOURCES
+from noisy_world.sources import SOURCES, preset_keys
 from noisy_world.trajectories.formats import TRAJECTORY_FORMATS
 
 T = TypeVar("T")
@@ -69,10 +68,12 @@ def main(arguments: list[str]) -> int:
 
 def made_files(root: Path) -> Iterator[tuple[Path, str]]:
     """Yield each file that is made, or has made parts, with its text."""
-    for page in sorted((root / "docs").glob("*.md")):
+    for page in [root / "README.md", *sorted((root / "docs").glob("*.md"))]:
         text = page.read_text(encoding="utf-8")
         if "<!-- made: " in text:
             yield page, with_parts(text, PARTS, page.name)
+    for name, (before, line) in ADDRESSED.items():
+        yield root / name, with_address((root / name).read_text(encoding="utf-8"), before, line, project_address())
     for item in own_perturbations().values():
         yield root / f"presets/perturbations/{item.name}.yaml", example_preset(item)
 
@@ -83,9 +84,36 @@ def with_parts(text: str, parts: Mapping[str, Callable[[], str]], page: str) -> 
     def made(match: re.Match[str]) -> str:
         if (name := match[1]) not in parts:
             raise SystemExit(f"pages: {page}: no part is called {name}; known: {', '.join(parts)}")
-        return f"<!-- made: {name} -->\n\n{parts[name]()}\n\n<!-- end -->"
+        part = f"{parts[name]()}\n\n".lstrip("\n")
+        return f"<!-- made: {name} -->\n\n{part}<!-- end -->"
 
     return re.sub(r"<!-- made: ([\w ]+) -->\n.*?<!-- end -->", made, text, flags=re.DOTALL)
+
+
+# --- the project's address, which blender_manifest.toml holds ---
+
+
+MADE = "  # made: website"
+ADDRESSED = {
+    "CITATION.cff": ("license:", "repository-code: {}"),
+    "pyproject.toml": ("dynamic = ", 'urls = {{ Repository = "{}" }}'),
+    "mkdocs.yml": ("site_description:", """copyright: '<a href="{0}">{0}</a>'"""),
+}
+"""Files that are not pages, with the beginning of a line, and the line below it that has the address."""
+
+
+def with_address(text: str, before: str, line: str, address: str) -> str:
+    """Return a file's text with the address in a line below the one that begins so; without that if there is none."""
+    lines = [one for one in text.splitlines() if not one.endswith(MADE)]
+    if address:
+        (place,) = (number for number, one in enumerate(lines) if one.startswith(before))
+        lines.insert(place + 1, line.format(address) + MADE)
+    return "\n".join(lines) + "\n"
+
+
+def address_sentence() -> str:
+    """Return where the project is, for the README; "" until somebody has published it."""
+    return f"The project is at <{address}>: `git clone {address}`." if (address := project_address()) else ""
 
 
 def table(columns: tuple[str, ...], rows: Iterator[tuple[str, ...]]) -> str:
@@ -158,11 +186,9 @@ def gallery() -> str:
         for item in (item for item in every if item.stage == stage):
             about = item.about
             caption = (about.caption or f"{item.sentence[:1].lower()}{item.sentence[1:]}").removesuffix(".")
-            parts += [
-                f"### {item.label}",
-                wrapped(f"`{item.name}`{f', {origin}' if (origin := origin_of(item, 'ours')) else ''}: {caption}."),
-                f"![{about.picture or f'{item.label} at severities 1, 3 and 5'}](gallery/{item.name}.jpg)",
-            ]
+            picture = f"![{about.picture or f'{item.label} at severities 1, 3 and 5'}](gallery/{item.name}.jpg)"
+            whose = f", {origin}" if (origin := origin_of(item, "ours")) else ""
+            parts.append(f"### {item.label}\n{picture}\n" + wrapped(f"`{item.name}`{whose}: {caption}."))
     return "\n\n".join(parts)
 
 
@@ -244,11 +270,16 @@ def recorded_layout_table() -> str:
     )
 
 
-def described_keys_table() -> str:
-    """Return the table of the keys of a recording that is described file by file."""
-    return table(
-        ("key of `sequence`", "what it says"), ((quoted(name), said) for name, said in list_keys(SequenceSpec))
-    )
+def key_tables() -> str:
+    """Return the keys of a preset: a table for each branch, those that stand alone at the end."""
+    branches: dict[str, list[tuple[str, str]]] = {}
+    for name, said in preset_keys():
+        parts = name.split(".")
+        branch = ".".join(parts[:2]) if parts[0] == "scenes[]" and len(parts) > 2 else parts[0]
+        branches.setdefault(branch, []).append((quoted(name), said.replace("|", "\\|")))
+    several = [rows for rows in branches.values() if len(rows) > 1]
+    alone = [row for rows in branches.values() if len(rows) == 1 for row in rows]
+    return "\n\n".join(table(("key", "what it says"), iter(rows)) for rows in [alone, *several])
 
 
 def camera_table() -> str:
@@ -342,6 +373,7 @@ def quoted(word: str) -> str:
 
 
 PARTS: dict[str, Callable[[], str]] = {
+    "address": address_sentence,
     "subcommands": command_table,
     "perturbation counts": perturbation_counts,
     "perturbation table": perturbation_table,
@@ -351,7 +383,7 @@ PARTS: dict[str, Callable[[], str]] = {
     "source table": source_table,
     "layout table": layout_table,
     "recorded layout table": recorded_layout_table,
-    "described keys table": described_keys_table,
+    "keys": key_tables,
     "camera table": camera_table,
     "metric table": metric_table,
     "map metric table": map_metric_table,
