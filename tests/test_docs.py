@@ -6,14 +6,17 @@ import importlib
 import importlib.util
 import re
 import shutil
+import statistics
 import sys
 import tomllib
 from dataclasses import fields
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 import yaml
+from reading import grade
 from worlds import ROOT, generate, write_world
 
 from noisy_world.cli.command import COMMANDS
@@ -22,6 +25,7 @@ from noisy_world.preset.keys import PresetSpec, read_preset
 from noisy_world.perturbations import registry
 from noisy_world.dataset.plan import make_plan
 
+INCLUDING = ("changelog.md", "contributing.md", "security.md")  # pages that are another file
 PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")])
 sys.path.append(str(ROOT / "docs/examples"))
 
@@ -150,6 +154,16 @@ def test_commands_and_files_on_the_pages_exist():
     assert files == []
 
 
+def test_pages_are_read_once():
+    guides = [page for page in (ROOT / "docs").glob("*.md") if page.name not in INCLUDING]
+    grades = {page.name: grade(page.read_text(encoding="utf-8")) for page in guides}
+    assert statistics.median(grades.values()) <= 10, sorted(grades.items(), key=lambda item: -item[1])[:9]
+    # Nine words of a syllable each, in two sentences.
+    assert grade("The cat sat on the mat. It was fat.") == pytest.approx(0.39 * 4.5 + 11.8 - 15.59)
+    hard = "Methodological heterogeneity notwithstanding, characterisation necessitates considerable imagination."
+    assert grade(hard) > 20
+
+
 def presets_shown():
     """The blocks of YAML on the pages that are presets, or parts of one; by page and number."""
     keys = {field.name for field in fields(PresetSpec)}
@@ -171,6 +185,8 @@ def test_presets_on_the_pages_are_presets(tmp_path):
     assert len(shown) > 8
     for file in (ROOT / "presets").glob("*mixed.yaml"):  # which a page includes
         shutil.copy(file, tmp_path)
+    (tmp_path / "masks").mkdir()
+    cv2.imwrite(str(tmp_path / "masks/left.png"), np.eye(4, dtype=np.uint8))
     for name, found in shown:
         path = tmp_path / f"{name}.yaml"
         path.write_text(yaml.safe_dump(found))
@@ -214,6 +230,20 @@ def test_the_citation_and_the_pages_are_of_this_version():
     )
     assert versions
     assert set(versions) == {manifest["version"]}
+
+
+def test_the_address_stands_in_one_place_and_everything_follows(monkeypatch):
+    monkeypatch.syspath_prepend(str(ROOT / "headless"))
+    pages = importlib.import_module("tools.pages")
+    told = ("README.md", "CITATION.cff", "pyproject.toml", "mkdocs.yml")
+    before = {name: (ROOT / name).read_text(encoding="utf-8") for name in told}
+    monkeypatch.setattr(pages, "project_address", lambda: "https://example.org/noisy-world")
+    made = {path.relative_to(ROOT).as_posix(): text for path, text in pages.made_files(ROOT)}
+    assert [name for name in told if "https://example.org/noisy-world" not in made[name]] == []
+    assert yaml.safe_load(made["CITATION.cff"])["repository-code"] == "https://example.org/noisy-world"
+    assert tomllib.loads(made["pyproject.toml"])["project"]["urls"] == {"Repository": "https://example.org/noisy-world"}
+    for name, (start, line) in pages.ADDRESSED.items():
+        assert pages.with_address(made[name], start, line, "") == before[name]
 
 
 # --- the tutorial ---
