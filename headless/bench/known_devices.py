@@ -167,7 +167,7 @@ def walk_of(room: int, devices: list[Device], folder: Path) -> None:
             "depth": {"delay_ms": round(1e3 * devices[0].earlier_frames[1] / RATE_HZ, 6)},
         },
         "settings": [{"name": device.name, "perturb": list(device.steps)} for device in devices],
-        "output": {"layout": "euroc", "overview": False},
+        "output": {"layout": "euroc", "colour": "rgb", "overview": False},
     }
     plan = make_plan(check_document(document, folder / "preset.yaml"))
     Run(plan, folder, progress=PlainProgress(sys.stderr), stop=threading.Event()).make_dataset()

@@ -322,8 +322,19 @@ def test_a_devices_file_that_is_not_there_is_refused(tmp_path):
 def test_the_command_writes_both_files_once(walk, tmp_path, capsys):
     device, preset = tmp_path / "measured.yaml", tmp_path / "twin.yaml"
     words = ["measure", str(walk / "noisy/room"), "--device", str(device), "--preset", str(preset)]
+    words += ["--html", str(tmp_path / "page.html")]
     assert command.main(words) == 0
     assert "severity   axial_noise" in capsys.readouterr().out
+    shown = (tmp_path / "page.html").read_text()
+    for told in (
+        "A depth_noise_m_at",
+        "B depth_noise_m_at",
+        "B depth_correlation_1_px",
+        "B gyro_spectrum_at",
+        "axial_noise:",
+    ):
+        assert f"<title>{told}" in shown
+    assert shown.count("crispEdges") == 2  # maps of holes
     only_depth = {"camera": {"device": "measured.yaml"}, "settings": [{"name": "clean"}]}
     (tmp_path / "preset.yaml").write_text(yaml.safe_dump(PRESET | only_depth))
     assert make_plan(read_preset(tmp_path / "preset.yaml")).cameras["room"].width_px == 240

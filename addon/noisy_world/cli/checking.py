@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..core.atomic_files import write_atomic
 from ..core.errors import InputError, NoisyWorldError
-from .arguments import ENDINGS, Parser, add_part_options, add_set_option, path, planned, settled
+from .arguments import ENDINGS, Parser, add_part_options, add_set_option, out_path, path, planned, settled
 from .command import Command
 from .entry import Entry
 
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from ..measure.looking import RecordingFigures
     from ..render.source import Source
 
+PAGES = (".html", ".htm")
 VIDEOS = (".mp4", ".mov", ".avi", ".mkv", ".webm", ".m4v")
 
 
@@ -54,6 +55,8 @@ def _measure_options(parser: Parser) -> None:
     parser.option("--device FILE", device, type=path)
     preset = "write a preset whose setting makes clean frames into such ones"
     parser.option("--preset FILE", preset, type=path, dest="twin")
+    html = "write a page too: what was measured beside what the device draws that was made of it"
+    parser.option("--html PAGE.html", html, type=out_path)
 
 
 def _check(options: argparse.Namespace, _: Entry) -> int:
@@ -73,26 +76,45 @@ def _measure(options: argparse.Namespace, _: Entry) -> int:
     for file, _text in files:
         if file.exists():
             raise InputError(file, "is there already", remedy="name another file, or remove it")
-        if not file.absolute().parent.is_dir():
+    for file in (options.device, options.twin, options.html):
+        if file and not file.absolute().parent.is_dir():
             raise InputError(file.absolute().parent, "is no folder", remedy="make it, or name another file")
+    if options.html is not None:
+        check_page(options.html)
     texts: list[dict[Path, str]] = []
 
     def look(name: str, source: "Source", camera: "Intrinsics") -> "RecordingFigures":
-        if files and texts:
+        if texts and (files or options.html):
             raise NoisyWorldError("several recordings would be one device", remedy="choose one: --scenes NAME")
         found = measured(name, source, camera)
         twin = twin_of(found, camera, source.optics(camera).distortion)
+        found = replace(found, places=tuple(places(found)))
         texts.append({file: text(twin, found) for file, text in files})
-        return replace(found, places=tuple(places(found)))
+        if options.html is not None:
+            from ..measure.measure_page import page
+            from ..measure.model_draw import model_draw
+
+            texts[-1][options.html] = page(
+                str(options.preset), found, twin, model_draw(name, source, camera, found, twin)
+            )
+        return found
 
     status = _printed(options, look)
-    if files and not texts:
+    if not texts and (files or options.html):
         raise NoisyWorldError("nothing is recorded there, so there is no device", remedy="name a recording")
     for file, text in texts[0].items() if texts else ():
         write_atomic(file, text.encode(), file.absolute().parent)
         if not options.json:
             print(f"written    {file}")
     return status
+
+
+def check_page(page: Path) -> None:
+    """Refuse a page that cannot be written under its name. Raises NoisyWorldError."""
+    if page.suffix.lower() not in PAGES:
+        raise NoisyWorldError(f"--html {page} has to end in .html", remedy="name it so")
+    if page.is_dir():
+        raise NoisyWorldError(f"{page}: is a folder", remedy="name a file to write with --html")
 
 
 def _printed(options: argparse.Namespace, look: "Callable[[str, Source, Intrinsics], RecordingFigures]") -> int:

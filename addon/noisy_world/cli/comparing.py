@@ -110,7 +110,7 @@ def _side(what: Path, found: "RecordingFigures") -> dict[str, Any]:
 
 
 def _page(found: "Comparison") -> Iterator[str]:
-    from ..measure.comparison_page import number
+    from ..measure.charts import number
 
     estimated = [row for row in found.rows if row.standard_errors is not None]
     counted = [row for row in found.rows if row.standard_errors is None]
@@ -133,7 +133,8 @@ def _page(found: "Comparison") -> Iterator[str]:
 
 
 def _lines(row: "Row") -> Iterator[str]:
-    from ..measure.comparison_page import difference, number, within
+    from ..measure.charts import number, within
+    from ..measure.comparison_page import difference
 
     if row.curve:
         told = f"{row.name}, {row.differing} of {len(row.parts)} differ"

@@ -14,6 +14,7 @@ from .figure import Figure, Place
 from .looking import RecordingFigures
 
 COMPARED_AT_M = 2.0  # at which noise of depth is compared with that of axial_noise; chosen
+LEAST = 0.005  # of a severity that is spoken of
 BISECTED = 50  # times, for a place between severities
 
 
@@ -44,7 +45,7 @@ def places(found: RecordingFigures) -> tuple[Place, ...]:
     if len(law) == len(names):
         scale = _Scale("depth_noise", "axial_noise", lambda values: values.noise)
         made.append(_place(scale, _times_the_model(law)))
-    return tuple(place for place in made if place.severity > 0)
+    return tuple(place for place in made if place.severity > LEAST)
 
 
 def _trail_px(values: Any) -> float:
