@@ -96,6 +96,44 @@ def test_a_shot_is_what_generate_makes_where_the_scene_and_the_panel_say_the_sam
     assert {name: made[name] for name in frames} == {name: again[name] for name in frames}
 
 
+def test_markers_become_shots_cut_where_they_bind_cameras(stage):
+    """Frames by hand: markers at 3, 5 (a label), 6 and 20, of which 3 and 6 bind cameras; the scene is 1 to 9."""
+    stage.frame_end = 9
+    wide, close = bpy.data.objects["Wide"], bpy.data.objects["Close"]
+    refused(bpy.ops.noisy_world.shots_from_markers, names="poll", error=RuntimeError)
+    for name, frame in (("late", 20), ("door", 6), ("beat", 5), ("a/b", 3)):
+        stage.timeline_markers.new(name, frame=frame)
+    listed = stage.timeline_markers
+    refused(shots.shots_from_markers, moved(stage, 30), names="no marker")
+    moved(stage, -30)
+    assert "3 shots are added" in shots.shots_from_markers(stage)  # no camera is bound, so each cuts
+    assert [(shot.name, shot.frame_start, shot.frame_end) for shot in settings().shots] == [
+        ("a/b", 3, 4), ("beat", 5, 5), ("door", 6, 9),
+    ]  # fmt: skip
+    assert {shot.camera for shot in settings().shots} == {wide}
+    settings().shots[2].seed = 7
+    listed["a/b"].camera, listed["door"].camera, listed["door"].frame = wide, close, 7
+    said = shots.shots_from_markers(stage)
+    assert "0 shots are added, 2 have" in said
+    assert "frames 1 to 2" in said
+    found = {shot.name: (shot.camera, shot.frame_start, shot.frame_end, shot.seed) for shot in settings().shots}
+    assert found == {"a/b": (wide, 3, 6, 0), "beat": (wide, 5, 5, 0), "door": (close, 7, 9, 7)}
+    settings().shots.remove(1)
+    listed.new("door", frame=9).camera = wide
+    assert bpy.ops.noisy_world.shots_from_markers() == {"FINISHED"}
+    assert [shot.name for shot in settings().shots] == ["a/b", "door", "door_2"]
+    folders = [Path(shot.output_folder).name for shot in shots.chosen_shots(settings())]
+    assert folders == ["out_a_b", "out_door", "out_door_2"]
+    assert preset_of_shot(stage, settings().shots[1]).document["scenes"][0]["camera"] == "Close"
+
+
+def moved(scene, by):
+    """The scene with all its markers moved by frames."""
+    for marker in scene.timeline_markers:
+        marker.frame += by
+    return scene
+
+
 def test_what_failed_is_a_line_and_the_others_are_kept_and_it_can_be_replaced(stage, tmp_path, monkeypatch):
     error = other_dataset(tmp_path / "two", "seed was 2").message
     sent = f"error={str(error)!r}, parts={ {'error': to_content(error)}!r}"

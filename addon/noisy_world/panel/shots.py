@@ -2,7 +2,8 @@
 """Shots of the open scene: a list in the tab, which Generate Shots makes one after another in the background."""
 
 import json
-from collections.abc import Iterator, Sequence
+import re
+from collections.abc import Collection, Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
@@ -308,19 +309,91 @@ class NoisyWorldAddShot(OnScene, bpy.types.Operator):
 
 def add_shot(scene: bpy.types.Scene) -> str:
     """Add a shot that is what the scene and the panel are now; return what there is to say."""
-    panel = panel_of(scene)
-    names = {shot.name for shot in panel.shots}
+    names = {shot.name for shot in panel_of(scene).shots}
     number = next(k for k in range(1, len(names) + 2) if f"shot_{k}" not in names)
+    shot = _new_shot(scene, f"shot_{number}")
+    shot.camera, shot.frame_start, shot.frame_end = scene.camera, scene.frame_start, scene.frame_end
+    return "" if shot.own_list else KEYED
+
+
+KEYED = "Something of the list is keyed on the timeline, so the shot takes the panel's list"
+
+
+def _new_shot(scene: bpy.types.Scene, name: str) -> Any:
+    """Add a shot with the perturbations and the seed that the panel has now, and select it."""
+    panel = panel_of(scene)
     kept = kept_list(panel)
+    folders = {shot.output_folder for shot in panel.shots}
     shot = panel.shots.add()
-    shot.name, shot.camera = f"shot_{number}", scene.camera
-    shot.frame_start, shot.frame_end = scene.frame_start, scene.frame_end
+    shot.name, shot.seed = name, panel.seed
     shot.perturbations, shot.own_list = (OWN_LIST, kept) if kept else (PANEL_LIST, "")
-    shot.seed = panel.seed
     beside = panel.output_folder.rstrip("/\\") or "//noisy_world"
-    shot.output_folder = f"{beside}_{shot.name}"
+    plain = re.sub(r"[^\w.-]+", "_", name)
+    numbered = (f"{beside}_{plain}" + (f"_{k}" if k > 1 else "") for k in range(1, len(folders) + 2))
+    shot.output_folder = next(folder for folder in numbered if folder not in folders)
     panel.active_shot = len(panel.shots) - 1
-    return "" if kept else "A severity is keyed on the timeline, so the shot takes the panel's list"
+    return shot
+
+
+class NoisyWorldShotsFromMarkers(OnScene, bpy.types.Operator):
+    """Make a shot of each marker of the timeline, from it to the next one, seen by the camera that it binds; a shot \
+of a marker's name gets its camera and frames, and keeps everything else"""
+
+    bl_idname = "noisy_world.shots_from_markers"
+    bl_label = "Shots from Markers"
+    bl_options = UNDOABLE
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Ask for a marker."""
+        if not super().poll(context):
+            return False
+        if not len(context.scene.timeline_markers):
+            cls.poll_message_set("The timeline has no markers: M over it sets one, Ctrl-B binds a camera to it")
+            return False
+        return True
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Make them."""
+        return guarded(self, lambda: shots_from_markers(context.scene))
+
+
+def shots_from_markers(scene: bpy.types.Scene) -> str:
+    """Make a shot of each marker inside the scene's frames, up to the next one; return what was done.
+
+    Where markers bind cameras, these cut and others are labels. Raises InputError where none is inside.
+    """
+    first, last = scene.frame_start, scene.frame_end
+    listed = sorted(scene.timeline_markers, key=lambda marker: marker.frame)
+    cuts = [marker for marker in listed if marker.camera is not None] or listed
+    starts = [max(marker.frame, first) for marker in cuts]
+    ends = [*(frame - 1 for frame in starts[1:]), last]
+    parts = [
+        (marker, start, min(end, last)) for marker, start, end in zip(cuts, starts, ends, strict=True) if start <= end
+    ]
+    parts = [part for part in parts if part[1] <= last]
+    if not parts:
+        raise InputError(WHERE, f"no marker is at the scene's frames, {first} to {last}", remedy="move one there")
+    known = {shot.name: shot for shot in panel_of(scene).shots}
+    taken: set[str] = set()
+    added, keyed = 0, False
+    for marker, start, end in parts:
+        name = _free_name(marker.name or f"frame_{marker.frame}", taken)
+        taken.add(name)
+        if name not in known:
+            added += 1
+            keyed = not _new_shot(scene, name).own_list
+        shot = next(item for item in panel_of(scene).shots if item.name == name)
+        shot.camera, shot.frame_start, shot.frame_end = marker.camera or scene.camera, start, end
+    said = [f"{added} shots are added, {len(parts) - added} have the frames of their markers"]
+    if parts[0][1] > first:
+        said.append(f"frames {first} to {parts[0][1] - 1} stand before the first marker, so in no shot")
+    return "; ".join(said) + (f". {KEYED}" if keyed else "")
+
+
+def _free_name(name: str, taken: Collection[str]) -> str:
+    """Return a name that is not taken: the same one, or with a number."""
+    return next(text for k in range(1, len(taken) + 2) if (text := name if k == 1 else f"{name}_{k}") not in taken)
 
 
 class _OnShot(OnScene):
@@ -450,6 +523,7 @@ class NOISYWORLD_PT_shots(PanelSection, bpy.types.Panel):
         buttons.separator()
         buttons.operator(NoisyWorldMoveShot.bl_idname, text="", icon="TRIA_UP").by = -1
         buttons.operator(NoisyWorldMoveShot.bl_idname, text="", icon="TRIA_DOWN").by = 1
+        layout.operator(NoisyWorldShotsFromMarkers.bl_idname, icon="MARKER_HLT")
         if (shot := active_shot(panel)) is not None:
             _draw_shot(layout, shot)
         _draw_run(layout, context)
@@ -503,6 +577,7 @@ CLASSES: tuple[Any, ...] = (
     NoisyWorldGenerateShots,
     NoisyWorldReplaceShots,
     NoisyWorldAddShot,
+    NoisyWorldShotsFromMarkers,
     NoisyWorldRemoveShot,
     NoisyWorldMoveShot,
     NoisyWorldKeepList,
