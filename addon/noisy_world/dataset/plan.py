@@ -21,7 +21,7 @@ from ..core.trajectory import NS_PER_S, Axes, FrameStamps, Stamps, Trajectory, r
 from ..images.measured_depth import Registration
 from ..layouts import Modality, OutputFormat
 from ..perturbations import registry
-from ..perturbations.execution import chosen_poses, exposure_key, split_motion
+from ..perturbations.execution import chosen_poses, exposure_key, move, split_motion
 from ..perturbations.kinds import DepthPerturbation, ExposurePerturbation, Identifiers, MotionPerturbation
 from ..perturbations.parsing import Registry, check_device_part, is_sensor, parse_sensor, parse_settings
 from ..perturbations.steps import Setting, Step, steps_of_kind
@@ -41,6 +41,7 @@ from ..scenes.polygon_mesh import Mesh
 from ..sources import find_scenes
 from ..sources.scene_kinds import Scene
 from ..trajectories.rig import LEAST_BANDWIDTH_HZ, MOST_SAMPLES, Imu, Rig, Sensor, sensor_from_extrinsics
+from .depth_reach import DepthReach, depth_reach
 from .sequence import Numbers, PlannedSequence, lay_out, union
 
 # The sensors of a robot in a plan: where they sit, what measures depth and when, and what cannot be combined.
@@ -579,7 +580,8 @@ class Refused:
 class Plan:
     """All renders and sequences of a preset. chosen: the frames of each sequence to make, if not all.
 
-    refused: sequences that are left out, as their scenes lack what their settings need.
+    refused: sequences that are left out, as their scenes lack what their settings need. reach: how far its frames can
+    see, where that decides the depth scale.
     """
 
     preset: Preset
@@ -589,6 +591,7 @@ class Plan:
     renders: tuple[Render, ...]
     chosen: slice | None = None
     refused: tuple[Refused, ...] = ()
+    reach: DepthReach | None = None
 
     @cached_property
     def sequences(self) -> tuple[PlannedSequence, ...]:
@@ -718,7 +721,20 @@ def lay_out_plan(
     renders = tuple(render for scene in scenes for render in _renders(plan, scene, without))
     planned = {sequence.setting.name for render in renders for sequence in render.sequences}
     settings = tuple(setting for setting in settings if setting.name in planned)
-    return replace(plan, settings=settings, renders=renders, refused=refused)
+    plan = replace(plan, settings=settings, renders=renders, refused=refused)
+    if spec.output.depth_range == "layout" or spec.output.depth_scale_per_m is not None:
+        return plan
+    reach = max((_reach(render, preset) for render in renders), key=lambda found: found.farthest_m)
+    return replace(plan, format=replace(plan.format, depth_scale_per_m=reach.scale_per_m), reach=reach)
+
+
+def _reach(render: Render, preset: Preset) -> DepthReach:
+    """Return how far the frames of a render can see. Raises InputError where nothing tells it."""
+    path = move(render.moving, render.scene.path, render.identifiers)
+    apart = None if render.registration is None else render.registration.depth.matrix[:3, 3]
+    mount_m = 0.0 if apart is None else float(np.linalg.norm(apart))
+    place = preset.place("output.depth_range")
+    return depth_reach(render.scene, path, mount_m, preset.spec.camera, place)
 
 
 def _refused(setting: Setting, scene: Scene) -> Refused | None:
@@ -911,7 +927,8 @@ MS_PER_S = 1000.0
 def plan_notes(plan: Plan) -> list[str]:
     """Return what is to be said of a plan beside its format: what is left out, exposures, what is seen too much."""
     refused = [f"{item.folder} is left out: {item.setting} {item.why}" for item in plan.refused]
-    return [*refused, *_long_exposures(plan), *_limits(plan), *_broken_depth(plan), *_aliased(plan)]
+    reach = [] if plan.reach is None else [plan.reach.note]
+    return [*refused, *reach, *_long_exposures(plan), *_limits(plan), *_broken_depth(plan), *_aliased(plan)]
 
 
 def _aliased(plan: Plan) -> list[str]:

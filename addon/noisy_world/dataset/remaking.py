@@ -124,6 +124,9 @@ def preset_of(
     """
     document: dict[str, Any] = dict(recipe.identity["preset"])
     document["data"] = str((recipe.path.parent if data is None else data).absolute())
+    if (document.get("output") or {}).get("depth_range") == "scene":  # of a part of its scenes it would be another
+        scale_per_m = recipe.identity["output"]["depth_scale_per_m"]
+        document["output"] = {**document["output"], "depth_scale_per_m": scale_per_m}
     if only := chosen_part(scenes, settings):
         document["only"] = only
     return check_document(document, recipe.path)

@@ -478,6 +478,9 @@ def draw_depth(scene: bpy.types.Scene, index: int | None = None) -> tuple[NDArra
 
 def _held(scene: bpy.types.Scene, depth_m: NDArray[np.float32]) -> tuple[NDArray[np.float32], str]:
     """Return depth (H, W) without what its file cannot hold, and what to say of that; "" where it holds all."""
+    output = panel_of(scene).output
+    if output.depth_range == "scene" and not output.use_depth_scale_per_m:
+        return depth_m, ""  # the scale will hold all of it
     format_ = format_of(panel_of(scene))
     lost = format_.out_of_range(depth_m)
     if lost is None:

@@ -166,7 +166,9 @@ def unregister_motion_plot() -> None:
 
 TAB = "Noisy World"
 WALK = ("frames", "rate_hz", "speed_m_s", "clearance_m")
-OUTPUT_DRAWN = ("layout", "image", "colour", "depth_scale_per_m", "depth_beyond", "modalities", "overview")
+OUTPUT_DRAWN = (
+    *("layout", "image", "colour", "depth_range", "depth_scale_per_m", "depth_beyond", "modalities", "overview"),
+)
 """The keys of paths made here and of the output that are drawn whether the preset gives them or not."""
 STAGE_LABELS: "dict[Stage, tuple[str, IconItems]]" = {
     "motion": ("Motion", "CON_FOLLOWPATH"),
@@ -455,7 +457,9 @@ class NOISYWORLD_PT_output(PanelSection, bpy.types.Panel):
         column.prop(output, "colour")
         column = layout.column(align=True)
         column.enabled = "depth" in output.modalities
-        column.prop(output, "depth_scale_per_m")
+        column.prop(output, "depth_range")
+        if output.depth_range == "layout" or output.use_depth_scale_per_m:
+            column.prop(output, "depth_scale_per_m")
         column.prop(output, "depth_beyond")
         if source.carries:
             draw_imu(layout, panel.rig)

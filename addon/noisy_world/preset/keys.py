@@ -37,6 +37,9 @@ from .sensor_keys import DepthCameraKeys, DistortionSpec, ImuKeys, check_depth_c
 # The keys of a preset's settings: one, several by a sweep, or those of another preset.
 
 
+DepthRangeOf = Literal["layout", "scene"]
+"""What decides a depth scale that is not given."""
+
 BACKENDS = {
     "compositor": Choice("Compositor", "Blender's compositor: the node groups that the preview shows"),
     "reference": Choice("Reference", "The same perturbations in numpy and OpenCV"),
@@ -237,6 +240,16 @@ class OutputSpec:
         identity="meaning",
         slider=(100, 10_000),
         label="Depth Scale",
+    )
+    depth_range: DepthRangeOf = key(
+        "what decides the depth scale where depth_scale_per_m is not given",
+        default="layout",
+        choices={
+            "layout": Choice("Layout", "What readers of the layout expect"),
+            "scene": Choice("Scene", "The finest of 1, 2, 5, 10, ... steps a metre that holds the farthest surface"),
+        },
+        identity="meaning",
+        label="Range",
     )
     depth_beyond: Beyond = key(
         "what becomes of depth that 16 bits do not hold: void, or the farthest that they do",
