@@ -11,6 +11,14 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+# Until the page's own script has shown what it reads.
+READY = """(async () => {
+  for (let tries = 0; document.documentElement.dataset.ready === undefined; tries++) {
+    if (tries > 400) throw new Error("the page is not ready");
+    await new Promise((go) => setTimeout(go, 25));
+  }
+})()"""
+
 NAMES = ("chromium", "chromium-browser", "google-chrome")
 
 

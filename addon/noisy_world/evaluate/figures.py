@@ -144,7 +144,7 @@ def curves(points: "DataFrame", name: str, title: str, label: str, *, over_clean
         f"{title} (0 is clean), a panel for each perturbation, a line for each system; static severities are solid, "
         "dynamic ones dashed."
     )
-    if over_clean:
+    if over_clean and not np.isfinite(points["value"]).all():
         about += " A cross at the top: half of the runs or more failed or are incomplete."
     if points[HERE_ENDS].notna().any(axis=None):
         about += " The band is the 95 % interval for other seeds in these scenes."
@@ -288,14 +288,27 @@ def heat_map(
             bar.ax.yaxis.set_major_formatter("\u00d7 {x:g}")
             bar.ax.yaxis.set_minor_formatter("")
         svg = svg_bytes(figure)
+    return Picture("heat_map", "Settings and systems", about_cells(scale), svg)
+
+
+def cell_colours(values: NDArray[np.float64], scale: Scale) -> list[list[str]]:
+    """Return the colours of a heat map's cells as "#rrggbb", (settings, systems)."""
+    from matplotlib.colors import to_hex
+
+    values = np.where(np.isinf(values), FAR, values)
+    norm, colours = _colours(values, scale)
+    return [[to_hex(colours(norm(value))) for value in row] for row in values]
+
+
+def about_cells(scale: Scale) -> str:
+    """Return what the colours of a heat map say, in a sentence."""
     label = scale.value[0].upper() + scale.value[1:]
     failed = (
         "red: half of the runs or more failed or are incomplete"
         if scale is Scale.OVER_CLEAN
         else "beside it, how many of the runs failed or are incomplete"
     )
-    about = f"{label} of each system in each setting, dark is bad; {failed}."
-    return Picture("heat_map", "Settings and systems", about, svg)
+    return f"{label} of each system in each setting, dark is bad; {failed}."
 
 
 def _colours(values: NDArray[np.float64], scale: Scale) -> "tuple[Normalize, Colormap]":
@@ -349,10 +362,13 @@ def ranking(panels: Sequence[RankPanel]) -> Picture:
     across = min(SYSTEMS_ACROSS, len(panels))
     about = (
         "The error (ATE) of each system in each setting over its error on clean frames of the same scenes and seeds, "
-        "the worst on top: bars are geometric means, dots single runs; the median clean error in brackets. "
-        "Hatched: half of the runs or more failed (no path, or none that can be scored) or are "
-        f"incomplete ({IS_INCOMPLETE}), which is no ratio."
+        "the worst on top: bars are geometric means, dots single runs; the median clean error in brackets."
     )
+    if any(bar.broke for panel in panels for bar in panel.bars):
+        about += (
+            " Hatched: half of the runs or more failed (no path, or none that can be scored) or are "
+            f"incomplete ({IS_INCOMPLETE}), which is no ratio."
+        )
     wide = _drawn(panels, WIDE_IN if across > 1 else 0.72 * WIDE_IN, across)
     return Picture("ranking", "What broke each system, and by how much", about, wide, _drawn(panels, NARROW_IN, 1))
 

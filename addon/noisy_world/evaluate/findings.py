@@ -267,9 +267,10 @@ def settings_table(results: Results, of_all: "DataFrame") -> Table:
     columns += [Column("endings", "endings", meaning="how many runs ended how")]
     columns += [spread_column(name) for name in metrics]
     caption = (
-        "Mean (least to largest; n) over scenes, which weigh alike, seeds and repeats; of errors the geometric mean. A "
-        f"failed run has no error, and counts as 0 in success AUC and F1 AUC. {LEFT_OUT} It counts as 0 in success AUC."
+        "Mean (least to largest; n) over scenes, which weigh alike, seeds and repeats; of errors the geometric mean."
     )
+    caption += " A failed run has no error, and counts as 0 in success AUC and F1 AUC." if runs["failed"].any() else ""
+    caption += f" {LEFT_OUT} It counts as 0 in success AUC." if runs["incomplete"].any() else ""
     return Table("settings", "Every setting and system", caption, pd.DataFrame(rows), tuple(columns))
 
 

@@ -7,13 +7,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..core.atomic_files import storage_errors
 from ..core.file_access import read_text
 from ..core.packages import need
 from . import report_sections
 from .cases import CLEAN
-from .figures import Scale, heat_map
+from .figures import Scale, about_cells, cell_colours, heat_map
 from .findings import (
     CleanGate,
     Ranked,
@@ -29,6 +30,7 @@ from .findings import (
     times,
 )
 from .paper_comparison import LatexFile, notes, paper_comparison, published
+from .report_runs import Grid, opened_runs, packed
 from .report_sections import Analyses, Contents, Section, again, command, curves_of, facts, opening
 from .report_tables import (
     FOLDER,
@@ -103,6 +105,7 @@ def gather(results: Results, analyses: Analyses) -> Contents:
     gate = clean_gate(results)
     named = [replace(item, system=gate.name(item.system)) for item in findings]
     pictures, sentences_of_curves = curves_of(gate.of_frames(analyses))
+    of_settings = _heat_map(results, findings, gate)
     short = [headline_table(results, analyses, findings), *([gate.table] if gate.scenes else [])]
     sections = [
         Section("short", "In short", tables=short),
@@ -110,8 +113,9 @@ def gather(results: Results, analyses: Analyses) -> Contents:
         Section(
             "settings",
             "Settings",
-            pictures=[of_settings] if (of_settings := _heat_map(results, findings, gate)) else [],
+            pictures=[of_settings[0]] if of_settings else [],
             tables=[settings_table(results, analyses["spread"])],
+            grid=of_settings[1] if of_settings else None,
         ),
         *([thresholds] if (thresholds := threshold_section(results.folder)) else []),
         Section("runs", "Single runs", _RUNS, _run_pictures(results, missing), tables=[_runs_table(results)]),
@@ -135,12 +139,13 @@ def gather(results: Results, analyses: Analyses) -> Contents:
         tuple(dict.fromkeys(missing)),
         again(results),
         command(results),
+        opened_runs(results),
     )
 
 
 _RUNS = (
-    "Of each system a clean run, the median and the worst of the others that are complete, one that is incomplete, and "
-    "one that failed. All are in the results folder, under runs/.",
+    "Of each system a clean run, the median and the worst of the others that are complete, and, if any, an "
+    "incomplete and a failed one. All are in the results folder, under runs/.",
 )
 _FRAMES = (
     "Frames nearest to where a system was first lost or erred most, in the sequences of the figure above; on the right "
@@ -148,11 +153,32 @@ _FRAMES = (
 )
 
 
-def _heat_map(results: Results, findings: Sequence[SystemFindings], gate: CleanGate) -> "Picture | None":
-    """Draw the error over clean of each setting and system or, where nothing has one, the mean success AUC."""
+def _heat_map(results: Results, findings: Sequence[SystemFindings], gate: CleanGate) -> "tuple[Picture, Grid] | None":
+    """Return the error over clean of each setting and system or, where nothing has one, the mean success AUC."""
+    cells = _cells(results, findings)
+    if cells is None or not cells.settings:
+        return None
+    shown = [gate.name(system) for system in cells.systems]
+    colours = cell_colours(cells.values, cells.scale)
+    grid = Grid(cells.settings, cells.systems, shown, cells.texts, colours, about_cells(cells.scale))
+    return heat_map(cells.settings, shown, cells.values, cells.texts, cells.scale), grid
+
+
+@dataclass(frozen=True)
+class _Cells:
+    """The cells of the heat map. values: (settings, systems), NaN where nothing is known."""
+
+    settings: list[str]
+    systems: list[str]
+    values: NDArray[np.float64]
+    texts: list[list[str]]
+    scale: Scale
+
+
+def _cells(results: Results, findings: Sequence[SystemFindings]) -> _Cells | None:
     runs = in_order(results.runs)
     settings, systems = list(dict.fromkeys(map(str, runs["setting"]))), sorted(set(map(str, runs["system"])))
-    values, names = np.full((len(settings), len(systems)), np.nan), [gate.name(system) for system in systems]
+    values = np.full((len(settings), len(systems)), np.nan)
     texts = [[NOTHING for _ in systems] for _ in settings]
     if any(item.compared for item in findings):
         for item in findings:
@@ -163,7 +189,7 @@ def _heat_map(results: Results, findings: Sequence[SystemFindings], gate: CleanG
         for row in [row for row, setting in enumerate(settings) if np.isnan(values[row]).all() and setting == CLEAN]:
             del settings[row], texts[row]
             values = np.delete(values, row, axis=0)
-        return heat_map(settings, names, values, texts, Scale.OVER_CLEAN) if settings else None
+        return _Cells(settings, systems, values, texts, Scale.OVER_CLEAN)
     if SCORE not in results.runs:
         return None
     for (setting, system), group in runs.groupby(["setting", "system"], sort=False):
@@ -171,7 +197,7 @@ def _heat_map(results: Results, findings: Sequence[SystemFindings], gate: CleanG
         values[row, column] = group[SCORE].mean()
         counts = ", ".join(f"{group[name].sum()} {name}" for name in ("failed", "incomplete") if group[name].any())
         texts[row][column] = cell_text(group[SCORE].mean(), 2) + (f", {counts} of {len(group)}" if counts else "")
-    return heat_map(settings, names, values, texts, Scale.SCORE)
+    return _Cells(settings, systems, values, texts, Scale.SCORE)
 
 
 def _cell(ranked: Ranked) -> tuple[float, str]:
@@ -208,7 +234,7 @@ def _runs_table(results: Results) -> Table:
 OWN = ("runs", "sequences")
 """Tables that the study wrote: the report adds Parquet to them and leaves the rest alone."""
 LONGEST_IN_MARKDOWN = 40  # rows; the files have all
-LONGEST_OPEN = 60  # rows of a table that is not folded away in the page
+LONGEST_OPEN = 60  # rows of a table that stands in the page itself; longer ones are drawn when they are opened
 
 
 def write_contents(contents: Contents, sources: Sequence[LatexFile], folder: Path) -> list[Path]:
@@ -231,9 +257,22 @@ def write_contents(contents: Contents, sources: Sequence[LatexFile], folder: Pat
 
 def html(contents: Contents) -> str:
     """Return the page."""
-    parts = {name: read_text(FOLDER / name) for name in ("report.css", "sort.js")}
+    parts = {name: read_text(FOLDER / name) for name in ("report.css", "report.js")}
+    long = {table.name: table for table in contents.tables if len(table.read) > LONGEST_OPEN}
+    data = {
+        **contents.runs,
+        "figures": {picture.name: _texts(picture) for picture in contents.pictures},
+        "tables": {name: {"numeric": table.numeric, "rows": table.rows()} for name, table in long.items()},
+    }
     template = environment().get_template("report.html.j2")
-    return template.render(report=contents, css=parts["report.css"], script=parts["sort.js"], longest_open=LONGEST_OPEN)
+    return template.render(
+        report=contents, css=parts["report.css"], script=parts["report.js"], data=packed(data), long=long
+    )
+
+
+def _texts(picture: "Picture") -> list[str]:
+    """Return a figure's shapes: the wide one and, where there is one, that for a phone."""
+    return [shape.decode() for shape in (picture.svg, picture.narrow) if shape]
 
 
 def markdown(contents: Contents) -> str:

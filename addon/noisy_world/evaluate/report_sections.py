@@ -14,6 +14,7 @@ from .cases import CLEAN, RUN
 from .figures import ENDS, HERE_ENDS, LINE, Picture, correlation_matrices, curves
 from .metrics import IS_INCOMPLETE, LEAST_TRACKED
 from .pose_errors import CONDITIONING, PROTOCOLS, WELL_CONDITIONED, WRONG_DEG
+from .report_runs import Grid
 from .report_tables import KEY, NOTHING, SHARED, Column, Results, Table, cell_text, column_of, read_object, records
 from .run_figures import FramePicture
 from .study_results import VERSIONS
@@ -28,7 +29,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Section:
-    """A part of the report. name: of its anchor."""
+    """A part of the report. name: of its anchor. grid: what the page shows instead of the part's pictures."""
 
     name: str
     title: str
@@ -36,6 +37,7 @@ class Section:
     pictures: Sequence[Picture] = ()
     frames: Sequence[FramePicture] = ()
     tables: Sequence[Table] = ()
+    grid: Grid | None = None
 
 
 @dataclass(frozen=True)
@@ -44,7 +46,7 @@ class Contents:
 
     opening: how many runs there are. facts: what was evaluated, label and text. missing: what it has to do without.
 
-    again: how to get it again, in sentences, and a command; "" where none is known.
+    again: how to get it again, in sentences, and a command; "" where none is known. runs: what the page opens of them.
     """
 
     title: str
@@ -56,6 +58,13 @@ class Contents:
     missing: Sequence[str] = field(default=())
     again: Sequence[str] = field(default=())
     command: str = ""
+    runs: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def pictures(self) -> list[Picture]:
+        """All figures, in order; of a part with a grid the page shows that instead."""
+        shown = [picture for section in self.sections if section.grid is None for picture in section.pictures]
+        return [*([self.ranking] if self.ranking else []), *shown]
 
     @property
     def tables(self) -> list[Table]:
@@ -151,18 +160,21 @@ def curves_of(analyses: Analyses) -> tuple[list[Picture], list[str]]:
     They are the error over clean, the shares of runs without success, and the area under the curve of success.
     """
     pictures, sentences = [], []
-    over = _over_clean_points(analyses["over_clean"])
+    over, alone = _long_lines(_over_clean_points(analyses["over_clean"]))
+    if alone:
+        had = "has" if len(alone) == 1 else "have"
+        sentences.append(f"{_listed(alone)} {had} one severity, which makes no curve: see Settings.")
     if len(over):
         title = "Error over clean, over severity"
         pictures.append(curves(over, "over_clean_curves", title, "error over clean", over_clean=True))
     for name, picture in ((SUCCESS_OVER_CLEAN, "failure_over_clean_curves"), (SUCCESS, "failure_curves")):
-        label, points = column_of(name).label, _complement(_points(analyses["curves"], name))
+        label, points = column_of(name).label, _long_lines(_complement(_points(analyses["curves"], name)))[0]
         if len(points) and (points["value"] == points["value"].iloc[0]).all():
             had = {0.0: "Every run", 1.0: "No run"}.get(points["value"].iloc[0], "The same share of runs")
             sentences.append(f"{had} had {label} at every severity, so no curve is drawn of it.")
         elif len(points):
             pictures.append(curves(points, picture, f"Share of runs without {label}, over severity", "without success"))
-    areas = _points(analyses["curves"], "success_auc")
+    areas, _ = _long_lines(_points(analyses["curves"], "success_auc"))
     if len(areas):
         least, most = areas["value"].min(), areas["value"].max()
         if most - least < FLAT:
@@ -171,6 +183,15 @@ def curves_of(analyses: Analyses) -> tuple[list[Picture], list[str]]:
         else:
             pictures.append(curves(areas, "auc_curves", "Success AUC over severity", "success AUC"))
     return pictures, sentences
+
+
+def _long_lines(points: "DataFrame") -> "tuple[DataFrame, list[str]]":
+    """Return the points of perturbations of which a line has more than two, clean among them, and the others' names."""
+    if not len(points):
+        return points, []
+    most = points.groupby(LINE)["severity"].nunique().groupby("perturbation").max()
+    long = set(most[most > 2].index)
+    return points[points["perturbation"].isin(long)].reset_index(drop=True), sorted(set(most.index) - long)
 
 
 def _over_clean_points(table: "DataFrame") -> "DataFrame":
@@ -309,11 +330,8 @@ def opening(results: Results) -> str:
     sequences = runs.drop_duplicates(list(KEY))
     text = (
         f"{_count(len(runs), 'run')} of {_count(systems, 'system')} on {_count(len(sequences), 'sequence')} "
-        f"({_count(runs['scene'].nunique(), 'scene')}, {_count(runs['setting'].nunique(), 'setting')}); "
-        f"{int(runs['failed'].sum())} of them failed: they gave no estimate, or one that cannot be scored. "
-        f"{int(runs['incomplete'].sum())} are incomplete: they {IS_INCOMPLETE}. Both are counted, and are in no mean, "
-        "median or ratio of an error: that of an incomplete run is of the frames that it did not give up. It stands in "
-        "the table of single runs alone. Means of errors are geometric."
+        f"({_count(runs['scene'].nunique(), 'scene')}, {_count(runs['setting'].nunique(), 'setting')}). {_ended(runs)}"
+        "Means of errors are geometric."
     )
     if SUCCESS in runs:
         successes = int((runs[SUCCESS] == 1.0).sum())
@@ -328,6 +346,20 @@ def opening(results: Results) -> str:
                 f"{column_of(SUCCESS_OVER_CLEAN).label}: an ATE below ten times the clean one."
             )
     return text + _turned(results) + _nearly_straight(results)
+
+
+def _ended(runs: "DataFrame") -> str:
+    """Return how many runs failed or are incomplete, and what becomes of them; nothing of what did not happen."""
+    failed, incomplete = int(runs["failed"].sum()), int(runs["incomplete"].sum())
+    text = f"{failed} failed: they gave no estimate, or one that cannot be scored. " if failed else ""
+    if incomplete:
+        text += (
+            f"{incomplete} are incomplete: they {IS_INCOMPLETE}; the error of such a run is of the frames that it did "
+            "not give up, and stands in the table of single runs alone. "
+        )
+    if not text:
+        return "All were tracked. "
+    return f"{text}They are counted, and are in no mean, median or ratio of an error. "
 
 
 def _nearly_straight(results: Results) -> str:

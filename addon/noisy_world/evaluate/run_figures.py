@@ -235,13 +235,13 @@ def worst_frames(results: Results, missing: list[str]) -> list[FramePicture]:
     captions: dict[Path, list[str]] = {}
     names: dict[Path, str] = {}
     for runs in picked_sequences(results)[1:]:
-        pictures = _thumbs(results.sequence_folder(runs[0]))
+        pictures = thumbs(results.sequence_folder(runs[0]))
         if not pictures:
             missing.append(f"{_name(runs[0])} has no pictures of its frames.")
             continue
         for run in runs:
-            if worst := _worst(results, run, missing):
-                number, path = _nearest(pictures, worst[0])
+            if worst := worst_frame(results, run, missing):
+                number, path = nearest(pictures, worst[0])
                 names[path] = f"{_name(run)}, frame {number}"
                 captions.setdefault(path, []).append(f"{run['system']} {worst[1]}")
     return [
@@ -252,10 +252,10 @@ def worst_frames(results: Results, missing: list[str]) -> list[FramePicture]:
 
 def _path(results: Results, pick: Pick, missing: list[str]) -> PathPanel | None:
     run = pick.run
-    truth = _true_positions(results.sequence_folder(run) / TRUTH, missing)
+    truth = true_positions(results.sequence_folder(run) / TRUTH, missing)
     if truth is None:
         return None
-    errors = _frame_errors(results.run_folder(run) / ERRORS, missing)
+    errors = frame_errors(results.run_folder(run) / ERRORS, missing)
     estimated, error_m = np.zeros((0, 3)), np.zeros(0)
     if errors is not None:
         positions_m = np.stack([errors[name] for name in POSITION_M], axis=1)
@@ -270,7 +270,7 @@ def _path(results: Results, pick: Pick, missing: list[str]) -> PathPanel | None:
 
 
 def _times(results: Results, runs: Sequence[Mapping[str, Any]], missing: list[str]) -> TimePanel | None:
-    errors = {str(run["system"]): _frame_errors(results.run_folder(run) / ERRORS, missing) for run in runs}
+    errors = {str(run["system"]): frame_errors(results.run_folder(run) / ERRORS, missing) for run in runs}
     known = {name: value for name, value in errors.items() if value is not None}
     if not known:
         return None
@@ -280,7 +280,7 @@ def _times(results: Results, runs: Sequence[Mapping[str, Any]], missing: list[st
     return TimePanel(_name(runs[0]), stamps_s - stamps_s[0], curves, strips)
 
 
-def _frame_errors(path: Path, missing: list[str]) -> Columns | None:
+def frame_errors(path: Path, missing: list[str]) -> Columns | None:
     """Return errors.csv of a run, as `frame_errors_text` writes it."""
     return _columns(path, missing, ("stamp_s", "error_m", *POSITION_M))
 
@@ -331,7 +331,7 @@ def _columns(path: Path, missing: list[str], needed: Sequence[str]) -> Columns |
     return columns
 
 
-def _true_positions(path: Path, missing: list[str]) -> Floats | None:
+def true_positions(path: Path, missing: list[str]) -> Floats | None:
     """Return (N, 3): the positions of a path in TUM's format."""
     if not path.is_file():
         missing.append(f"{'/'.join(path.parts[-5:])} is not there: the path is not drawn.")
@@ -344,9 +344,9 @@ def _true_positions(path: Path, missing: list[str]) -> Floats | None:
         raise InputError(path, "holds a line that is no pose in TUM's format") from None
 
 
-def _worst(results: Results, run: Mapping[str, Any], missing: list[str]) -> tuple[int, str] | None:
+def worst_frame(results: Results, run: Mapping[str, Any], missing: list[str]) -> tuple[int, str] | None:
     """Return the frame where a run was lost first, else where it erred most, and a phrase on that."""
-    errors = _frame_errors(results.run_folder(run) / ERRORS, missing)
+    errors = frame_errors(results.run_folder(run) / ERRORS, missing)
     if errors is None or not np.isfinite(errors["error_m"]).any():
         return None
     known = np.isfinite(errors["error_m"])
@@ -358,12 +358,13 @@ def _worst(results: Results, run: Mapping[str, Any], missing: list[str]) -> tupl
     return index, f"is off by {cell_text(errors['error_m'][index], 3)} m at frame {index}"
 
 
-def _thumbs(folder: Path) -> list[tuple[int, Path]]:
+def thumbs(folder: Path) -> list[tuple[int, Path]]:
     """Return the pictures of a sequence's frames, by the number that their names end with."""
     return sorted(_numbered(folder / THUMBS))
 
 
-def _nearest(pictures: Sequence[tuple[int, Path]], number: int) -> tuple[int, Path]:
+def nearest(pictures: Sequence[tuple[int, Path]], number: int) -> tuple[int, Path]:
+    """Return the picture whose frame is nearest to a frame."""
     return min(pictures, key=lambda item: (abs(item[0] - number), item[0]))
 
 

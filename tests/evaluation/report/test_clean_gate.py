@@ -30,7 +30,7 @@ def results_of(folder, clean, expected):
     for system, scenes in clean.items():
         for scene, runs in zip("ab", scenes, strict=False):
             for repeat, run in enumerate(runs, start=1):
-                for setting, worse in (("clean", 1.0), ("fog_s3", 10.0)):
+                for setting, worse in (("clean", 1.0), ("fog_s1", 5.0), ("fog_s3", 10.0)):
                     row = {"scene": scene, "setting": setting, "perturbation": setting.partition("_")[0], "seed": 1}
                     row |= {"mode": "" if setting == "clean" else "static", "severity": setting[5:], "system": system}
                     row |= {"repeat": repeat, "frames": 50, "outcome": "finished" if run else "crashed", "failure": ""}

@@ -64,9 +64,14 @@ def test_the_worst_is_said_with_its_ratio_and_both_errors(tmp_path):
     assert "8 had success at 10 cm" in text
     assert "Of the 6 perturbed runs that have a clean one beside them, 2 had success at 10 \u00d7 clean" in text
     pictures, sentences_ = curves_of(analyses)
+    assert pictures == []  # two points make no curve
+    assert sentences_ == ["fog, motion_blur have one severity, which makes no curve: see Settings."]
+    settings |= {"fog_s3": (0.026, 1.0)}
+    pictures, sentences_ = curves_of(said_of(tmp_path / "more", {"mine": settings}, all_tables=True)[2])
     assert [picture.name for picture in pictures] == ["over_clean_curves", "failure_over_clean_curves"]
-    assert "Every run had success at 10 cm at every severity" in sentences_[0]
-    assert "Success AUC is between 0.974 and 1" in sentences_[1]
+    assert sentences_[0] == "motion_blur has one severity, which makes no curve: see Settings."
+    assert "Every run had success at 10 cm at every severity" in sentences_[1]
+    assert "Success AUC is between 0.974 and 1" in sentences_[2]
 
 
 def test_a_failure_ranks_first_and_is_no_ratio(tmp_path):
@@ -152,7 +157,7 @@ def test_intervals_are_shown_from_five_on(tmp_path):
     settings = {
         f"{scene}/{name}": (ate_m * (k + 1), 1.0)
         for k, scene in enumerate(scenes)
-        for name, ate_m in (("clean", 0.001), ("fog_s3", 0.01))
+        for name, ate_m in (("clean", 0.001), ("fog_s1", 0.005), ("fog_s3", 0.01))
     }
     for count, shown in ((4, False), (5, True)):
         few = {name: value for name, value in settings.items() if name[0] in scenes[:count]}
