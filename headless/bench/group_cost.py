@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Processor time of each node group over a pass-through, in turns with it: a table on standard output.
 
-    python headless/bench/group_cost.py PICTURE [--size 1920x1080] [--severity 3] [--turns 5] [--only NAME ...]
+    python headless/bench/group_cost.py PICTURE [--size 1920x1080] [--severity 3] [--turns 5] [--reference WIDTH]
+        [--only NAME ...]
 
 PICTURE: any picture, or a lit frame of `street_frames.py`, an EXR with depth, on which groups are as on the shelf and
 clip nothing; it is resized. Processor time counts all threads and, unlike the clock, little of what else the machine
@@ -12,6 +13,7 @@ import argparse
 import hashlib
 import sys
 import time
+from functools import partial
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -41,6 +43,7 @@ def main(arguments: list[str]) -> int:
     parser = argparse.ArgumentParser(prog="group_cost.py", description="Measure the node groups' processor time.")
     parser.add_argument("picture", type=Path, help="any picture")
     parser.add_argument("--size", default="1920x1080", help="of the frame, in pixels (default 1920x1080)")
+    parser.add_argument("--reference", type=int, metavar="WIDTH", help="of the frame of which this size is a preview")
     parser.add_argument("--severity", type=float, default=3, help="of the perturbations (default 3)")
     parser.add_argument("--turns", type=int, default=5, help="the figures are the median of so many (default 5)")
     parser.add_argument("--only", nargs="+", choices=names, default=names, metavar="NAME", help="perturbations")
@@ -52,26 +55,33 @@ def main(arguments: list[str]) -> int:
     keep_freed_memory()  # as the generator does
     if options.picture.suffix == ".exr":
         frame = resized(read_frame(options.picture), (width, height))
-        rows = [(name, *measured_lit(name, options.severity, frame, options.turns)) for name in options.only]
+        measure = partial(measured_lit, frame=frame)
     else:
         picture = cv2.imread(str(options.picture))
         if picture is None:
             parser.error(f"{options.picture}: OpenCV cannot read it")
-        rgb = np.asarray(cv2.resize(picture[..., ::-1], (width, height), interpolation=cv2.INTER_CUBIC), np.uint8)
-        rows = [(name, *measured(name, options.severity, rgb, options.turns)) for name in options.only]
+        frame = np.asarray(cv2.resize(picture[..., ::-1], (width, height), interpolation=cv2.INTER_CUBIC), np.uint8)
+        measure = partial(measured, rgb=frame)
+    reference = options.reference or width
+    rows = [
+        (name, *measure(name, options.severity, turns=options.turns, reference_width_px=reference))
+        for name in options.only
+    ]
     median_ms = float(np.median([row[1] for row in rows]))
     print(table(("perturbation", "ms over pass-through", "pass-through, ms", "bytes"), rows))
     print(f"\nMedian: {median_ms:.0f} ms.")
     return 0
 
 
-def measured(name: str, severity: float, rgb: NDArray[np.uint8], turns: int) -> tuple[float, float, str]:
+def measured(
+    name: str, severity: float, rgb: NDArray[np.uint8], turns: int, reference_width_px: int
+) -> tuple[float, float, str]:
     """Return the milliseconds of processor time of a group over those of a pass-through, these, and a hash."""
     size_px = rgb.shape[1], rgb.shape[0]
     depth_m = slope(size_px)
     took_s: dict[str, list[float]] = {"none": [], "group": []}
     digest = ""
-    with Compositor(size_px, {"none": (), "group": (step_of(name, severity),)}, size_px[0]) as compositor:
+    with Compositor(size_px, {"none": (), "group": (step_of(name, severity),)}, reference_width_px) as compositor:
         for turn in range(turns + 1):
             for chain, taken in took_s.items():
                 start_s = time.process_time()
@@ -89,7 +99,9 @@ def resized(frame: LitFrame, size_px: tuple[int, int]) -> LitFrame:
     return LitFrame(rgb, np.asarray(cv2.resize(frame.depth_m, size_px, interpolation=cv2.INTER_NEAREST), np.float32))
 
 
-def measured_lit(name: str, severity: float, frame: LitFrame, turns: int) -> tuple[float, float, str]:
+def measured_lit(
+    name: str, severity: float, frame: LitFrame, turns: int, reference_width_px: int
+) -> tuple[float, float, str]:
     """Return what `measured` does of a group as on the shelf, on a lit frame."""
     height, width = frame.depth_m.shape
     perturbation = registry()[name]
@@ -100,7 +112,7 @@ def measured_lit(name: str, severity: float, frame: LitFrame, turns: int) -> tup
         passing.write([passing.rgb])
         node = new_node(scene.tree, bpy.types.CompositorNodeGroup)
         node.node_tree = ensure_group(build_group(perturbation))
-        for socket, value in (("Severity", severity), ("Reference Width", width)):
+        for socket, value in (("Severity", severity), ("Reference Width", reference_width_px)):
             if socket in node.inputs:
                 set_value(node.inputs[socket], value)
         for socket, source in (("Image", scene.rgb), ("Depth", scene.depth_m)):

@@ -146,21 +146,30 @@ def test_the_picture_follows_the_sliders_without_rendering_again(editor, scene, 
     assert np.array_equal(pixels(image), before)
 
 
-def test_pictures_that_take_long_wait_for_a_pause(editor, scene, monkeypatch):
+def test_pictures_that_take_long_are_coarse_until_a_pause(editor, scene, monkeypatch):
     cycles_scene((0.1, 0.2, 0.05))
     noise = add(scene, "gaussian_noise", severity=1.0)
+    add(scene, "defocus_blur", severity=1.0)
     scene.noisy_world.preview = True
     preview.flush()
     assert bpy.ops.noisy_world.preview_frame() == {"FINISHED"}
     before = pixels(editor.spaces.active.image)
     monkeypatch.setattr(frame_preview, "seconds_taken", lambda _: 2.0)
-    noise.severity = 5.0
+    noise.severity = 2.0
     assert preview._follow() == preview.POLL_S
-    assert np.array_equal(pixels(editor.spaces.active.image), before)
+    coarse = pixels(editor.spaces.active.image)
+    assert not np.array_equal(coarse, before)
+    assert coarse.shape == before.shape
+    assert np.array_equal(coarse[0::2, :-1:2], coarse[1::2, 1::2])  # each pixel of a half is four of the picture
+    # A coarse picture that takes long itself waits.
+    monkeypatch.setitem(frame_preview._half_took_s, scene.session_uid, 1.0)
+    noise.severity = 5.0
+    assert np.array_equal(pixels(editor.spaces.active.image), coarse)
     now_s = time.perf_counter()
     monkeypatch.setattr(preview.time, "perf_counter", lambda: now_s + preview.PAUSE_S)
     assert preview._follow() is None
-    assert not np.array_equal(pixels(editor.spaces.active.image), before)
+    after = pixels(editor.spaces.active.image)
+    assert not np.array_equal(after[0::2, :-1:2], after[1::2, 1::2])
 
 
 def test_a_mistake_is_told_and_the_picture_stays(editor, scene):

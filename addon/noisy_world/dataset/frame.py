@@ -827,13 +827,18 @@ def compositing(
     lit: bool,
     of_light: bool,
     device: Literal["cpu", "gpu"],
+    reference_width_px: int | None = None,
 ) -> Iterator[Compositing]:
     """Prepare Blender's compositor for some chains. clean, size_px and so on: as `colour_of` takes them."""
     from ..nodes.compositor import Compositor
 
     keep_freed_memory()
     made = partial(
-        Compositor, size_px, reference_width_px=size_px[0], intrinsics=clean.colour.intrinsics, device=device
+        Compositor,
+        size_px,
+        reference_width_px=reference_width_px or size_px[0],
+        intrinsics=clean.colour.intrinsics,
+        device=device,
     )
     if not lit:
         with made(chains=chains) as compositor:

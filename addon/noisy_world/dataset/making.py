@@ -144,10 +144,12 @@ def colour_of(
     lit: bool = False,
     of_light: bool = False,
     device: Literal["cpu", "gpu"] = "cpu",
+    reference_width_px: int | None = None,
 ) -> Iterator[Colour]:
     """Prepare to perturb the colour of sequences.
 
-    clean: the cameras of the render. size_px: width and height of the frames; parameters in pixels refer to this width.
+    clean: the cameras of the render. size_px: width and height of the frames. reference_width_px: to which parameters in
+    pixels refer, by default that width; another one takes Blender's compositor.
     lit: clean frames have light before a view transform. of_light: that is what is stored. device: what Blender's
     compositor runs on.
     """
@@ -158,7 +160,8 @@ def colour_of(
         return
     from .frame import compositing
 
-    with compositing(chains, clean, size_px, lit=lit, of_light=of_light, device=device) as carried_out:
+    options: dict[str, Any] = {"device": device, "reference_width_px": reference_width_px}
+    with compositing(chains, clean, size_px, lit=lit, of_light=of_light, **options) as carried_out:
         yield Colour(perturbed, clean, carried_out, lit=lit)
 
 

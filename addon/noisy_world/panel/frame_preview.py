@@ -333,13 +333,15 @@ _stills: dict[int, OrderedDict[int, RenderedFrame]] = {}  # by scene and frame: 
 _followed: dict[int, dict[Kind, int]] = {}  # by scene: the pictures that follow, and the frame each shows
 _drawn: dict[int, "_Drawn"] = {}  # by scene: the colour that was perturbed last, for another split
 _took_s: dict[int, float] = {}  # by scene: how long its pictures took when last drawn
+_half_took_s: dict[int, float] = {}  # by scene: how long its colour took at half its size
 
 
 @dataclass(frozen=True)
 class _Drawn:
-    """A frame's colour (H, W, 3) before and after, as its file holds it, and a caption."""
+    """A frame's colour (H, W, 3) before and after, as its file holds it, and a caption. half: made at half its size."""
 
     index: int
+    half: bool
     before: NDArray[np.uint8]
     after: NDArray[np.uint8]
     about: str
@@ -394,41 +396,70 @@ def sequence_of(scene: bpy.types.Scene) -> tuple[PlannedSequence, int]:
     return sequence, max(0, min(sequence.frame_at(source), len(sequence.source_frames) - 1))
 
 
-def draw_colour(scene: bpy.types.Scene, index: int | None = None) -> tuple[NDArray[np.uint8], str]:
+def draw_colour(
+    scene: bpy.types.Scene, index: int | None = None, *, half: bool = False
+) -> tuple[NDArray[np.uint8], str]:
     """Return a frame's colour (H, W, 3) as the generator perturbs it, and a caption.
 
-    index: of the frame in the panel's sequence, by default the current one. Left of the panel's split it is as
-    rendered. Raises NoisyWorldError where a value of the panel is wrong, the frame is left out, or a scratch file
+    index: of the frame in the panel's sequence, by default the current one. half: perturb it at half its size, and
+    enlarge it, which is quicker and less fine. Left of the panel's split it is as rendered. Raises NoisyWorldError where a value of the panel is wrong, the frame is left out, or a scratch file
     cannot be written.
     """
     known = _drawn.get(scene.session_uid)
-    if known is None or known.index != index:
-        known = _drawn[scene.session_uid] = _perturbed(scene, index)
+    if known is None or (known.index, known.half) != (index, half):
+        known = _drawn[scene.session_uid] = _perturbed(scene, index, half=half)
     edge = round(panel_of(scene).preview_split * known.after.shape[1])
     if not edge:
         return known.after, known.about
     return np.concatenate([known.before[:, :edge], known.after[:, edge:]], axis=1), known.about
 
 
-def _perturbed(scene: bpy.types.Scene, index: int | None) -> _Drawn:
+def _perturbed(scene: bpy.types.Scene, index: int | None, *, half: bool) -> _Drawn:
     sequence, now = sequence_of(scene)
     index = now if index is None else index
     if sequence.setting.needs_depth:
         check_depth(scene)
-    clean = _clean(scene, _shown(sequence, index).rgb_source)
-    stored = panel_of(scene).output.colour
+    source, stored = _shown(sequence, index).rgb_source, panel_of(scene).output.colour
+    clean = _clean(scene, source, half=half)
     after = before = _as_stored(clean.rgb, stored)
+    size = still_of(scene, source).rgb
+    assert size is not None
+    full = size.shape[:2]
     notes: list[dict[str, Any]] = []
     if sequence.setting.rgb:
         height, width = before.shape[:2]
         only = replace(sequence, frames=range(index, index + 1))
         lit = clean.light is not None
         cameras, device = CleanFrames(camera_at(scene, sequence, index)), compositor_device(panel_of(scene))
-        with colour_of([only], cameras, (width, height), lit=lit, device=device) as colour:
+        options = {"lit": lit, "device": device, "reference_width_px": full[1] if half else None}
+        with colour_of([only], cameras, (width, height), **options) as colour:
             frame = colour.frames_of(clean)(only, index)
             made, notes = frame.changed("rgb"), frame.steps("rgb")
         after = before if made is None else _as_stored(made, stored)
-    return _Drawn(index, before, after, f"Frame {index}: {_listed(notes)}")
+    if half:
+        before, after = (each.repeat(2, 0).repeat(2, 1)[: full[0], : full[1]] for each in (before, after))
+    return _Drawn(index, half, before, after, f"Frame {index}: {_listed(notes)}")
+
+
+def _halved(still: RenderedFrame) -> RenderedFrame:
+    """Return a still at half its size: means of colour and light, every second pixel of depth."""
+    import cv2
+
+    assert still.rgb is not None
+    size = tuple(-(-side // 2) for side in still.rgb.shape[1::-1])
+
+    def mean(image: NDArray[np.float32]) -> NDArray[np.float32]:
+        small = np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.float32)
+        return small.reshape(*small.shape[:2], -1)
+
+    light = still.light
+    return replace(
+        still,
+        rgb=mean(still.rgb),
+        depth_m=None if still.depth_m is None else np.ascontiguousarray(still.depth_m[::2, ::2]),
+        behind_glass_m=None if still.behind_glass_m is None else np.ascontiguousarray(still.behind_glass_m[::2, ::2]),
+        light=None if light is None else replace(light, rgb=mean(light.rgb), alpha=mean(light.alpha)),
+    )
 
 
 def compositor_device(panel: Any) -> Literal["cpu", "gpu"]:
@@ -511,9 +542,9 @@ def _shown(sequence: PlannedSequence, index: int) -> Shown:
     return sequence.shown(index)
 
 
-def _clean(scene: bpy.types.Scene, source: int) -> CleanFrame:
+def _clean(scene: bpy.types.Scene, source: int, *, half: bool = False) -> CleanFrame:
     """Return a clean frame as the generator has it, not yet rounded, but clipped: the user's lights may exceed 1."""
-    still = still_of(scene, source)
+    still = _halved(still_of(scene, source)) if half else still_of(scene, source)
     assert still.rgb is not None
     panel = panel_of(scene)
     shown = recorded(panel) if source_views.shows_footage(panel) else None
@@ -532,9 +563,14 @@ def _listed(notes: list[dict[str, Any]]) -> str:
 # --- the pictures ---
 
 
-def make_picture(scene: bpy.types.Scene, kind: Kind, index: int | None = None) -> tuple[bpy.types.Image, str]:
-    """Draw a picture of a scene's frame into its image. Raises NoisyWorldError as `draw_colour` and `draw_depth` do."""
-    picture, about = (draw_colour if kind == "COLOUR" else draw_depth)(scene, index)
+def make_picture(
+    scene: bpy.types.Scene, kind: Kind, index: int | None = None, *, half: bool = False
+) -> tuple[bpy.types.Image, str]:
+    """Draw a picture of a scene's frame into its image. Raises NoisyWorldError as `draw_colour` and `draw_depth` do.
+
+    half: as `draw_colour` has it.
+    """
+    picture, about = draw_colour(scene, index, half=half) if kind == "COLOUR" else draw_depth(scene, index)
     height, width = picture.shape[:2]
     image = _image(kind)
     if image is None:
@@ -615,8 +651,26 @@ def follow(scene: bpy.types.Scene) -> None:
         _outdated.get(scene.session_uid, set()).discard(kind)
         for area in areas:
             area.tag_redraw()
+    _half_took_s.pop(scene.session_uid, None)  # the next slider may be another perturbation's
     if not was_drawn:  # another split is quick, and says nothing of the time that a slider takes
         _took_s[scene.session_uid] = time.perf_counter() - began_s
+
+
+def follow_coarsely(scene: bpy.types.Scene, most_s: float) -> None:
+    """Redraw a scene's picture of colour at half its size, while a slider moves, where that takes at most so long.
+
+    Only Blender's compositor knows to what size parameters in pixels refer. Raises NoisyWorldError as `draw_colour`.
+    """
+    uid = scene.session_uid
+    if panel_of(scene).render.backend != "compositor" or _half_took_s.get(uid, 0.0) > most_s:
+        return
+    for kind, index, areas in watching(scene):
+        if kind == "COLOUR" and _is_rendered(scene, sources_of(scene, kind, index)):
+            began_s = time.perf_counter()
+            make_picture(scene, kind, index, half=True)
+            _half_took_s[uid] = time.perf_counter() - began_s
+            for area in areas:
+                area.tag_redraw()
 
 
 def seconds_taken(scene: bpy.types.Scene) -> float:
@@ -667,7 +721,7 @@ def _makes_stale(update: bpy.types.DepsgraphUpdate, scene: bpy.types.Scene) -> b
 @persistent
 def _forget_all(*_: object) -> None:
     """Drop all rendered frames: another file was opened."""
-    for kept in (_stills, _followed, _drawn, _took_s, _changes, _outdated):
+    for kept in (_stills, _followed, _drawn, _took_s, _half_took_s, _changes, _outdated):
         kept.clear()
 
 

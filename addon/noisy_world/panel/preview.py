@@ -228,7 +228,7 @@ def unregister_preview_buttons() -> None:
 
 DEVICE_CHANGED = "noisy_world_composites_on_processor"
 # Chosen by trying: slower pictures make a slider stick, so they wait for a pause.
-COSTLY_S = 0.5  # pictures that take longer wait for a pause
+COSTLY_S = 0.3  # pictures that take longer wait for a pause
 PAUSE_S = 0.3  # without a change counts as a pause
 POLL_S = 0.05  # between looks for a pause
 RENDERED_BY = (
@@ -272,6 +272,7 @@ def touch(scene: bpy.types.Scene, what: str = "steps") -> None:
         if not is_costly(scene):
             draw_pictures(scene)
             return
+        draw_pictures(scene, coarsely=True)
         _changed_s[scene.session_uid] = time.perf_counter()
     else:
         return
@@ -295,6 +296,7 @@ def _follow() -> float | None:
         changed_s = _changed_s.get(scene.session_uid)
         if changed_s is not None and now_s - changed_s >= PAUSE_S:
             del _changed_s[scene.session_uid]
+            frame_preview.forget_drawn(scene)  # it may be coarse
             apply(scene)
             draw_pictures(scene)
     known = {scene.session_uid for scene in bpy.data.scenes}
@@ -307,6 +309,7 @@ def flush() -> None:
     """Draw at once everything that waits."""
     for scene in bpy.data.scenes:
         if _changed_s.pop(scene.session_uid, None) is not None:
+            frame_preview.forget_drawn(scene)
             apply(scene)
             draw_pictures(scene)
 
@@ -329,11 +332,14 @@ def apply(scene: bpy.types.Scene) -> None:
     views.sync_views()
 
 
-def draw_pictures(scene: bpy.types.Scene) -> None:
-    """Redraw a scene's pictures that an image editor shows, while it is in preview."""
+def draw_pictures(scene: bpy.types.Scene, *, coarsely: bool = False) -> None:
+    """Redraw a scene's pictures that an image editor shows, while it is in preview.
+
+    coarsely: at half their size, as far as that is quick.
+    """
     if scene.library is None and panel_of(scene).preview and scene.session_uid not in _errors:
         with _errors_kept(scene):
-            frame_preview.follow(scene)
+            frame_preview.follow_coarsely(scene, COSTLY_S) if coarsely else frame_preview.follow(scene)
     views.redraw_sidebars()
 
 
@@ -506,7 +512,7 @@ def _draw_state(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     if frame_preview.watching(scene) and is_costly(scene):
         waits = ", waiting" if scene.session_uid in _changed_s else ""
         took_s = frame_preview.seconds_taken(scene)
-        write(layout, context, f"The picture takes {took_s:.1f} s: it follows when the slider rests{waits}", "TIME")
+        write(layout, context, f"The picture takes {took_s:.1f} s: it is coarse until the slider rests{waits}", "TIME")
 
 
 # --- registration ---
