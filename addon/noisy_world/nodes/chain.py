@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A setting's perturbations of colour as one node group, in propagation order, and the sockets' values."""
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import lru_cache, partial
@@ -72,7 +73,7 @@ def build_chain(name: str, steps: Sequence[Step[ColourPerturbation]], *, lit: bo
                 inputs["Depth"] = depth_m
             if step.share is not None and step.share.masks:
                 inputs[MASK_INPUT.name] = _over(image, step.share.masks[0])
-            group = build_group(step.perturbation, capacity_of(step))
+            group = build_group(step.perturbation, roomy_capacity_of(step))
             result = graph.group(group, inputs, name=step_node(step)).out("Image", "color")
     end = result if lit else light.from_encoded(result)
     graph.output("Image", end, description="The perturbed frame")
@@ -204,6 +205,20 @@ def capacity_of(step: Step[ColourPerturbation]) -> dict[str, float]:
         if largest > default:
             served[name] = largest
     return served
+
+
+def roomy_capacity_of(step: Step[ColourPerturbation]) -> dict[str, float]:
+    """Return `capacity_of` with room, for a group that people see: a slider that moves on meets few groups to build."""
+    kind = nodes_of(step).capacity
+    return {name: room_for(largest, kind[name]) for name, largest in capacity_of(step).items()}
+
+
+def room_for(largest: float, default: float) -> float:
+    """Return the first capacity that serves so much, of those that begin with the default and grow by half."""
+    capacity = default
+    while capacity < largest:
+        capacity = math.ceil(capacity * 1.5)
+    return capacity
 
 
 def socket_values(

@@ -17,7 +17,7 @@ from ..perturbations.groups import socket_name
 from ..perturbations.kinds import ColourPerturbation, FrameContext, Identifiers
 from ..perturbations.shares import WHOLE, sha256_of
 from ..perturbations.steps import Step
-from .chain import build_chain, camera_state_values, capacity_of, nodes_of, shown_values, step_node
+from .chain import build_chain, camera_state_values, nodes_of, roomy_capacity_of, shown_values, step_node
 from .datablocks import (
     action_of,
     fcurves_of,
@@ -299,7 +299,10 @@ def make_chain(
 
 def _described(name: str, steps: Sequence[Step[ColourPerturbation]], lit: bool) -> Graph:
     """Describe a chain; the last description holds as long as the steps have the same groups, whatever their values."""
-    made_from = [lit, *((step.perturbation, step_node(step), capacity_of(step), _masks_of(step)) for step in steps)]
+    made_from = [
+        lit,
+        *((step.perturbation, step_node(step), roomy_capacity_of(step), _masks_of(step)) for step in steps),
+    ]
     known = _descriptions.get(name)
     if known is None or known[0] != made_from:
         while len(_descriptions) >= MOST_KEPT:

@@ -15,6 +15,7 @@ from noisy_world.nodes.chain import (
     build_chain,
     build_written,
     capacity_of,
+    roomy_capacity_of,
     is_active,
     shown_values,
     socket_values,
@@ -163,6 +164,7 @@ def test_a_trail_longer_than_the_group_serves_asks_for_a_larger_one():
     (varied,) = steps_of({"motion_blur": {"levels": [0, 1], "radius_px": 40, "mode": "dynamic"}})
     assert capacity_of(usual) == {}
     assert capacity_of(longer) == {"radius_px": 33}
+    assert roomy_capacity_of(longer) == {"radius_px": 45}  # 20, 30, 45: as for all from 31 on
     assert capacity_of(varied) == {"radius_px": 40}
     blur = registry()["motion_blur"]
     given = {item.name: getattr(blur, item.name) for item in fields(ColourPerturbation) if item.name != "nodes"}
