@@ -80,11 +80,10 @@ def _hot(canvas: Canvas, given: Mapping[str, Socket], seconds: Socket) -> Socket
     assert canvas.key is not None, "its group is seeded"
     share = given["hot_percent"] * (1 / 100)
     kept = replace(canvas, seed=given["sensor"], key=canvas.key * 0.0)
-    within = kept.random(HOT, canvas.position_px) / _wide(graph.math("MAXIMUM", share, MOST_SHARE))
+    drawn = kept.random(HOT, canvas.position_px) / _wide(graph.math("MAXIMUM", share, MOST_SHARE))
+    within = graph.math("MINIMUM", drawn, (1.0, 1.0, 1.0))
     most = given["hot_electrons_per_s"] * seconds
-    parts = [
-        graph.math("LOGARITHM", graph.math("MINIMUM", part, 1.0), math.e) for part in (within.x, within.y, within.z)
-    ]
+    parts = [graph.math("LOGARITHM", part, math.e) for part in (within.x, within.y, within.z)]
     return graph.vector(*parts) * _wide(most * -1.0)
 
 
@@ -100,17 +99,23 @@ def _read(canvas: Canvas, given: Mapping[str, Socket], mean: Socket) -> Socket:
         single = graph.math("MULTIPLY_ADD", normal_quantile(canvas.random(READING, position)), _wide(noise), counted)
     with graph.section("Grain"):
         grain = _grain(canvas, given["grain_px"], soft)
-        spread = graph.math("POWER", mean + _wide(noise * noise), 0.5)
-        shared = graph.math("MULTIPLY_ADD", spread, grain, mean)
+        asked = graph.choose(soft, mean, 0.0, "vector")
+        spread = graph.math("POWER", asked + _wide(noise * noise), 0.5)
+        shared = graph.math("MULTIPLY_ADD", spread, grain, asked)
     with graph.section("What is read"):
         return graph.choose(soft, shared, single, "vector") + _wide(_rows(canvas, given))
 
 
 def _rows(canvas: Canvas, given: Mapping[str, Socket]) -> Socket:
-    """Return what all pixels of a row share."""
+    """Return what all pixels of a row share: of one column, which is then looked up at each pixel."""
     graph = canvas.graph
-    row = canvas.random_value(ROWS, graph.vector(0.0, canvas.position_px.y))
-    return normal_quantile(_wide(row)).x * given["row_noise_electrons"]
+    column = graph.node("CompositorNodeBlankImage", {"Size": graph.vector(1.0, canvas.height_px)}).out("Image", "color")
+    place = graph.vector(0.0, _place(canvas, column, 0.0).y)
+    drawn = normal_quantile(_wide(canvas.random_value(ROWS, place))).x * given["row_noise_electrons"]
+    share = graph.node("CompositorNodeImageCoordinates", {"Image": canvas.image}).out("Normalized", "vector")
+    where = graph.math("MULTIPLY_ADD", share, (1.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+    inputs = {"Image": drawn, "UV": where, "Interpolation": "Nearest", "Extension X": "Extend", "Extension Y": "Extend"}
+    return graph.node("CompositorNodeMapUV", inputs).out("Image", "color").r
 
 
 def _numbers(electrons: Socket, given: Mapping[str, Socket], white: Socket) -> Socket:
@@ -136,7 +141,7 @@ def _grain(canvas: Canvas, size: Socket, soft: Socket) -> Socket:
     wide = graph.vector(canvas.width_px + twice, canvas.height_px + twice)
     blank = graph.choose(soft, wide, (1.0, 1.0, 0.0), "vector")
     image = graph.node("CompositorNodeBlankImage", {"Size": blank}).out("Image", "color")
-    white = normal_quantile(canvas.random(GRAIN, _beyond(canvas, image, border)))
+    white = normal_quantile(canvas.random(GRAIN, _place(canvas, image, border)))
     inputs = {"Image": white, "Size": _wide(sigma * float(WIDTHS)), "Type": "Gaussian", "Separable": True}
     blurred = graph.node("CompositorNodeBlur", inputs).out("Image", "color")
     size_px = {"X": border, "Y": border, "Width": canvas.width_px, "Height": canvas.height_px}
@@ -144,12 +149,12 @@ def _grain(canvas: Canvas, size: Socket, soft: Socket) -> Socket:
     return graph.choose(soft, cut, 0.0) * _wide(_strength(sigma, border))
 
 
-def _beyond(canvas: Canvas, image: Socket, border: Socket) -> Socket:
+def _place(canvas: Canvas, image: Socket, border: Value) -> Socket:
     """Return each pixel's place as `position_px` does, on an image that is wider on all sides."""
     graph = canvas.graph
     pixel = graph.node("CompositorNodeImageCoordinates", {"Image": image}).out("Pixel", "vector")
     each = graph.math("DIVIDE", 1.0, canvas.scale)
-    first = graph.vector((0.5 - border) * each - HALF, (canvas.height_px + border - 0.5) * each - HALF)
+    first = graph.vector(graph.math("SUBTRACT", 0.5, border) * each - HALF, (canvas.height_px + border - 0.5) * each - HALF)
     place = graph.math("MULTIPLY_ADD", pixel, graph.vector(each, each * -1.0), first)
     return (place + ROUNDING) - ROUNDING
 
