@@ -148,8 +148,8 @@ def colour_of(
 ) -> Iterator[Colour]:
     """Prepare to perturb the colour of sequences.
 
-    clean: the cameras of the render. size_px: width and height of the frames. reference_width_px: to which parameters in
-    pixels refer, by default that width; another one takes Blender's compositor.
+    clean: the cameras of the render. size_px: width and height of the frames. reference_width_px: to which
+    parameters in pixels refer, by default that width; another one takes Blender's compositor.
     lit: clean frames have light before a view transform. of_light: that is what is stored. device: what Blender's
     compositor runs on.
     """

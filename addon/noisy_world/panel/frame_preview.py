@@ -402,8 +402,8 @@ def draw_colour(
     """Return a frame's colour (H, W, 3) as the generator perturbs it, and a caption.
 
     index: of the frame in the panel's sequence, by default the current one. half: perturb it at half its size, and
-    enlarge it, which is quicker and less fine. Left of the panel's split it is as rendered. Raises NoisyWorldError where a value of the panel is wrong, the frame is left out, or a scratch file
-    cannot be written.
+    enlarge it, which is quicker and less fine. Left of the panel's split it is as rendered. Raises NoisyWorldError
+    where a value of the panel is wrong, the frame is left out, or a scratch file cannot be written.
     """
     known = _drawn.get(scene.session_uid)
     if known is None or (known.index, known.half) != (index, half):

@@ -154,7 +154,8 @@ def _place(canvas: Canvas, image: Socket, border: Value) -> Socket:
     graph = canvas.graph
     pixel = graph.node("CompositorNodeImageCoordinates", {"Image": image}).out("Pixel", "vector")
     each = graph.math("DIVIDE", 1.0, canvas.scale)
-    first = graph.vector(graph.math("SUBTRACT", 0.5, border) * each - HALF, (canvas.height_px + border - 0.5) * each - HALF)
+    left, top = graph.math("SUBTRACT", 0.5, border), canvas.height_px + border - 0.5
+    first = graph.vector(left * each - HALF, top * each - HALF)
     place = graph.math("MULTIPLY_ADD", pixel, graph.vector(each, each * -1.0), first)
     return (place + ROUNDING) - ROUNDING
 
