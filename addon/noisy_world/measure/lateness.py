@@ -16,7 +16,7 @@ from ..core.trajectory import NS_PER_S, Trajectory
 from ..trajectories.rig import RecordedImu
 from .figure import BLOCKS, Figure, blocks_of, jackknifed
 from .footage import Float64, RecordingView
-from .motion import TUKEY, Steps
+from .motion import TUKEY, Steps, beside
 
 # Chosen, as all below.
 MOST_FRAMES = 12  # of lateness that is looked for
@@ -36,7 +36,7 @@ CLOCK_BY_POSES = "imu_clock_by_poses_s"
 def depth_lateness(steps: Steps) -> Figure:
     """Return by how many frames depth is late: how much earlier colour shows what a frame's depth shows."""
     moves, good = _colour_moves(steps)
-    told = good & (np.abs(steps.normal).sum(axis=(1, 2)) > 0) & ~_beside(steps.same_depth, steps.run)
+    told = good & (np.abs(steps.normal).sum(axis=(1, 2)) > 0) & ~beside(steps.same_depth, steps.run)
     if told.sum() < LEAST_STEPS:
         why = "too few frames in a row show depth and features that move"
         return Figure.none(LATE, why)
@@ -94,7 +94,7 @@ def depth_lateness(steps: Steps) -> Figure:
 
 def _colour_moves(steps: Steps) -> tuple[Float64, NDArray[np.bool_]]:
     """Return motion by colour (M, 6) from its middle, clipped, with gaps bridged, and where it is told, (M,)."""
-    good = np.isfinite(steps.move).all(axis=1) & ~_beside(steps.same, steps.run)
+    good = np.isfinite(steps.move).all(axis=1) & ~beside(steps.same, steps.run)
     if good.sum() < 2:
         return np.zeros_like(steps.move), good
     middle = np.median(steps.move[good], axis=0)
@@ -102,12 +102,6 @@ def _colour_moves(steps: Steps) -> tuple[Float64, NDArray[np.bool_]]:
     moves = np.clip(np.nan_to_num(steps.move), middle - CLIPPED * spread, middle + CLIPPED * spread) - middle
     rows = np.arange(len(moves))
     return np.stack([np.interp(rows, rows[good], column[good]) for column in moves.T], axis=1), good
-
-
-def _beside(same: NDArray[np.bool_], run: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """Return the steps (M,) into a doubled frame and out of it: one shows no motion, the other that of two."""
-    out = np.concatenate([[False], same[:-1] & (run[1:] == run[:-1])]) if len(same) else same
-    return same | out
 
 
 def _rows_within(run: NDArray[np.int64], lags: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -138,7 +132,7 @@ def imu_clock(footage: RecordingView, steps: Steps) -> Figure:
         return Figure.none(CLOCK, "there is no IMU")
     stamps_s = footage.stamps.rgb.seconds
     turns = -steps.move[:, :3]  # of the camera, not of the world before it
-    good = np.isfinite(turns).all(axis=1) & ~_beside(steps.same, steps.run)
+    good = np.isfinite(turns).all(axis=1) & ~beside(steps.same, steps.run)
     one_s, other_s = (stamps_s[steps.frames[good, side]] for side in (0, 1))
     return _clock(CLOCK, footage.imu, turns[good], one_s, other_s)
 

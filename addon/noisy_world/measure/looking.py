@@ -8,6 +8,7 @@ import numpy as np
 
 from ..core.geometry import Intrinsics
 from ..render.source import Source
+from .blur import blur_figures
 from .calibration import ANGLE, ZOOM, Calibration, calibration
 from .coding import coding
 from .colour_noise import colour_noise
@@ -19,6 +20,7 @@ from .imu_noise import imu_noise
 from .lateness import CLOCK, LATE, depth_lateness, imu_clock, imu_clock_by_poses
 from .motion import Steps, steps_of
 from .parallax import AS_READ, Parallax, parallax
+from .readout import readout
 from .recorded_light import light_figures, light_of
 from .timing import Doubled, depth_stamps_later_s, doubled, runs_of, stamp_figures, void_figures
 
@@ -78,25 +80,36 @@ def look_at(name: str, source: Source, camera: Intrinsics, looked_at: int = LOOK
 
     Raises InputError where a file that is looked at is damaged.
     """
+    return _looked(name, source, camera, looked_at)[0]
+
+
+def _looked(
+    name: str, source: Source, camera: Intrinsics, looked_at: int = LOOKED_AT, *, fine: bool = False
+) -> tuple[RecordingFigures, Steps | None]:
+    """Return what `look_at` does, and what happens between the frames in a row; None where none were looked at.
+
+    fine: whether motion is wanted as exactly as it can be had.
+    """
     heap = _Heap()
     with footage_of(name, source, camera) as footage:
+        fine = fine or footage.imu is not None
         stamps_s = footage.stamps.rgb.seconds
         _stamps(heap, footage)
         by_poses = imu_clock_by_poses(footage.imu, footage.path, footage.stamps.pose.seconds)
         heap.add(by_poses)
-        later = 0
+        later, steps = 0, None
         if looked_at >= 2:
             runs = runs_of(len(footage), looked_at, busy=_busy(footage))
-            steps = steps_of(footage, runs, fine=footage.imu is not None)
+            steps = steps_of(footage, runs, fine=fine)
             _steps(heap, footage, steps)
-            later = _late(heap, footage, steps, runs)
+            later = _late(heap, footage, steps, runs, fine=fine)
             clock = imu_clock(footage, steps)
             heap.add(clock)
             _clock(heap, clock, by_poses)
         else:
             _clock(heap, Figure.none(CLOCK, "no images are looked at"), by_poses)
         _geometry(heap, footage, later, edges=looked_at >= MOST_LOOK)
-        return RecordingFigures(
+        found = RecordingFigures(
             name,
             len(footage),
             (round(footage.whole_px), round(footage.camera.height_px / footage.scale)),
@@ -106,6 +119,7 @@ def look_at(name: str, source: Source, camera: Intrinsics, looked_at: int = LOOK
             tuple(text for _, text in heap.faults),
             tuple(told for told, _ in heap.faults),
         )
+        return found, steps
 
 
 def measured(name: str, source: Source, camera: Intrinsics) -> RecordingFigures:
@@ -113,7 +127,7 @@ def measured(name: str, source: Source, camera: Intrinsics) -> RecordingFigures:
 
     Raises InputError where a file that is looked at is damaged.
     """
-    found = look_at(name, source, camera)
+    found, steps = _looked(name, source, camera, fine=True)
     with footage_of(name, source, camera, WHOLE_PX) as footage:
         inertial = imu_noise(footage.imu)
         last = max(len(footage) - 2, 0)  # depth is compared with the frame after
@@ -124,6 +138,8 @@ def measured(name: str, source: Source, camera: Intrinsics) -> RecordingFigures:
         colour = colour_noise(footage, frames)
         compressed = coding(footage, frames)
         figures = [*colour.figures, *fixed_noise(footage, frames), *compressed.figures, *inertial]
+        figures += blur_figures(footage, np.unique(np.clip(frames, 1, len(footage) - 2)).tolist())
+        figures += readout(steps, footage.rate_hz) if steps is not None else ()
         figures += light_figures(light_of(footage, runs_of(len(footage), LIGHT_FRAMES, parts=2)))
         if footage.has_depth:
             figures += depth_noise(footage, frames).figures
@@ -190,14 +206,14 @@ def _steps(heap: _Heap, footage: RecordingView, steps: Steps) -> None:
         heap.fault(empty.name, f"{empty.value:.0%} of the frames that were looked at have no depth at all")
 
 
-def _late(heap: _Heap, footage: RecordingView, steps: Steps, runs: Sequence[range]) -> int:
+def _late(heap: _Heap, footage: RecordingView, steps: Steps, runs: Sequence[range], *, fine: bool) -> int:
     """Add how late depth is; return by how many frames, where it is a fault."""
     if not footage.has_depth:
         return 0
     late = depth_lateness(steps)
     shifted = round(late.value) if late.value is not None and late.sure_beyond(LATE_FRAMES) else 0
     if shifted:  # again with the depth that belongs to each frame, as motion by colour is measured with depth too
-        steps = steps_of(footage, runs, fine=footage.imu is not None, depth_later=shifted)
+        steps = steps_of(footage, runs, fine=fine, depth_later=shifted)
         more = depth_lateness(steps)
         late = late if more.value is None else more.plus(shifted)
     # Stamps that say the same are no fault.

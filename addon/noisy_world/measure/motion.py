@@ -46,7 +46,8 @@ class Steps:
     translation of the world in the camera's axes, radians and units of depth; NaN where it cannot be told, and for
     translation without depth. normal, right: (M, 6, 6) and (M, 6) of the normal equations of such a motion by depth
     alone; 0 where it says nothing. same, same_depth: (M,) whether images are equal, pixel by pixel. change: (M,) mean
-    absolute difference of grey levels. void: by frame, the share of pixels that have no depth.
+    absolute difference of grey levels. void: by frame, the share of pixels that have no depth. followed: what a move
+    was told by; None where it was not.
     """
 
     frames: NDArray[np.int64]
@@ -58,9 +59,26 @@ class Steps:
     same_depth: NDArray[np.bool_]
     change: Float64
     void: dict[int, float]
+    followed: "tuple[Followed | None, ...]" = ()
 
     def __len__(self) -> int:
         return len(self.frames)
+
+
+@dataclass(frozen=True)
+class Followed:
+    """N features of a step, in both frames.
+
+    here, there: (N, 2) on the plane at 1. inverse: (N,) of their depth in the first frame, 1/m; None where it is not
+    known. places: (2, N, 2) where they are in either image, of its width and height, from -1/2 to 1/2. focal_px: of the
+    images in which they were followed.
+    """
+
+    here: Float64
+    there: Float64
+    inverse: Float64 | None
+    places: Float64
+    focal_px: float
 
 
 @dataclass(frozen=True)
@@ -73,6 +91,7 @@ class _Step:
     same: bool
     same_depth: bool
     change: float
+    followed: Followed | None
 
 
 @dataclass(frozen=True)
@@ -119,6 +138,7 @@ def steps_of(footage: RecordingView, runs: Sequence[range], *, fine: bool = Fals
         np.array([step.same_depth for step in steps], np.bool_),
         np.array([step.change for step in steps], np.float64),
         void,
+        tuple(step.followed for step in steps),
     )
 
 
@@ -147,13 +167,19 @@ def _step(
     same = change == 0 and bool(np.array_equal(one.look.whole, other.look.whole))
     depths = one.look.depth_m, other.look.depth_m
     same_depth = depths[0] is not None and depths[1] is not None and bool(np.array_equal(*depths))
-    move = np.full(6, np.nan)
+    move, told_by = np.full(6, np.nan), None
     if (found := followed(one.grey, other.grey, features)) is not None:
-        move = _moved(footage, one, found)
+        move, told_by = _moved(footage, one, found)
     normal, right = np.zeros((6, 6)), np.zeros(6)
     if depth_flow is not None and one.inverse is not None and other.inverse is not None:
         normal, right = depth_flow.equations(one.inverse, other.inverse)
-    return _Step((number, other_number), run, move, normal, right, same, same_depth, change)
+    return _Step((number, other_number), run, move, normal, right, same, same_depth, change, told_by)
+
+
+def beside(same: NDArray[np.bool_], run: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Return the steps (M,) into a doubled frame and out of it: one shows no motion, the other that of two."""
+    out = np.concatenate([[False], same[:-1] & (run[1:] == run[:-1])]) if len(same) else same
+    return same | out
 
 
 # --- the camera's motion by colour ---
@@ -179,8 +205,10 @@ def followed(one: Grey, other: Grey, count: int) -> tuple[Points, Points] | None
     return points[kept], np.asarray(there, np.float32)[kept]
 
 
-def _moved(footage: RecordingView, one: _Seen, found: tuple[Points, Points]) -> Float64:
-    """Return the motion (6,) of a step; NaN where it cannot be told."""
+def _moved(footage: RecordingView, one: _Seen, found: tuple[Points, Points]) -> tuple[Float64, Followed | None]:
+    """Return the motion (6,) of a step, and what it is told by; NaN and None where it cannot be told."""
+    high, wide = one.grey.shape
+    places = (np.stack(found).astype(np.float64) + 0.5) / (wide, high) - 0.5
     times = footage.camera.width_px / one.grey.shape[1]
     here, there = (footage.plane(((points + 0.5) * times - 0.5).astype(np.float32)) for points in found)
     seen = np.isfinite(here).all(axis=1) & np.isfinite(there).all(axis=1)
@@ -190,11 +218,13 @@ def _moved(footage: RecordingView, one: _Seen, found: tuple[Points, Points]) -> 
         known = seen & _flat(one.filled_m)[at[:, 1], at[:, 0]]
         if known.sum() >= LEAST_FEATURES:
             inverse = 1 / one.filled_m[at[known, 1], at[known, 0]].astype(np.float64)
-            return moved_by(here[known], there[known], inverse, focal_px)
+            told_by = Followed(here[known], there[known], inverse, places[:, known], focal_px)
+            return moved_by(told_by.here, told_by.there, inverse, focal_px), told_by
     move = np.full(6, np.nan)
-    if seen.sum() >= LEAST_FEATURES:
-        move[:3] = _turned(here[seen], there[seen], focal_px)
-    return move
+    if seen.sum() < LEAST_FEATURES:
+        return move, None
+    move[:3] = _turned(here[seen], there[seen], focal_px)
+    return move, Followed(here[seen], there[seen], None, places[:, seen], focal_px)
 
 
 def _flat(depth_m: Float32) -> NDArray[np.bool_]:
@@ -219,7 +249,7 @@ def moved_by(here: Float64, there: Float64, inverse: Float64, focal_px: float) -
         z = np.maximum(seen[:, 2:], NEAREST)
         off_px = focal_px * (there - seen[:, :2] / z)
         distance_px = np.linalg.norm(off_px, axis=1)
-        weight = _tukey(distance_px, LEAST_PX) if step else np.ones(len(z))
+        weight = tukey(distance_px, LEAST_PX) if step else np.ones(len(z))
         ways = np.stack(
             [*(np.cross(axis, turned) for axis in np.eye(3)), *(inverse[:, None] * axis for axis in np.eye(3))], axis=-1
         )
@@ -234,7 +264,7 @@ def moved_by(here: Float64, there: Float64, inverse: Float64, focal_px: float) -
     return found
 
 
-def _tukey(distance: Float64, least: float) -> Float64:
+def tukey(distance: Float64, least: float) -> Float64:
     """Return Tukey's weights of distances (N,); least: their standard deviation at least."""
     spread = max(1.4826 * float(np.median(np.abs(distance))), least)
     return np.clip(1 - (distance / (TUKEY * spread)) ** 2, 0, None) ** 2
@@ -335,7 +365,7 @@ class DepthFlow:
             normal, side = weighted.T @ rows + 1e-9 * np.eye(6), weighted.T @ off
             left = off - rows @ np.linalg.solve(normal, side)
             spread = 1.4826 * float(np.median(np.abs(left))) + LEAST_SPREAD
-            weight = _tukey(left, LEAST_SPREAD)
+            weight = tukey(left, LEAST_SPREAD)
         return normal / spread**2, side / spread**2
 
 
