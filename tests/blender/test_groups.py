@@ -76,8 +76,8 @@ def test_sockets_say_what_the_parameters_say(trees, name):
         if socket.bl_socket_idname == "NodeSocketMenu":
             assert socket.default_value == field.default.capitalize()
             continue
-        switch = isinstance(field.default, bool)
-        begins = perturbation.newly.get(field.name, field.default) if switch else field.default
+        number = type(field.default) is int  # which of its kind: that follows Seed
+        begins = field.default if number else perturbation.newly.get(field.name, field.default)
         assert socket.default_value == pytest.approx(begins * degrees)
         if info.unit in ("px", "deg", "m"):
             assert socket.subtype == {"px": "PIXEL", "deg": "ANGLE", "m": "DISTANCE"}[info.unit]
@@ -197,7 +197,10 @@ def test_a_whole_severity_gives_the_parameters_of_the_table_to_the_bit(trees, tm
     nodes = {}
     for place, name in enumerate(TABLED):
         perturbation, level = COLOUR[name], place % 5 + 1
-        table = {item: getattr(perturbation.at_severity(level), item) for item in perturbation.severities}
+        table = {
+            item: getattr(perturbation.at_severity(level, **perturbation.newly), item)
+            for item in perturbation.severities
+        }
         by_hand = {
             socket_name(perturbation, item): socket_value(perturbation, item, value) for item, value in table.items()
         }

@@ -10,12 +10,12 @@ NAMES = ("lens_drops", "lens_dirt")
 SIZE = (90, 150)
 DROPS = (
     {"severity": 1, "size_px": 8.0},
-    {"severity": 5, "size_px": 12.0},
+    {"severity": 5, "size_px": 12.0, "caustic": 3.0},
     {"severity": 3, "size_px": 30.0, "temporal": "fresh", "runs": 1.0, "contact_deg": 85.0},
     {"severity": 5, "size_px": 14.0, "focus_px": 0.0, "temporal": "fixed", "spread": 1.5, "view_deg": 40.0},
 )
 DIRT = (
-    {"severity": 5},
+    {"severity": 5, "beside": 1.5, "lens": 12},
     {"severity": 3, "size": 0.3, "streaks": 1.0, "smudges": 1.0, "wiped_deg": -130.0},
     {"severity": 1, "size": 4.0, "streaks": 0.0, "reach_px": 10.0, "glare": 4.0, "temporal": "fresh"},
 )

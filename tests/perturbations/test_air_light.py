@@ -14,7 +14,7 @@ from noisy_world.perturbations import registry
 from noisy_world.perturbations.shipped._air import air_light, robust_mean
 from noisy_world.perturbations.shipped._air import DROP, FLAKE, VOLUMES, WIDTHS_RAD
 from noisy_world.perturbations.shipped._sheet_nodes import SPREAD, ellipse
-from srgb import encoded
+from srgb import encoded, linear
 
 DUSK = np.array([0.1620, 0.1001, 0.1070], np.float32)  # 112, 89, 92 of 255
 BY_DEPTH = ("fog_depth", "haze", "snow_depth", "rain_depth")
@@ -53,6 +53,18 @@ def test_a_lamp_does_not_light_the_air(name):
     light, depth_m = dusk_street(100)
     without = air_light(dusk_street()[0][20:], depth_m[20:]).surfaces
     assert np.abs(air_light(light[20:], depth_m[20:]).surfaces / without - 1).max() < 0.02
+
+
+@pytest.mark.parametrize("lit", [True, False])
+def test_fog_in_a_brown_room_is_as_light_and_as_grey_as_is_asked_for(lit):
+    """Far away all is the air's light: that of even walls, or by a tint of 0 a grey of their luminance."""
+    walls = np.full((20, 30, 3), (0.2, 0.08, 0.04), np.float32)
+    depth_m = np.full((20, 30), 5.0, np.float32)
+    luminance = walls[0, 0] @ (0.2126, 0.7152, 0.0722)
+    for tint in (1.0, 0.25, 0.0):
+        found = made(walls, depth_m, "fog_depth", lit=lit, visibility_m=0.5, air="scene", air_tint=tint)[10, 10]
+        found = found if lit else linear(found.astype(np.float32) / 255)
+        assert found == pytest.approx(luminance + tint * (walls[0, 0] - luminance), abs=5e-4 if lit else 2e-3)
 
 
 def test_the_mean_of_what_is_even_is_that_and_no_pixels_are_dark():

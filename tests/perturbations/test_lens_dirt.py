@@ -38,6 +38,15 @@ def test_before_an_even_wall_dirt_is_what_dust_absorbs():
     assert np.abs(linear(clean) - linear(0.6)).max() < 1e-5
 
 
+def test_light_from_beside_is_seen_on_what_scatters_in_flat_light_too():
+    """Before an even wall: as much of its light as dirt scatters, times what falls on it from beside."""
+    wall = np.full((90, 140, 3), 0.6, np.float32)
+    without, found = (linear(seen(wall, beside=beside)) for beside in (0.0, 0.7))
+    dirt = lens_dirt.dirt_before(where(), (90, 140), 1.0).astype(np.float64)
+    scattered = dirt @ [0.35 * 0.4, 0.35, 0.25]
+    assert np.abs(found - without - 0.7 * linear(0.6) * scattered[..., None]).max() < 1e-4
+
+
 def test_what_is_scattered_is_mixed_by_its_share():
     rng = np.random.default_rng(2)
     rgb = rng.random((64, 96, 3), dtype=np.float32)

@@ -107,6 +107,22 @@ def test_a_steep_drop_s_rim_lets_nothing_through_but_reflects():
 # --- many drops ---
 
 
+def test_light_gathers_at_the_lower_edge_of_drops_alone():
+    """Before an even wall: nothing darker, nothing beside drops, and in a single drop a crescent below its middle."""
+    wall = np.full((120, 160, 3), 0.5, np.float32)
+    given = {"severity": 5, "focus_px": 0.0, "runs": 0.0}
+    without, found = (seen(wall, caustic=caustic, **given) for caustic in (0.0, 2.0))
+    gained = (found - without)[..., 0]
+    assert gained.min() >= 0
+    assert gained.max() > 0.2
+    assert not gained[np.abs(without[..., 0] - 0.5) < 1e-6].any()
+    rho, angle = np.meshgrid(np.linspace(0, 1, 101), np.radians(np.arange(360)), indexing="ij")
+    one = laws.crescent(rho.astype(np.float32), np.sin(angle).astype(np.float32))
+    assert not one[:, np.sin(angle[0]) <= 0].any()
+    at = np.unravel_index(one.argmax(), one.shape)
+    assert (rho[at], np.degrees(angle[at])) == pytest.approx((0.78, 90), abs=0.02)
+
+
 @cases("coverage", [0.05, 0.2])
 def test_drops_cover_what_is_asked_for(coverage):
     parameters = ITEM.at_severity(3, coverage=coverage, runs=0.0, focus_px=0.0, size_px=10.0)

@@ -253,7 +253,7 @@ def seed_of(identifiers: tuple[str | int, ...]) -> int:
 
 
 def parameter_inputs(perturbation: Perturbation, served: Mapping[str, float]) -> dict[str, GroupInput]:
-    """Return an input for each parameter; its default is the value at severity 3, of a switch that of a new step.
+    """Return an input for each parameter; its default is that of a new step, at severity 3.
 
     served: largest values, by name.
     """
@@ -277,7 +277,7 @@ def frame_inputs(perturbation: ColourPerturbation) -> dict[str, GroupInput]:
 def _parameter_input(perturbation: Perturbation, name: str, served: float | None) -> GroupInput:
     item = next(item for item in fields(perturbation.parameters) if item.name == name)
     info, hint = item.metadata["key"], get_type_hints(perturbation.parameters)[name]
-    begins = perturbation.newly.get(name, item.default) if hint is bool else item.default
+    begins = item.default if hint is int else perturbation.newly.get(name, item.default)
     default = socket_value(perturbation, name, begins)
     meaning = american(info.meaning[0].upper() + info.meaning[1:])
     panel = OVERRIDE_PANEL if name in perturbation.severities else None

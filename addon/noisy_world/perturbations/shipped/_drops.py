@@ -73,6 +73,7 @@ HALVINGS = 4  # from the frame to what drops show: they make it so much smaller 
 
 GLINT_AT = (-0.33, -0.42)  # of a drop's radius: to the left and above
 GLINT_RADIUS = 0.2
+CAUSTIC_AT, CAUSTIC_WIDTH = 0.78, 0.2  # of a drop's radius: where light gathers, and half how wide; chosen
 
 
 @dataclass(frozen=True)
@@ -96,6 +97,13 @@ class LensDrops:
         "light of a rim through which none passes, times the scene's mean", default=0.15, minimum=0, maximum=10
     )
     glint: float = key("light of the reflection on a drop, times the scene's mean", default=2.0, minimum=0, maximum=100)
+    caustic: float = key(
+        "light that gathers in a crescent at a drop's lower edge, times what is seen there; 0 is none",
+        default=0.0,
+        minimum=0,
+        maximum=20,
+        later=True,
+    )
     runs: float = key("share of the glass's strips down which a drop runs", default=0.25, minimum=0, maximum=1)
     run_px: float = key(
         "drift: how far such a drop runs down a frame", default=3.0, unit="px", minimum=0, maximum=1000, slider=(0, 10)
@@ -112,6 +120,7 @@ class LensDrops:
         "contact_deg": "Higher: steeper drops, which show more of the scene and have darker rims",
         "rim": "Higher: lighter rims; 0 is black",
         "glint": "Higher: a brighter highlight on each drop",
+        "caustic": "Higher: a brighter crescent at each drop's lower edge, where light from above gathers",
         "runs": "Higher: more drops run down",
         "run_px": "Higher: with the pattern Drift, drops run faster",
         "drying": "Higher: with the pattern Drift, drops dry and land more often",
@@ -521,6 +530,16 @@ def paint_class(sheet: DropSheet, cells: Cells) -> None:
     sheet.paint(pixels, aside, down)
 
 
+def crescent(rho: Float32, down: Float32) -> Float32:
+    """Return how much light gathers at rho, the share of a drop's radius: a crescent at its lower edge, 1 at most.
+
+    What a drop shows there comes from above; the steeper the surface, the more of that a place gathers, until none
+    passes. down: of the direction from the drop's middle.
+    """
+    near = np.maximum(1 - np.square((rho - np.float32(CAUSTIC_AT)) * np.float32(1 / CAUSTIC_WIDTH)), np.float32(0))
+    return near * near * np.square(np.maximum(down, np.float32(0)))
+
+
 def refracted(small: Float32, mean: Float32, sheet: DropSheet, focal_px: float, parameters: LensDrops) -> Float32:
     """Return (h, w, 4): the light of the drops before each pixel of the glass, and where drops are.
 
@@ -538,9 +557,8 @@ def refracted(small: Float32, mean: Float32, sheet: DropSheet, focal_px: float, 
     far_px = cap.tangent * np.float32(focal_px)
     row, column = np.divmod(pixels, sheet.pane.shape[1])
     x, y = sheet.pane.x_px[column] - aside * far_px, sheet.pane.y_px[row] - down * far_px
-    light = (
-        shown_at(small, np.asarray(x, np.float32), np.asarray(y, np.float32), sheet.pane.size_px) * cap.passes[:, None]
-    )
+    passes = cap.passes + crescent(rho, np.asarray(down, np.float32)) * np.float32(parameters.caustic)
+    light = shown_at(small, np.asarray(x, np.float32), np.asarray(y, np.float32), sheet.pane.size_px) * passes[:, None]
     apart = (aside * rho - np.float32(GLINT_AT[0])) ** 2 + (down * rho - np.float32(GLINT_AT[1])) ** 2
     spot = np.maximum(1 - apart * np.float32(GLINT_RADIUS**-2), np.float32(0))
     own = (1 - cap.passes) * np.float32(parameters.rim) + spot * np.float32(parameters.glint)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from ...core.camera_motion import CameraState, camera_state_of
 from ...core.node_graph import Graph, GroupInput, Socket, Value
 from ...core.schema import Choice, key
-from ...core.srgb import decoded, encoded
+from ...core.srgb import LUMINANCE, decoded, encoded
 from ...core.streams import stream
 from ..groups import Canvas, convert, seed_of
 from ..kinds import About, ColourPerturbation, FrameContext, Nodes
@@ -62,6 +62,13 @@ class FogDepth:
     air_red: float = air_colour_key("red", 0.8)
     air_green: float = air_colour_key("green", 0.8)
     air_blue: float = air_colour_key("blue", 0.8)
+    air_tint: float = key(
+        "how far surfaces colour the light of the air that comes from the scene; 0 is as light, and grey",
+        default=1.0,
+        minimum=0,
+        maximum=1,
+        later=True,
+    )
     lamps: float = lamps_key()
     leave_sky: bool = key("void stays as it is", default=False)
     falloff_m: float = key(
@@ -82,6 +89,7 @@ class FogDepth:
     view_deg: float = view_key()
     frame_rate_hz: float = frame_rate_key()
     TOOLTIPS: ClassVar[Mapping[str, str]] = AIR_TOOLTIPS | {
+        "air_tint": "Lower: fog in a room of brick or wood is grey, not brown as smoke",
         "visibility_m": "Lower: the fog gets denser, and hides what is nearer",
         "outdoors": "On: severities are those of streets, where one sees further than in rooms",
         "airlight": "Higher: the fog gets lighter; 0 is smoke, 1 is white",
@@ -320,7 +328,8 @@ def air_of(rgb: Float32, parameters: FogDepth, context: FrameContext) -> Float32
     if parameters.air == "grey" or (parameters.air == "auto" and not context.lit):
         return decoded(np.array([parameters.airlight], np.float32))
     own = air_light(decoded(rgb), context.depth_m)
-    return own.over(own.surfaces).astype(np.float32)
+    grey = float(own.surfaces @ LUMINANCE)
+    return own.over(own.surfaces - (own.surfaces - grey) * (1 - parameters.air_tint)).astype(np.float32)
 
 
 def optical_depth(parameters: FogDepth, context: FrameContext, size: tuple[int, ...]) -> Float32:
@@ -607,7 +616,11 @@ def build(canvas: Canvas, given: Mapping[str, Socket], _served: Mapping[str, flo
     with graph.section("Airlight"):
         grey = given["airlight"]
         plain = convert(graph, graph.vector(grey, grey, grey), "sRGB", "Linear Rec.709")
-        air = own.chosen(plain, own.surfaces)
+        grey = graph.math("DOT_PRODUCT", own.surfaces, LUMINANCE)
+        apart = graph.math("SUBTRACT", own.surfaces, graph.vector(grey, grey, grey))
+        less = graph.math("SUBTRACT", given["air_tint"], 1.0)
+        surfaces = graph.math("MULTIPLY_ADD", apart, graph.vector(less, less, less), own.surfaces)
+        air = own.chosen(plain, surfaces)
     glow = glow_nodes(canvas, given, air, depth)
     with graph.section("Over the image"):
         fogged_over = graph.math("ADD", graph.mix(air, canvas.image, seen), glow)
@@ -653,6 +666,7 @@ PERTURBATION = ColourPerturbation(
     nodes=Nodes(build, linear=True, draws_lit=True, by_camera=by_camera),
     needs_depth=True,
     by_depth=by_depth,
+    newly={"air_tint": 0.25},
     implied=GIVEN_AIR | {"glow": ("lamps", 0.0)},
     uses_motion=True,
     repeats=is_even,

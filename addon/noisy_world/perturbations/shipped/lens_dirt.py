@@ -17,7 +17,7 @@ from ...core.streams import stream
 from ..groups import SEEDS, Canvas
 from ..kinds import About, ColourPerturbation, Example, FrameContext, Nodes
 from ._arrays import by_bands, gaussian, kept_for_sequence, three_channels
-from ._glass import reduced, reduced_nodes, sampled, share_of
+from ._glass import mean_of, reduced, reduced_nodes, sampled, share_of
 from ._noise import WhiteNoise, white_noise
 
 # A pane's dirt, drawn once: a picture that repeats, with specks of dust, smears of grease and scratches.
@@ -236,7 +236,9 @@ def build_dirt(canvas: Canvas, given: Given, absorbed_share: float) -> Socket:
         glare = sampled(spread, share)
         lit, left = scattered * given["glare"], 1.0 - absorbed - scattered
         seen = canvas.image * graph.vector(left, left, left)
-        return graph.math("MULTIPLY_ADD", glare, graph.vector(lit, lit, lit), seen)
+        seen = graph.math("MULTIPLY_ADD", glare, graph.vector(lit, lit, lit), seen)
+        own = scattered * given["beside"]
+        return graph.math("MULTIPLY_ADD", mean_of(spread), graph.vector(own, own, own), seen)
 
 
 def _dirt(canvas: Canvas, size: Socket, share: Socket) -> Socket:
@@ -328,6 +330,13 @@ class LensDirt:
         maximum=180,
     )
     glare: float = key("scattered light, times what is taken away for it", default=1.0, minimum=0, maximum=20)
+    beside: float = key(
+        "light from beside the frame that falls on what scatters, times the image's mean",
+        default=0.0,
+        minimum=0,
+        maximum=20,
+        later=True,
+    )
     lens: int = key(
         "which lens: one has the same dirt in all settings and datasets; 0 draws it for each setting",
         default=0,
@@ -343,6 +352,7 @@ class LensDirt:
         "reach_px": "Higher: lamps light up dirt further away from them",
         "streaks": "Higher: lamps draw streaks instead of halos",
         "wiped_deg": "Turns the streaks, which run across the direction of wiping",
+        "beside": "Higher: the dirt is lit from outside the picture, and is seen in flat light too",
         "lens": "Another number: other dirt, which is the same wherever the number is; 0 follows Seed",
         "glare": "Higher: dirt shines more than it takes away; 1 is as it is, 0 only takes away",
     }
@@ -356,11 +366,14 @@ def apply(rgb: Float32, parameters: LensDirt, context: FrameContext) -> Float32:
     spread = Spread(parameters.reach_px / 2**HALVINGS, parameters.streaks, math.radians(parameters.wiped_deg + 90))
     small = glare_of(reduced(linear, HALVINGS), spread)
     glare = np.asarray(cv2.resize(small, rgb.shape[1::-1], interpolation=cv2.INTER_LINEAR), np.float32)
+    beside = np.array(cv2.mean(small)[:3], np.float32) * np.float32(parameters.beside)
 
     def dirty(band: Float32, band_glare: Float32, band_dirt: Float32) -> Float32:
         absorbed, scattered = lost(band_dirt, parameters)
         seen = band_glare.reshape(band.shape) * three_channels(scattered * np.float32(parameters.glare))
         seen += three_channels(1 - absorbed - scattered).reshape(band.shape) * band
+        if parameters.beside > 0:
+            seen += scattered[..., None] * beside
         return encoded(seen)
 
     return by_bands(
@@ -417,7 +430,7 @@ PERTURBATION = ColourPerturbation(
         "smudges": (0.1, 0.2, 0.35, 0.55, 0.8),
         "scratches": (0.08, 0.15, 0.25, 0.4, 0.6),
     },
-    newly={"lens": 1},
+    newly={"lens": 1, "beside": 0.6},
     source="our own: from a lens that was wiped to one that never was",
     about=About(
         "Puts dust, grease and scratches on the front glass, which light up near lamps",

@@ -19,6 +19,8 @@ from ._drops import (
     BEAD_START,
     BEADS,
     BELOW,
+    CAUSTIC_AT,
+    CAUSTIC_WIDTH,
     CELL_HEIGHT,
     CELL_WIDTH,
     CLASSES,
@@ -375,7 +377,11 @@ def _refracted(canvas: Canvas, given: Given, glass: GlassNodes, sheet: SheetNode
         apart = graph.math("MULTIPLY_ADD", apart_x, apart_x, apart_y * apart_y)
         spot = graph.math("MAXIMUM", graph.math("MULTIPLY_ADD", apart, -(GLINT_RADIUS**-2), 1.0), 0.0)
         own = graph.math("MULTIPLY_ADD", 1.0 - cap.passes, given["rim"], spot * given["glint"])
-        passes = graph.vector(cap.passes, cap.passes, cap.passes)
+        near = (rho - CAUSTIC_AT) * (1 / CAUSTIC_WIDTH)
+        near = graph.math("MAXIMUM", graph.math("MULTIPLY_ADD", near * near, -1.0, 1.0), 0.0)
+        below = graph.math("MAXIMUM", down, 0.0)
+        gathered = graph.math("MULTIPLY_ADD", near * near * below * below, given["caustic"], cap.passes)
+        passes = graph.vector(gathered, gathered, gathered)
         light = graph.math("MULTIPLY_ADD", seen, passes, mean_of(small) * graph.vector(own, own, own))
         cover = rho_squared < 1.0
         return light * graph.vector(cover, cover, cover), cover
@@ -401,6 +407,7 @@ PERTURBATION = ColourPerturbation(
         "coverage": (0.04, 0.08, 0.14, 0.21, 0.3),
         "runs": (0.05, 0.15, 0.25, 0.35, 0.45),
     },
+    newly={"caustic": 1.5},
     source="our own: from the first drops to a lens in the rain",
     about=About(
         "Puts drops of water on the front glass, which show the scene upside down, run and dry",
