@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """`noisy-world view` and `noisy-world video`: read back by Rerun's own reader and by OpenCV."""
 
+import base64
+import json
 import os
 import re
 import sys
@@ -11,6 +13,7 @@ import cv2
 import numpy as np
 import pytest
 from cases import cases
+from chromium import READY, browser, find_chromium
 from runs import run
 from written import RIG, SIZE, read, rows_of, world
 from recipes_made import frames_from_arithmetic
@@ -253,3 +256,57 @@ def test_a_viewer_needs_a_display_and_is_found_beside_this_python(dataset, tmp_p
     assert "Rerun cannot open its viewer: it is tired; mend that, or write a recording by --save" in said
     assert said.count("\n") == 1
     assert found == [str(Path(sys.executable).parent)]
+
+
+def page_of(out, *words):
+    assert command.run("view", [*map(str, words), "--html", str(out)], VIEW) == 0
+    return json.loads(re.search(r'id="data">(.*)</script>', out.read_text())[1])
+
+
+def test_a_page_holds_frames_and_what_was_done_to_them(dataset, tmp_path):
+    page = page_of(tmp_path / "look.html", dataset())
+    assert page["channels"] == ["colour", "depth"]
+    assert [item["name"] for item in page["sequences"]] == ["clean/box", "noisy/box", "walked/box"]
+    clean, noisy, walked = page["sequences"]
+    assert [frame["number"] for frame in clean["frames"]] == list(range(FRAMES))
+    assert len(walked["frames"]) == FRAMES // 2
+    assert clean["frames"][0]["done"] == []
+    assert noisy["frames"][0]["done"] == ["rgb gaussian_noise severity 3", "depth depth_gaussian_noise severity 2"]
+    assert clean["depth"] == noisy["depth"]  # one scale, so that they can be compared
+    opened = noisy_world.open(dataset())
+    seen = cv2.imdecode(
+        np.frombuffer(base64.b64decode(noisy["frames"][2]["images"][0]), np.uint8), cv2.IMREAD_COLOR_RGB
+    )
+    whole = opened["noisy/box"][2].rgb
+    assert seen.shape == whole.shape
+    assert np.abs(seen.astype(float) - whole).mean() < 12  # JPEG's
+    few = page_of(tmp_path / "few.html", dataset(), "--only", "clean/*", "--every", "4")
+    assert [[frame["number"] for frame in item["frames"]] for item in few["sequences"]] == [[0, 4]]
+    assert few["note"] == "4 frames more are in the dataset; --every 1 shows all."
+
+
+def test_a_page_is_refused_where_it_cannot_be(dataset, tmp_path, capsys):
+    (tmp_path / "there.html").write_text("")
+    for name, said in (("look.pdf", "let it end in .html"), ("there.html", "--overwrite replaces it")):
+        assert command.run("view", [str(dataset()), "--html", str(tmp_path / name)], VIEW) == 1
+        assert said in capsys.readouterr().err
+
+
+def test_a_browser_shows_the_page(dataset, tmp_path):
+    if find_chromium() is None:
+        pytest.skip("needs chromium")
+    page_of(tmp_path / "look.html", dataset())
+    shown = "[...document.querySelectorAll('figcaption')].map((item) => item.textContent)"
+    with browser() as tab:
+        tab.open((tmp_path / "look.html").as_uri())
+        tab.run(READY)
+        assert (
+            tab.run(f"Promise.all([...document.images].map((image) => image.decode())).then(() => {shown}.length)") == 3
+        )
+        tab.run(
+            "(() => { const at = document.getElementById('at'); at.value = 5; at.dispatchEvent(new Event('input')); })()"
+        )
+        assert [re.search(r"frame (\d+)", text)[1] for text in tab.run(shown)] == ["5", "5", "2"]
+        tab.run("document.querySelector('input[type=checkbox]').click()")
+        assert [text.partition("/")[0] for text in tab.run(shown)] == ["noisy", "walked"]
+        assert tab.complaints() == []

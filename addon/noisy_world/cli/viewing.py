@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""`view`, `video`: a dataset in a viewer, or as videos to look at."""
+"""`view`, `video`: a dataset in a viewer, as a page or as videos to look at."""
 
 import argparse
 import os
@@ -14,6 +14,7 @@ from ..core.schema import ConfigPath
 from .arguments import Parser, frame_slice, out_path, place, positive
 from .command import Command
 from .entry import Entry, say
+from .look_page import PAGE_FRAMES
 
 if TYPE_CHECKING:
     import numpy as np
@@ -188,15 +189,26 @@ VIDEO = Command(
 
 
 RECORDING = ".rrd"
+PAGES = (".html", ".htm")
 ELSE = ", or write a recording by --save FILE.rrd, to open where there is one"
 
 
 def _view_options(parser: Parser) -> None:
     parser.option("dataset DATASET", "a dataset, a packed one, a sequence or a recipe", type=place)
     add_part(parser)
-    parser.option("--every N", "images of every n-th frame alone", type=positive, default=1)
-    instead = "write a recording instead of opening the viewer"
-    parser.option("--save FILE.rrd", instead, type=out_path)
+    parser.option(
+        "--every N", f"images of every n-th frame alone; in a page else {PAGE_FRAMES} of each sequence", type=positive
+    )
+    instead = parser.add_mutually_exclusive_group()
+    instead.add_argument(
+        "--save", metavar="FILE.rrd", type=out_path, help="write a recording instead of opening the viewer"
+    )
+    instead.add_argument(
+        "--html",
+        metavar="FILE.html",
+        type=out_path,
+        help="write one page that opens offline instead: a slider over frames, settings side by side; without Rerun",
+    )
 
 
 def _view(options: argparse.Namespace, _: Entry) -> int:
@@ -204,7 +216,9 @@ def _view(options: argparse.Namespace, _: Entry) -> int:
     from ..core.atomic_files import made_beside
     from ..dataset.opening import open_path
 
-    need(("rerun",), "view")
+    if options.html is not None:
+        return _write_page(options)
+    need(("rerun",), "view", otherwise="write a page by --html FILE.html")
     if options.save is None:
         _prepare_viewer()
     else:
@@ -214,13 +228,34 @@ def _view(options: argparse.Namespace, _: Entry) -> int:
     with open_path(options.dataset) as opened:
         parts = chosen(opened, options)
         if options.save is None:
-            _record(opened, parts, options.every, None)
+            _record(opened, parts, options.every or 1, None)
             print("opened the viewer")
             return 0
         with made_beside(options.save) as made:
-            _record(opened, parts, options.every, made)
+            _record(opened, parts, options.every or 1, made)
             size = made.stat().st_size
     print(f"wrote {options.save}: {', '.join(parts)}, {size / 1e6:.1f} MB; 'rerun {options.save}' opens it")
+    return 0
+
+
+def _write_page(options: argparse.Namespace) -> int:
+    from ..core.atomic_files import made_beside
+    from ..dataset.opening import open_path
+    from .frame_views import colour_and_depth_of
+    from .look_page import look_page
+
+    if options.html.suffix.lower() not in PAGES:
+        raise StorageError("is no name of a page", file=options.html, remedy=f"let it end in {PAGES[0]}")
+    check_free(options.html, overwrite=options.overwrite)
+    with open_path(options.dataset) as opened:
+        if not colour_and_depth_of(opened):
+            raise StorageError("holds neither colour nor depth", file=opened.place)
+        parts = chosen(opened, options)
+        text = look_page(opened, parts, options.every)
+        with made_beside(options.html) as made:
+            made.write_text(text, encoding="utf-8")
+    sequences = "1 sequence" if len(parts) == 1 else f"{len(parts)} sequences"
+    print(f"wrote {options.html}: {sequences}, {len(text) / 1e6:.1f} MB; any browser opens it")
     return 0
 
 
@@ -265,9 +300,9 @@ VIEW = Command(
     name="view",
     order=70,
     group="look at what there is",
-    help="open a dataset's images, paths, IMU and perturbations in Rerun's viewer",
+    help="open a dataset's images, paths, IMU and perturbations in Rerun's viewer, or write a page",
     description="Open Rerun's viewer with sequences of a dataset: colour and depth, true and planned paths, the "
-    "rig's frames, the IMU's samples, and what was done to which frame.",
+    "rig's frames, the IMU's samples, and what was done to which frame. With --html write one page for any browser.",
     options=_view_options,
     run=_view,
     needs=("numpy", "cv2"),
