@@ -54,7 +54,8 @@ def _example(options: argparse.Namespace, _: Entry) -> int:
             print(f"{name:<{width}}  {', '.join(path.name for path in files)}: {about_example(files)}")
         return 0
     by_file = {path.name: name for name, files in examples.items() for path in files}
-    name: str = by_file.get(options.name, options.name)
+    asked: str = options.name
+    name = by_file.get(asked, asked)
     if name not in examples:
         remedy = did_you_mean(name, [*examples, *by_file]) or f"'{PROGRAM} example' lists them"
         raise InputError(options.name, "no such example", remedy=remedy)
