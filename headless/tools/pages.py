@@ -189,7 +189,7 @@ def gallery() -> str:
             picture = f"![{about.picture or f'{item.label} at severities 1, 3 and 5'}](gallery/{item.name}.jpg)"
             whose = f", {origin}" if (origin := origin_of(item, "ours")) else ""
             parts.append(f"### {item.label}\n{picture}\n" + wrapped(f"`{item.name}`{whose}: {caption}."))
-    return "\n\n".join(parts)
+    return re.sub(r"\n\n(?=### )", "\n", "\n\n".join(parts))
 
 
 def example_preset(item: Perturbation) -> str:
@@ -271,15 +271,20 @@ def recorded_layout_table() -> str:
 
 
 def key_tables() -> str:
-    """Return the keys of a preset: a table for each branch, those that stand alone at the end."""
-    branches: dict[str, list[tuple[str, str]]] = {}
+    """Return the keys of a preset: a table for each branch. Keys of a branch that say the same share a row."""
+    branches: dict[str, dict[str, list[str]]] = {}
     for name, said in preset_keys():
-        parts = name.split(".")
-        branch = ".".join(parts[:2]) if parts[0] == "scenes[]" and len(parts) > 2 else parts[0]
-        branches.setdefault(branch, []).append((quoted(name), said.replace("|", "\\|")))
-    several = [rows for rows in branches.values() if len(rows) > 1]
-    alone = [row for rows in branches.values() if len(rows) == 1 for row in rows]
-    return "\n\n".join(table(("key", "what it says"), iter(rows)) for rows in [alone, *several])
+        parts = name.removeprefix("scenes[].").split(".")
+        inside = name.startswith("scenes[].")
+        branch = f"a scene's {parts[0]}" if inside and len(parts) > 1 else "a scene" if inside else parts[0]
+        branches.setdefault(branch, {}).setdefault(said.replace("|", "\\|"), []).append(name)
+    several = {branch: rows for branch, rows in branches.items() if len(rows) > 1}
+    alone = {said: names for rows in branches.values() if len(rows) == 1 for said, names in rows.items()}
+    return "\n\n".join(
+        f"## {branch[:1].upper()}{branch[1:].removesuffix('[]')}\n\n"
+        + table(("key", "what it says"), ((listed(names), said) for said, names in rows.items()))
+        for branch, rows in {"the preset": alone, **several}.items()
+    )
 
 
 def camera_table() -> str:
