@@ -346,7 +346,7 @@ def _of_light(device: Device) -> Iterator[Known]:
     if shutter_ms:
         yield share("exposure by motion blur", shutter_ms, "exposure_ms")
     if readout_ms := device.given("rolling_shutter").get("readout_ms"):
-        yield share("readout", readout_ms, "readout_ms")
+        yield share("readout", readout_ms, "readout_down_ms")
 
 
 def _of_depth(device: Device) -> Iterator[Known]:
@@ -439,23 +439,19 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("--devices", type=int, default=DEVICES, help="of each room")
     parser.add_argument("--seed", type=int, default=0, help="of the devices")
     parser.add_argument("--kept", type=Path, help="a folder for the walks, which are taken from it if they are there")
+    parser.add_argument("--walks", action="store_true", help="make the walks alone")
     parser.add_argument("--json", type=Path, help="a file for every case")
+    parser.add_argument("--of", type=Path, nargs="+", default=[], help="print the table of such files alone")
     options = parser.parse_args(arguments)
-    cases: list[Case] = []
+    cases = [_case(content) for file in options.of for content in json.loads(file.read_text())]
     with tempfile.TemporaryDirectory() as scratch:
-        folder: Path = options.kept or Path(scratch)
-        for room in options.rooms:
-            for body, devices in enumerate(drawn_devices(room, options.devices, options.seed)):
-                if not devices:
-                    continue
-                walk = folder / f"room{room}_{options.seed}_{options.devices}_{body}"
-                if not (walk / "manifest.json").is_file():
-                    walk_of(room, devices, walk)
-                for device in devices:
-                    cases += measured_again(put_on(device, walk))
-                    print(f"{device.name} measured", file=sys.stderr, flush=True)
-                if options.json:
-                    options.json.write_text(json.dumps([_content(case) for case in cases], indent=1))
+        for device, walk in _walks(options, options.kept or Path(scratch)):
+            if options.walks:
+                continue
+            cases += measured_again(put_on(device, walk))
+            print(f"{device.name} measured", file=sys.stderr, flush=True)
+            if options.json:
+                options.json.write_text(json.dumps([asdict(case) for case in cases], indent=1))
     print("\n".join(table(cases)))
     for case in cases:
         if case.value is not None and not (case.within or case.covered):
@@ -464,8 +460,20 @@ def main(arguments: list[str]) -> int:
     return 0
 
 
-def _content(case: Case) -> Mapping[str, Any]:
-    return asdict(case) | {"within": case.within, "covered": case.covered}
+def _walks(options: argparse.Namespace, folder: Path) -> Iterator[tuple[Device, Path]]:
+    """Yield each device with the folder of its body's walk, which is made where it is not there."""
+    if options.of:
+        return
+    for room in options.rooms:
+        for body, devices in enumerate(drawn_devices(room, options.devices, options.seed)):
+            walk = folder / f"room{room}_{options.seed}_{options.devices}_{body}"
+            if devices and not (walk / "manifest.json").is_file():
+                walk_of(room, devices, walk)
+            yield from ((device, walk) for device in devices)
+
+
+def _case(content: Mapping[str, Any]) -> Case:
+    return Case(**content)
 
 
 if __name__ == "__main__":
