@@ -53,7 +53,7 @@ def _report(options: argparse.Namespace, _: Entry) -> int:
     if options.tables:
         print(f"wrote {results.tables}")
     else:
-        tell_report(folder)
+        tell_report(folder, options.against)
     return 0
 
 
@@ -75,7 +75,7 @@ def _join(options: argparse.Namespace) -> int:
     if options.tables:
         print(f"wrote {out.folder / 'study.json'} and {out.tables}")
     else:
-        tell_report(out.folder)
+        tell_report(out.folder, options.against)
     return 0
 
 
@@ -91,12 +91,17 @@ def _report_options(parser: Parser) -> None:
         "the folder of the record of all of it: study.json and the tables of runs and sequences; the report too",
         type=folder,
     )
+    against = "the folder of a study of before: say which findings change, with intervals"
+    parser.option("--against DIR", against, type=folder)
     parser.flag("--tables", "end with the tables of runs and sequences")
 
 
 def _settle_report(parser: Parser, options: argparse.Namespace) -> argparse.Namespace:
     if len(options.results) > 1 and options.out is None:
-        parser.error("several folders are put together in another one: name it with --out")
+        remedy = "name it with --out; two studies are put side by side with --against"
+        parser.error(f"several folders are put together in another one: {remedy}")
+    if options.tables and options.against is not None:
+        parser.error("--against is of the report, which --tables leaves out")
     return options
 
 
@@ -107,7 +112,8 @@ REPORT = Command(
     help="write the report of a study anew",
     description="Write the report of a study into its folder of results, from what is there: report.html, one page "
     "that opens offline, report.md, figures/ and tables/ as CSV, Parquet (where pyarrow is installed) and LaTeX. "
-    "docs/report.md says what each part of it means. With --out, put a study together that was run in pieces.",
+    "docs/report.md says what each part of it means. With --out, put a study together that was run in pieces; with "
+    "--against, say which findings differ from those of another study.",
     options=_report_options,
     settle=_settle_report,
     run=_report,

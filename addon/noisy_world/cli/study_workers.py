@@ -181,11 +181,14 @@ def _tell_outcome(study: Study, *, report: bool) -> int:
     return 0
 
 
-def tell_report(results: Path) -> None:
-    """Write the report of a folder of results, and print what it found, what it has to do without and where it is."""
+def tell_report(results: Path, before: Path | None = None) -> None:
+    """Write the report of a folder of results, and print what it found, what it has to do without and where it is.
+
+    before: the folder of a study beside whose findings its own are put.
+    """
     from ..evaluate.report import write_report
 
-    written = write_report(results)
+    written = write_report(results, before)
     for line in written.findings:
         print(line)
     for line in written.missing:

@@ -47,6 +47,7 @@ from .report_tables import (
     parquet_bytes,
 )
 from .run_figures import path_picture, time_picture, worst_frames
+from .study_changes import changes_section
 from .thresholds import threshold_section
 
 if TYPE_CHECKING:
@@ -69,8 +70,8 @@ class WrittenReport:
     findings: tuple[str, ...]
 
 
-def write_report(results: Path) -> WrittenReport:
-    """Write the report of a results folder into it.
+def write_report(results: Path, before: Path | None = None) -> WrittenReport:
+    """Write the report of a results folder into it. before: another one, beside whose findings its own are put.
 
     Equal folders give equal bytes. Raises InputError where the folder holds no results or a damaged file, StorageError
     where it cannot be written, and MissingDependencyError without the packages of the extra evaluate.
@@ -81,7 +82,12 @@ def write_report(results: Path) -> WrittenReport:
     from .report_tables import read_results
 
     study = read_results(results)
+    changes = None if before is None else changes_section(study, read_results(before))
     contents = gather(study, analyse(study.runs, study.sequences))
+    if changes is not None:
+        first, *others = contents.sections
+        findings = [*contents.findings, *changes.paragraphs]
+        contents = replace(contents, sections=[first, changes, *others], findings=findings)
     files = write_contents(contents, paper_tables(study, published()), results)
     return WrittenReport(tuple(files), tuple(contents.missing), tuple(contents.findings))
 
