@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..channels import pair_channels, surface_channels
+from ..channels.passes import NAME as PASSES
 from ..core.errors import InputError, Message, PresetKey, either
 from ..core.frame_request import FrameRequest
 from ..core.geometry import Intrinsics, invert_pose
@@ -420,6 +421,17 @@ def check_surface(scene: Scene, preset: Preset) -> None:
         raise place.error(problem, f"use {' or '.join(SURFACE_ENGINES)}")
 
 
+def check_passes(scene: Scene, preset: Preset) -> None:
+    """Refuse passes where a scene has none, or its frames are bent by a lens. Raises InputError."""
+    if PASSES not in preset.spec.output.modalities:
+        return
+    without = Message(f"take {PASSES} out of ", PresetKey("output.modalities"))
+    if not scene.source.capabilities.passes:
+        raise scene.error(f"has no {PASSES}: these are of scenes of one's own, a .blend", without)
+    if preset.spec.camera is not None and preset.spec.camera.distortion is not None:
+        raise scene.error(f"has no {PASSES} through a lens that distorts: they are a pinhole's", without)
+
+
 def check_light(scene: Scene, settings: Sequence[Setting], preset: Preset) -> None:
     """Refuse light as output where a scene has none, and what acts on the image that a view transform makes of it.
 
@@ -468,8 +480,9 @@ def check_exposed(exposing: str, preset: Preset) -> None:
     Raises InputError.
     """
     modalities = preset.spec.output.modalities
-    if asked := (*surface_channels(modalities), *pair_channels(modalities)):
-        problem = f"{exposing} makes colour and depth of several moments, and no {asked[0].name}"
+    asked = [item.name for item in (*surface_channels(modalities), *pair_channels(modalities))]
+    if asked := [*asked, *({PASSES} & set(modalities))]:
+        problem = f"{exposing} makes colour and depth of several moments, and no {asked[0]}"
         raise preset.place("output.modalities").error(problem, "take one of them out")
 
 
@@ -722,7 +735,8 @@ def lay_out_plan(
     planned = {sequence.setting.name for render in renders for sequence in render.sequences}
     settings = tuple(setting for setting in settings if setting.name in planned)
     plan = replace(plan, settings=settings, renders=renders, refused=refused)
-    if spec.output.depth_range == "layout" or spec.output.depth_scale_per_m is not None:
+    given = spec.output.depth_range == "layout" or spec.output.depth_scale_per_m is not None
+    if given or "depth" not in plan.format.modalities:
         return plan
     reach = max((_reach(render, preset) for render in renders), key=lambda found: found.farthest_m)
     return replace(plan, format=replace(plan.format, depth_scale_per_m=reach.scale_per_m), reach=reach)
@@ -888,6 +902,7 @@ def _check_scenes(scenes: Sequence[Scene], preset: Preset) -> None:
             problem = Message(f"{scene.name} has no depth, but ", PresetKey("output.modalities"), " asks for it")
             raise scene.error(problem, Message("set ", PresetKey("output.modalities", "[rgb]")), lacks="depth")
         check_surface(scene, preset)
+        check_passes(scene, preset)
 
 
 def _check_poses(scene: Scene, preset: Preset) -> None:

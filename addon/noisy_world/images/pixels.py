@@ -3,7 +3,7 @@
 
 import io
 import struct
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, Literal, TypeVar
 
 import numpy as np
@@ -254,6 +254,17 @@ def encode_exr(pixels: NDArray[np.float32], parts: Sequence[str], dtype: type[np
     header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
     data = io.BytesIO()
     OpenEXR.File(header, channels, num_threads=0).write(data)
+    return data.getvalue()
+
+
+def encode_layers(channels: Mapping[str, NDArray[np.float32]], attributes: Mapping[str, str]) -> bytes:
+    """Encode channels (H, W) by their names as one EXR of floats, zipped. attributes: texts of its header."""
+    import OpenEXR
+
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage, **attributes}
+    data = io.BytesIO()
+    planes = {name: np.ascontiguousarray(plane, np.float32) for name, plane in channels.items()}
+    OpenEXR.File(header, planes, num_threads=0).write(data)
     return data.getvalue()
 
 

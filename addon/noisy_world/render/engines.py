@@ -357,6 +357,9 @@ class RenderFile:
         """Prepare the scene. size_px: width, height of the frames, which stand at the left top of the image."""
         self._scene = scene
         self.size_px = size_px
+        self.keep_all = False  # whether `last` is told after each render
+        self.last: tuple[dict[str, NDArray[np.float32]], dict[str, str]] = {}, {}
+        """All channels (H, W) of the last frame by their whole names, and the texts of its header."""
         self._scratch = ScratchFolder(bytes_per_pixel * size_px[0] * size_px[1])
         self.folder = self._scratch.path
         self._path = self.folder / "frame.exr"
@@ -395,6 +398,9 @@ class RenderFile:
             )
         with OpenEXR.File(utf8_name(self._path), separate_channels=True) as file:
             named = {tuple(name.rsplit(".", 2)): item.pixels[crop] for name, item in file.channels().items()}
+            if self.keep_all:
+                texts = {name: value for name, value in file.header().items() if isinstance(value, str)}
+                self.last = {".".join(name): pixels for name, pixels in named.items()}, texts
         return {".".join(name[1:]): pixels for name, pixels in named.items() if name[0] == layer}
 
     def close(self) -> None:

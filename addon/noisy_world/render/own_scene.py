@@ -16,6 +16,8 @@ from numpy.typing import NDArray
 
 from ..channels import SurfaceImages
 from ..channels.channel import Fact, Surface
+from ..channels.passes import NAME as PASSES
+from ..channels.passes import passes_image
 from ..core.camera_motion import travel_px
 from ..core.errors import InputError
 from ..core.frame_request import AT_ONCE, FrameRequest, SensorPaths, Shutter
@@ -25,6 +27,7 @@ from ..nodes.datablocks import camera_of, get_value, inputs
 from ..nodes.datablocks import cycles as cycles_of
 from ..perturbations.groups import BRIGHTEST
 from .engines import (
+    BYTES_PER_PIXEL,
     CENTRE_FILTER_PX,
     FILTER_MIDDLE,
     PLAIN_CYCLES,
@@ -357,6 +360,10 @@ def _transparent(node: bpy.types.Node) -> bool:
     return alpha is not None and (alpha.is_linked or get_value(alpha) < 1.0)
 
 
+BYTES_WITH_PASSES = 400  # of a pixel in the scratch file; chosen: a hundred channels
+KEPT_TEXTS = ("cryptomatte/", "BlenderMultiChannel", "colorInteropID")
+"""How texts of a render's header begin that say what is in it, and not when and how fast it was made."""
+
 COMPOSITE = "Composite"  # the layer of what the compositor makes
 LOOKS = 33  # poses at which the path is looked at while lines are read; chosen, as for a blur
 
@@ -414,6 +421,9 @@ class OwnSceneSession:
         if self._bending is not None:
             intrinsics = self._bending.pinhole
         self._served = _served(paths, options)
+        passes = PASSES in options.channels
+        if passes:  # they are those of colour's render
+            options = replace(options, channels=options.channels | {"rgb"})
         self._file = file
         if scene is None:
             open_file(str(file.path))
@@ -446,8 +456,11 @@ class OwnSceneSession:
         if options.through_glass and panes.any:
             self._seen = self._depth_scene(panes=panes)
         self._colour = (
-            _Colour(scene, file, intrinsics, options, depth=together, bending=self._bending) if options.rgb else None
+            _Colour(scene, file, intrinsics, options, depth=together, bending=self._bending, passes=passes)
+            if options.rgb
+            else None
         )
+        self._passes = passes
 
     def serves(self, paths: SensorPaths, options: RenderOptions) -> bool:
         """Tell whether frames along other paths, with other options, would be those of a session of their own."""
@@ -460,12 +473,14 @@ class OwnSceneSession:
         rgb = depth_m = seen_m = light = None
         others: dict[str, NDArray[Any]] = {}
         depth_asked = request.looks_at("depth")
-        if self._colour is not None and (request.looks_at("rgb") or (depth_asked and not self._apart)):
+        passes_asked = self._passes and request.looks_at(PASSES)
+        if self._colour is not None and (passes_asked or request.looks_at("rgb") or (depth_asked and not self._apart)):
             rgb, depth_m, light = self._colour.render(request)
+            others |= {PASSES: self._colour.passes} if passes_asked else {}
         at = self._file.at(request.time_s)[0]
         if self._depth is not None and self._images.needs:
             seen_m, surface = self._depth.render(request.rgb_c2w, at)
-            others = self._images.of(surface)
+            others |= self._images.of(surface)
         if self._depth is not None and self._apart and depth_asked:
             same = seen_m is not None and np.array_equal(request.rgb_c2w, request.depth_c2w)
             depth_m = seen_m if same else self._depth.render(request.depth_c2w, at)[0]
@@ -552,8 +567,12 @@ class _Colour:
         *,
         depth: bool,
         bending: Bending | None,
+        passes: bool = False,
     ) -> None:
-        """Prepare it. depth: whether it gives depth too. bending: of light, whose pinhole the intrinsics are."""
+        """Prepare it. depth: whether it gives depth too. bending: of light, whose pinhole the intrinsics are.
+
+        passes: whether it tells all passes that the scene's layer has, and Cryptomatte of objects and materials.
+        """
         self._bending = bending
         self._scene = scene
         self._file = file
@@ -576,16 +595,30 @@ class _Colour:
         }
         layer = rendered_layer(scene)
         layer.use_pass_combined = True
-        layer.use_pass_z = depth
+        layer.use_pass_z = depth or (passes and layer.use_pass_z)
+        if passes:
+            layer.use_pass_cryptomatte_object = layer.use_pass_cryptomatte_material = True
+        self._prefix = f"{layer.name}."
         self._layer = COMPOSITE if file.keep_compositor else layer.name
         size_px = (intrinsics.width_px, intrinsics.height_px)
-        self._render = RenderFile(scene, size_px)
+        self._render = RenderFile(scene, size_px, BYTES_WITH_PASSES if passes else BYTES_PER_PIXEL)
+        self._render.keep_all = passes
         seen_by = intrinsics if bending is None else bending.camera
         self._shown = ShownColour(scene, (seen_by.width_px, seen_by.height_px), self._render.folder)
 
     def render(self, request: FrameRequest) -> tuple[NDArray[np.float32], NDArray[np.float32] | None, SceneLight]:
         """Return colour (H, W, 3), display-encoded; depth (H, W) in metres or None; and colour before the display."""
         return self._made(self._passes(request))
+
+    @property
+    def passes(self) -> NDArray[np.uint8]:
+        """The passes of the frame that was rendered last, as their channel's image."""
+        channels, texts = self._render.last
+        timed = f"{self._prefix}Render Time."  # no two renders agree in it
+        own = (name for name in channels if name.startswith(self._prefix) and not name.startswith(timed))
+        layer = {name: channels[name] for name in own}
+        attributes = {name: text for name, text in texts.items() if name.startswith(KEPT_TEXTS)}
+        return passes_image(layer, attributes)
 
     def read(
         self, request: FrameRequest, bands: Sequence[Band]

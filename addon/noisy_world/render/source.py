@@ -174,6 +174,7 @@ class SourceCapabilities:
     not: how far a frame counts that measured nothing at all, by its number, metres. None where void is the sky, as
     that of a renderer: infinitely far. imu: what an IMU measured beside the frames; None without one.
     exposures_s: (N,) how long colour of each frame was exposed, NaN where that is not known; None without any.
+    passes: whether it gives the passes of a scene of one's own.
     """
 
     rendered: bool
@@ -195,6 +196,7 @@ class SourceCapabilities:
     exposures_s: NDArray[np.float64] | None = None
     depth_scale_per_m: float | None = None
     poses_path: Path | None = None
+    passes: bool = False
 
     @property
     def recorded(self) -> bool:

@@ -98,6 +98,7 @@ class BlendSource(SimpleSource):
             at_once=at_once,
             lit=True,
             distorts=True,
+            passes=True,
         )
 
     @property
