@@ -122,6 +122,23 @@ def test_a_chain_of_an_earlier_version_is_made_anew_and_nothing_of_it_is_left(sc
     assert len(bpy.data.node_groups) == 0
 
 
+@pytest.mark.parametrize("deleted", ["Motion Blur", "Motion Blur Step", "Dirt on a lens"])
+def test_what_a_user_deletes_of_a_chain_is_made_again(scene, deleted):
+    steps = steps_of({"motion_blur": {"severity": 3}}, {"lens_dirt": {"severity": 3}})
+    refresh_chain(scene, steps, IDENTIFIERS)
+    (item,) = (each for each in (*bpy.data.node_groups, *bpy.data.images) if each.name == deleted)
+    bpy.data.batch_remove([item])
+    chain = refresh_chain(scene, steps, IDENTIFIERS)
+    used = [node.node_tree for node in chain.nodes if node.bl_idname == "CompositorNodeGroup"]
+    while used:
+        tree = used.pop()
+        assert tree is not None
+        for node in tree.nodes:
+            if node.bl_idname == "CompositorNodeGroup":
+                used.append(node.node_tree)
+            assert node.bl_idname != "CompositorNodeImage" or node.image is not None
+
+
 def test_a_group_that_takes_the_camera_follows_a_slider(scene):
     for severity in (2, 3):
         chain = refresh_chain(scene, steps_of({"rain_depth": {"severity": severity}}), IDENTIFIERS)

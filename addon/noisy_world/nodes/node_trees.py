@@ -213,7 +213,7 @@ def ensure_group(graph: Graph) -> bpy.types.CompositorNodeTree:
     group of this name stays as it is. If anything fails, the file is left as it was.
     """
     old = made_before(bpy.data.node_groups, graph.name)
-    if isinstance(old, bpy.types.CompositorNodeTree) and old.get(STAMP) == graph.stamp:
+    if isinstance(old, bpy.types.CompositorNodeTree) and old.get(STAMP) == graph.stamp and _is_whole(old):
         return old
     before: set[bpy.types.ID] = {*bpy.data.node_groups, *bpy.data.images}
     try:
@@ -223,6 +223,36 @@ def ensure_group(graph: Graph) -> bpy.types.CompositorNodeTree:
         raise
     _replace(old, tree, graph.name)
     return tree
+
+
+_whole: dict[int, tuple[int, ...]] = {}  # by a group that was whole: which groups and images the file had then
+
+
+def _is_whole(item: bpy.types.ID) -> bool:
+    """Tell whether nothing is missing inside a group: a user may have deleted a group or an image that it uses.
+
+    Looking takes milliseconds, so a group is looked at again only when groups or images of the file are others.
+    """
+    there = tuple(each.session_uid for each in (*bpy.data.node_groups, *bpy.data.images))
+    if _whole.get(item.session_uid) == there:
+        return True
+    left, seen = [item], {item}
+    while left:
+        tree = left.pop()
+        for node in tree.nodes if isinstance(tree, bpy.types.NodeTree) else ():
+            if isinstance(node, bpy.types.CompositorNodeGroup):
+                used = node.node_tree
+            elif isinstance(node, bpy.types.CompositorNodeImage):
+                used = node.image
+            else:
+                continue
+            if used is None:
+                return False
+            if used not in seen:
+                seen.add(used)
+                left.append(used)
+    _whole[item.session_uid] = there
+    return True
 
 
 def _replace(old: bpy.types.ID | None, new: bpy.types.ID, name: str) -> None:
@@ -332,7 +362,7 @@ def _made_local(item: bpy.types.ID) -> bpy.types.ID:
         name, version = str(used[MADE_AS]).partition("\n")[0], STAMP if is_group else PICTURE_VERSION
         there: Iterable[bpy.types.ID] = bpy.data.node_groups if is_group else bpy.data.images
         old = made_before(there, name)
-        if old is not None and old.get(version) == used.get(version):
+        if old is not None and old.get(version) == used.get(version) and _is_whole(old):
             used.user_remap(old)
         else:
             _replace(old, _made_local(used), name)

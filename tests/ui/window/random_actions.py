@@ -29,8 +29,14 @@ DRAW = random.Random(SEED)
 OURS = "Noisy World"
 PAUSE_S = 0.01  # until the next action, once the windows are drawn
 USER_FILE, OTHER_FILE = FOLDER / "user.blend", FOLDER / "other.blend"
-KNOWN = {"of": ["other_scenes", "other_settings"]}
-SLOW = {"noisy_world.generate", "noisy_world.generate_anew", "noisy_world.generate_shots", "noisy_world.track"}
+PRESETS = sorted(map(str, (SOURCE.parent / "presets").rglob("*.yaml")))
+# What buttons and menus give, and few people type.
+KNOWN: dict[str, list[str]] = {"of": ["other_scenes", "other_settings"], "setting": [""]}
+OFTEN = {
+    "noisy_world.add_step": 8.0, "noisy_world.use_preset": 2.0, "noisy_world.preview_frame": 2.0,
+    "noisy_world.generate": 0.2, "noisy_world.generate_anew": 0.2, "noisy_world.generate_without": 0.2,
+    "noisy_world.generate_shots": 0.2, "noisy_world.track": 0.2, "noisy_world.remove_step": 2.0,
+}  # fmt: skip
 NEVER = {
     "noisy_world.open_output",  # a file manager of the machine
     "noisy_world.open_page",
@@ -47,6 +53,10 @@ def main() -> None:
     import noisy_world
 
     noisy_world.register()
+    from noisy_world.perturbations import registry
+    from noisy_world.preset.camera_devices import CAMERA_DEVICES
+
+    KNOWN.update(perturbation=sorted(registry()), device=sorted(CAMERA_DEVICES))
     state = State()
     bpy.app.timers.register(state.proceed, first_interval=1.0, persistent=True)
 
@@ -168,7 +178,8 @@ class State:
             bpy.ops.wm.quit_blender()
             return None
         self.number += 1
-        action, words = (prepare, []) if self.prepare else self.draw()
+        with in_view():
+            action, words = (prepare, [DRAW.random() < 0.7]) if self.prepare else self.draw()
         self.prepare = action in (load_file, restart_add_on) and DRAW.random() < 0.8
         log(number=self.number, action=action.__name__, words=words)
         start_s, cpu_s = time.monotonic(), time.thread_time()
@@ -181,7 +192,7 @@ class State:
         except Exception:  # noqa: BLE001 - the test shows it
             result = traceback.format_exc()
         took = {"s": round(time.monotonic() - start_s, 3), "cpu_s": round(time.thread_time() - cpu_s, 3)}
-        wrong = self.wrong(by_user=action in BY_USER or action in (undo, redo))
+        wrong = self.wrong(by_user=action in BY_USER or action is undo)
         log(done=self.number, result=result[:2000], wrong=wrong, **took)
         self.last = {"s": time.monotonic(), "cpu_s": time.thread_time()}
         return PAUSE_S
@@ -220,10 +231,8 @@ def names_of_operators() -> list[str]:
 
 def some_operator() -> list[Any]:
     """Draw an operator and its arguments."""
-    names = names_of_operators()
-    name = DRAW.choices(names, [0.15 if name in SLOW else 1.0 for name in names])[0]
-    if DRAW.random() < 0.25:
-        name = DRAW.choice([item for item in names if "add_step" in item or "preset" in item or "load" in item])
+    names = [name for name in names_of_operators() if getattr(bpy.ops.noisy_world, name.partition(".")[2]).poll()]
+    name = DRAW.choices(names, [OFTEN.get(name, 1.0) for name in names])[0]
     operator = getattr(bpy.ops.noisy_world, name.partition(".")[2])
     arguments = {}
     for item in operator.get_rna_type().properties:
@@ -325,6 +334,8 @@ def some_text(item: Any) -> str:
     name = item.identifier
     if name in KNOWN:  # what a button gives, and nobody types
         return DRAW.choice(KNOWN[name])
+    if name == "filepath" and DRAW.random() < 0.5:
+        return DRAW.choice(PRESETS)
     if item.subtype in ("DIR_PATH", "FILE_PATH", "FILE_NAME") or "folder" in name or "file" in name:
         kinds = ["mesh.ply", "trajectory.txt", "preset.yaml", "nothing.ply", "out", "user.blend", ""]
         word = DRAW.choice(kinds)
@@ -351,25 +362,22 @@ def set_property(path: str, name: str, value: Any) -> Any:
     return "set"
 
 
-def prepare() -> Any:
+def prepare(preview: bool) -> Any:
     """Let the panel show the small room and the short path: on a processor, drawing the embedded one takes seconds."""
     item = panel()
     item.mesh_source, item.of_mesh.mesh = "FILE", str(FOLDER / "mesh.ply")
     item.trajectory_source, item.scene.trajectory.file = "FILE", str(FOLDER / "trajectory.txt")
     item.camera.width, item.camera.height, item.camera.fx, item.camera.fy = 64, 36, 40, 40
     item.camera.cx, item.camera.cy = 31.5, 17.5
+    item.preview = preview
     bpy.ops.ed.undo_push(message="Prepare")
     return "set"
 
 
-def undo() -> Any:
-    """Press Ctrl Z."""
-    return bpy.ops.ed.undo() if bpy.ops.ed.undo.poll() else "grey"
-
-
-def redo() -> Any:
-    """Press Ctrl Shift Z."""
-    return bpy.ops.ed.redo() if bpy.ops.ed.redo.poll() else "grey"
+def undo(times: int, back: int) -> Any:
+    """Press Ctrl Z some times, and Ctrl Shift Z some."""
+    pressed = [bpy.ops.ed.undo] * times + [bpy.ops.ed.redo] * back
+    return [operator() for operator in pressed if operator.poll()]
 
 
 def shade(kind: str, compositor: str) -> Any:
@@ -489,8 +497,7 @@ KINDS = ("objects", "node_groups", "images", "collections", "cameras", "meshes",
 ACTIONS: dict[Callable[..., Any], tuple[float, Callable[[], list[Any]]]] = {
     use_operator: (40, some_operator),
     set_property: (40, some_property),
-    undo: (8, list),
-    redo: (4, list),
+    undo: (8, lambda: [DRAW.choice([1, 1, 2, 5]), DRAW.choice([0, 1, 2, 5])]),
     shade: (
         3,
         lambda: [DRAW.choice(["SOLID", "WIREFRAME", "RENDERED"]), DRAW.choice(["ALWAYS", "CAMERA", "DISABLED"])],
