@@ -290,7 +290,7 @@ def copied(tmp_path_factory):
     shutil.copytree(ROOT / "addon", top / "addon", copy_function=linked)
     for name in ("docs", "presets", "headless/tools"):
         shutil.copytree(ROOT / name, top / name, ignore=shutil.ignore_patterns("*.jpg", "*.mp4", "*.png", "data"))
-    for name in ("pyproject.toml", "blender_manifest.toml"):
+    for name in ("pyproject.toml", "blender_manifest.toml", "README.md", "CITATION.cff", "mkdocs.yml"):
         shutil.copy2(ROOT / name, top)
     for name, text in FILES.items():
         (top / "addon/noisy_world" / name).write_text(with_own_imports(text), encoding="utf-8")
