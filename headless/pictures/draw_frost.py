@@ -3,11 +3,12 @@
 
     python headless/pictures/draw_frost.py
 
-Writes two grey PNG files into the add-on: how thick the ice gets, and when it comes. All tips grow at the same time,
-each along the axis of its crystal, and put out branches at some 60 degrees to both sides, as ice does (Libbrecht, The
-physics of snow crystals, 2005). A tip that comes near other ice stops, as the vapour there is used up, which is what
-shapes aggregates where diffusion is the limit (Witten and Sander, 1981; for frost on panes: Kim and Lin, 2003). So
-plumes compete for room: most starve at the edge, and the ferns of those that win fill what lies between them.
+Writes two grey PNG files of each of two habits into the add-on: how thick the ice gets, and when it comes. All tips
+grow at the same time, each along the axis of its crystal, and put out branches at some 60 degrees to both sides, as
+ice does (Libbrecht, The physics of snow crystals, 2005). A tip that comes near other ice stops, as the vapour there is
+used up, which is what shapes aggregates where diffusion is the limit (Witten and Sander, 1981; for frost on panes: Kim
+and Lin, 2003). So plumes compete for room: most starve at the edge, and the ferns of those that win fill what lies
+between them.
 """
 
 import heapq
@@ -31,13 +32,9 @@ Field: TypeAlias = NDArray[Any]  # (H, W) of floats; pyright takes three times a
 
 # All chosen by eye, after photographs of frost on windows. Lengths in pixels of the map; the unit of time is what a
 # plume of mean speed takes for a pixel.
-SEEDS_APART_PX = 13.0
 REST_PX, REST_STD_PX = 255.0, 25.0  # depth at which growth comes to rest, before the map ends
 LATEST = 900.0  # when all growth ends
-WANDER_RAD = 0.012  # standard deviation of a tip's turn in a pixel
-SWIRL_RAD = 0.005  # of plumes side by side alike, as the film of water on the pane had flowed
 MISSING = 0.06  # share of branches that do not begin
-BECOMES_STEM = 0.02  # share of branches of a stem that become a stem themselves
 FINER = 4  # strokes are drawn so many times as large
 GREYS = 42  # of thickness: with fewer of them the file is a third smaller
 
@@ -58,12 +55,49 @@ class Kind:
     longest_px: float
 
 
-KINDS = (
-    Kind(1.0, 7.0, 7.0, 1.7, 1.0, 420.0),  # the stem of a plume
-    Kind(0.45, 3.8, 3.2, 1.2, 0.85, 150.0),
-    Kind(0.5, 3.5, 1.9, 0.8, 0.6, 16.0),
-    Kind(0.5, 99.0, 1.5, 0.5, 0.45, 3.0),
+@dataclass(frozen=True)
+class Habit:
+    """How ice grows. kinds: the stem of a plume first, then its branches, theirs, and so on.
+
+    apart_px: between seeds. wander_rad: standard deviation of a tip's turn in a pixel. swirl_rad: of plumes side by
+    side alike, as the film of water on the pane had flowed. bend_rad: standard deviation of a stem's bend, a pixel.
+    forward_rad: how far branches of a stem bend towards its tip, a pixel. opening_rad: range of the angle between a
+    branch and those of its own. stems: share of branches of a stem that become a stem themselves. drawn_by: the stream.
+    """
+
+    kinds: tuple[Kind, ...]
+    apart_px: float
+    wander_rad: float
+    swirl_rad: float
+    bend_rad: float
+    forward_rad: float
+    opening_rad: tuple[float, float]
+    stems: float
+    drawn_by: tuple[str, ...]
+
+
+FERN = Habit(
+    (
+        Kind(1.0, 7.0, 7.0, 1.7, 1.0, 420.0),
+        Kind(0.45, 3.8, 3.2, 1.2, 0.85, 150.0),
+        Kind(0.5, 3.5, 1.9, 0.8, 0.6, 16.0),
+        Kind(0.5, 99.0, 1.5, 0.5, 0.45, 3.0),
+    ),
+    *(13.0, 0.012, 0.005, 0.004, 0.003, (0.85, 1.1), 0.02),
+    ("frost on a lens",),
 )
+# Curled plumes, as where water had flowed on the pane before it froze: stems bend far, and barbs towards their tips.
+FEATHER = Habit(
+    (
+        Kind(1.0, 3.4, 6.0, 1.5, 1.0, 460.0),
+        Kind(0.42, 4.4, 2.4, 0.85, 0.75, 46.0),
+        Kind(0.5, 5.0, 1.7, 0.6, 0.5, 9.0),
+        Kind(0.5, 99.0, 1.5, 0.5, 0.4, 3.0),
+    ),
+    *(19.0, 0.02, 0.016, 0.009, 0.016, (0.75, 1.0), 0.045),
+    ("frost on a lens", "feathers"),
+)
+HABITS = {"fern": FERN, "feather": FEATHER}
 
 
 @dataclass
@@ -91,14 +125,15 @@ class Tip:
 class Growth:
     """Tips that grow side by side on a strip whose ends are joined."""
 
-    def __init__(self, generator: np.random.Generator, width_px: int) -> None:
+    def __init__(self, generator: np.random.Generator, width_px: int, habit: Habit = FERN) -> None:
         self.generator = generator
+        self.habit = habit
         self.width_px = width_px
         self.owner = np.zeros((HEIGHT_PX, width_px), np.int32)
         self.tips: list[Tip] = []
         self.queue: list[tuple[float, int, Tip]] = []
         self.turns = count()
-        self.swirl = SWIRL_RAD * _clouds(generator, width_px, 260.0)
+        self.swirl = habit.swirl_rad * _clouds(generator, width_px, 260.0)
         self.rest_px = REST_PX + REST_STD_PX * np.clip(_clouds(generator, width_px, 150.0), -2, 2)
 
     def add(self, time: float, tip: Tip) -> None:
@@ -121,12 +156,13 @@ class Growth:
         tip.path.append((tip.x, tip.y, time))
         self.owner[row, column] = tip.number
         swirl = float(self.swirl[row, column]) if tip.kind == 0 else 0.0
-        tip.heading += tip.bend + swirl + WANDER_RAD * float(self.generator.standard_normal())
+        tip.heading += tip.bend + swirl + self.habit.wander_rad * float(self.generator.standard_normal())
         tip.x += math.cos(tip.heading)
         tip.y += math.sin(tip.heading)
         tip.until_branch_px -= 1
-        if tip.until_branch_px <= 0 and tip.kind + 1 < len(KINDS):
-            tip.until_branch_px += KINDS[tip.kind].apart_px * float(self.generator.uniform(0.75, 1.25))
+        kinds = self.habit.kinds
+        if tip.until_branch_px <= 0 and tip.kind + 1 < len(kinds):
+            tip.until_branch_px += kinds[tip.kind].apart_px * float(self.generator.uniform(0.75, 1.25))
             for side in (-1.0, 1.0):
                 if self.generator.random() > MISSING:
                     self.add(time, self._branch(tip, side))
@@ -136,7 +172,7 @@ class Growth:
         """Tell whether nothing but its own or its parent's ice lies before a tip."""
         if not 0 <= tip.y < HEIGHT_PX - 4:
             return False
-        reach_px = KINDS[tip.kind].clear_px
+        reach_px = self.habit.kinds[tip.kind].clear_px
         for turn, ahead_px in ((0.0, reach_px), (0.7, 0.8 * reach_px), (-0.7, 0.8 * reach_px)):
             x, y = tip.x + ahead_px * math.cos(tip.heading + turn), tip.y + ahead_px * math.sin(tip.heading + turn)
             if 0 <= y < HEIGHT_PX and self.owner[int(y), int(x) % self.width_px] not in (0, tip.number, tip.parent):
@@ -144,10 +180,10 @@ class Growth:
         return True
 
     def _branch(self, tip: Tip, side: float) -> Tip:
-        uniform = self.generator.uniform
+        uniform, kinds = self.generator.uniform, self.habit.kinds
         kind = tip.kind + 1
-        speed = tip.speed * KINDS[kind].speed * float(uniform(0.8, 1.2))
-        if tip.kind == 0 and self.generator.random() < BECOMES_STEM:
+        speed = tip.speed * kinds[kind].speed * float(uniform(0.8, 1.2))
+        if tip.kind == 0 and self.generator.random() < self.habit.stems:
             kind, speed = 0, 0.8 * tip.speed
         return Tip(
             number=len(self.tips) + 1,
@@ -156,19 +192,19 @@ class Growth:
             x=tip.x,
             y=tip.y,
             heading=tip.heading + side * (tip.opening + 0.05 * float(self.generator.standard_normal())),
-            bend=-0.003 * side if kind == 1 else 0.4 * tip.bend,
+            bend=-self.habit.forward_rad * side if kind == 1 else 0.4 * tip.bend,
             speed=speed,
-            longest_px=KINDS[kind].longest_px * float(uniform(0.35, 1.0)),
+            longest_px=kinds[kind].longest_px * float(uniform(0.35, 1.0)),
             opening=tip.opening,
             until_branch_px=float(uniform(1.5, 5.0)),
             strength=float(uniform(0.45, 1.0)),
         )
 
 
-def grown(width_px: int = WIDTH_PX) -> list[Tip]:
+def grown(width_px: int = WIDTH_PX, habit: Habit = FERN) -> list[Tip]:
     """Return all branches of a strip so long, the same on every call."""
-    generator = stream("frost on a lens")
-    growth = Growth(generator, width_px)
+    generator = stream(*habit.drawn_by)
+    growth = Growth(generator, width_px, habit)
     x = 0.0
     while x < width_px:
         seed = Tip(
@@ -178,15 +214,15 @@ def grown(width_px: int = WIDTH_PX) -> list[Tip]:
             x=x,
             y=0.0,
             heading=math.pi / 2 + 0.55 * float(generator.standard_normal()),
-            bend=0.004 * float(generator.standard_normal()),
+            bend=habit.bend_rad * float(generator.standard_normal()),
             speed=float(np.clip(np.exp(0.4 * generator.standard_normal()), 0.25, 2.5)),
             longest_px=float(generator.uniform(60, 420)),
-            opening=float(generator.uniform(0.85, 1.1)),
+            opening=float(generator.uniform(*habit.opening_rad)),
             until_branch_px=3.0,
             strength=float(generator.uniform(0.6, 1.0)),
         )
         growth.add(float(generator.exponential(25.0)), seed)
-        x += SEEDS_APART_PX * float(generator.uniform(0.5, 1.5))
+        x += habit.apart_px * float(generator.uniform(0.5, 1.5))
     growth.grow()
     return [tip for tip in growth.tips if len(tip.path) > 1]
 
@@ -200,10 +236,10 @@ def _clouds(generator: np.random.Generator, width_px: int, size_px: float) -> Fi
     return smooth / smooth.std()
 
 
-def ridges(tips: list[Tip], width_px: int = WIDTH_PX) -> NDArray[np.uint8]:
+def ridges(tips: list[Tip], width_px: int = WIDTH_PX, habit: Habit = FERN) -> NDArray[np.uint8]:
     """Return (HEIGHT_PX, width_px): the thickness of ridges with a roof's profile, the highest where several are."""
     margin = 8
-    strokes = [stroke for tip in tips for stroke in _strokes(tip, width_px, margin)]
+    strokes = [stroke for tip in tips for stroke in _strokes(tip, habit.kinds[tip.kind], width_px, margin)]
     strokes.sort(key=lambda stroke: stroke[0])
     canvas = np.zeros((HEIGHT_PX * FINER, (width_px + 2 * margin) * FINER), np.uint8)
     for grey, wide, points in strokes:
@@ -213,9 +249,8 @@ def ridges(tips: list[Tip], width_px: int = WIDTH_PX) -> NDArray[np.uint8]:
     return np.asarray(small, np.uint8) // (256 // GREYS) * (256 // GREYS)
 
 
-def _strokes(tip: Tip, width_px: int, margin: int) -> list[tuple[float, int, NDArray[np.int32]]]:
+def _strokes(tip: Tip, kind: Kind, width_px: int, margin: int) -> list[tuple[float, int, NDArray[np.int32]]]:
     """Return a branch as strokes: grey, width and points, wide dark ones below narrow bright ones."""
-    kind = KINDS[tip.kind]
     path = np.array(tip.path)[:, :2]
     path[:, 0] += margin - width_px * np.floor(path[:, 0].min() / width_px)
     shifts = [k * width_px for k in (0, -1, -2) if path[:, 0].max() + k * width_px >= 0]
@@ -251,12 +286,13 @@ def times(tips: list[Tip], width_px: int = WIDTH_PX) -> NDArray[np.uint8]:
 
 
 def main() -> int:
-    """Write both maps and return the exit status."""
-    tips = grown()
-    for name, picture in (("thickness", ridges(tips)), ("time", times(tips))):
-        path = map_file(name)
-        cv2.imwrite(str(path), picture, [cv2.IMWRITE_PNG_COMPRESSION, 9])
-        print(f"wrote {path}: {path.stat().st_size / 2**10:.0f} KiB")
+    """Write both maps of each habit and return the exit status."""
+    for of, habit in HABITS.items():
+        tips = grown(habit=habit)
+        for name, picture in (("thickness", ridges(tips, habit=habit)), ("time", times(tips))):
+            path = map_file(name, of)
+            cv2.imwrite(str(path), picture, [cv2.IMWRITE_PNG_COMPRESSION, 9])
+            print(f"wrote {path}: {path.stat().st_size / 2**10:.0f} KiB")
     return 0
 
 

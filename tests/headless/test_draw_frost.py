@@ -84,6 +84,31 @@ def test_a_strip_s_ends_join_and_its_ice_ends_before_its_depth(tips, thick):
     assert middle[5] < 0.35 * middle[60]
 
 
+def turns_of(tips):
+    """How far branches of stems that grew long turn on 100 pixels of their way, degrees."""
+    turned = []
+    for tip in tips:
+        if tip.kind == 1 and len(tip.path) > 20:
+            steps = np.diff(np.array(tip.path)[:, :2], axis=0)
+            ends = np.unwrap(np.arctan2(steps[:, 1], steps[:, 0]))[[0, -1]]
+            turned.append(abs(np.degrees(ends[1] - ends[0])) / len(steps) * 100)
+    assert len(turned) > 100
+    return turned
+
+
+def test_barbs_of_feathers_bend_and_their_maps_are_carried(tips):
+    feathers = draw_frost.grown(512, draw_frost.FEATHER)
+    assert np.median(turns_of(feathers)) > 60 > np.median(turns_of(tips))
+    carried, times = (
+        cv2.imread(str(lens_frost.map_file(name, "feather")), cv2.IMREAD_UNCHANGED) for name in ("thickness", "time")
+    )
+    assert carried.shape == (lens_frost.HEIGHT_PX, lens_frost.WIDTH_PX)
+    assert times.shape == (lens_frost.HEIGHT_PX // 4, lens_frost.WIDTH_PX // 4)
+    grown = draw_frost.ridges(feathers, 512, draw_frost.FEATHER)
+    assert carried[:60].mean() == pytest.approx(grown[:60].mean(), rel=0.3)
+    assert not carried[316:].any()
+
+
 def test_the_maps_that_are_carried_are_such_maps(thick):
     """Growing them takes half a minute, so they are compared with a part as a whole."""
     carried, times = (

@@ -37,6 +37,7 @@ TIME_SHRUNK = 4  # the map of times is so many times smaller
 # The shorter side of a frame that shows the strip pixel for pixel. Larger and smaller frames show as much of it, and
 # strips of opposite sides never meet.
 SHORT_SIDE_PX = 680.0
+FERN, FEATHER = "fern", "feather"  # how ice grows: with straight branches, or in plumes that curl
 LEVELS = 3  # the strip in its own size, half and a quarter of it
 START_PX = 1 << (LEVELS - 1)  # a side's part starts at a multiple of this, which is a whole pixel of every level
 
@@ -58,9 +59,9 @@ _LATER, _PATCHES = 0.45, (5, 8, 13)
 _FADE_PX = 40.0  # it gets thinner so far before the strip's end
 
 
-def map_file(name: str) -> Path:
-    """Return the path of a map: thickness or time."""
-    return Path(__file__).parent / "ice" / f"fern_{name}.png"
+def map_file(name: str, habit: str = "fern") -> Path:
+    """Return the path of a map: thickness or time. habit: fern or feather."""
+    return Path(__file__).parent / "ice" / f"{habit}_{name}.png"
 
 
 @dataclass(frozen=True)
@@ -88,16 +89,18 @@ def level_of(zoom: float) -> Level:
     return levels()[sum(zoom > 2 ** (power - 0.5) for power in range(1, LEVELS))]
 
 
-@lru_cache(maxsize=1)
-def atlas() -> NDArray[np.uint8]:
+@lru_cache(maxsize=2)
+def atlas(habit: str = FERN) -> NDArray[np.uint8]:
     """Return (3, rows, WIDTH_PX), read-only: ridge, time and body, 0 to 255, of all levels below each other.
 
     Ridge: thickness of the crystals' ridges when they are old. Time: when ice comes. Body: of what lies between them.
     """
     import cv2
 
-    ridge = _read("thickness")
-    time = cv2.resize(_wrapped(_read("time"), 2), None, fx=TIME_SHRUNK, fy=TIME_SHRUNK, interpolation=cv2.INTER_LINEAR)
+    ridge = _read("thickness", habit)
+    time = cv2.resize(
+        _wrapped(_read("time", habit), 2), None, fx=TIME_SHRUNK, fy=TIME_SHRUNK, interpolation=cv2.INTER_LINEAR
+    )
     strip = np.dstack(
         [ridge, _in_patches(np.asarray(time[:, 2 * TIME_SHRUNK : -2 * TIME_SHRUNK], np.uint8)), _body(ridge)]
     )
@@ -111,10 +114,11 @@ def atlas() -> NDArray[np.uint8]:
     return made
 
 
-def atlas_picture() -> BroughtImage:
+def atlas_picture(habit: str = FERN) -> BroughtImage:
     """Return the atlas as node groups take it."""
-    digest = hashlib.sha256(b"".join(read_bytes(map_file(name)) for name in ("thickness", "time"))).hexdigest()
-    return BroughtImage("NW Frost on a lens", f"2 {digest[:16]}", lambda: atlas().transpose(1, 2, 0))
+    digest = hashlib.sha256(b"".join(read_bytes(map_file(name, habit)) for name in ("thickness", "time"))).hexdigest()
+    name = "NW Frost on a lens" if habit == FERN else "NW Feathers of frost on a lens"
+    return BroughtImage(name, f"2 {digest[:16]}", lambda: atlas(habit).transpose(1, 2, 0))
 
 
 def _in_patches(time: NDArray[np.uint8]) -> NDArray[np.uint8]:
@@ -126,10 +130,10 @@ def _in_patches(time: NDArray[np.uint8]) -> NDArray[np.uint8]:
     return np.rint(time * (1 - _LATER) + 255 * _LATER * rank).astype(np.uint8)
 
 
-def _read(name: str) -> NDArray[np.uint8]:
+def _read(name: str, habit: str) -> NDArray[np.uint8]:
     import cv2
 
-    encoded = np.frombuffer(read_bytes(map_file(name)), dtype=np.uint8)
+    encoded = np.frombuffer(read_bytes(map_file(name, habit)), dtype=np.uint8)
     return np.asarray(cv2.imdecode(encoded, cv2.IMREAD_GRAYSCALE), np.uint8)
 
 
@@ -189,7 +193,8 @@ def _frosted(canvas: Canvas, pixel: Socket, given: Mapping[str, Socket]) -> tupl
     with graph.section("Pixels"):
         flipped = graph.vector(0.5, canvas.height_px - 0.5)
         centre = graph.math("MULTIPLY_ADD", pixel, (1.0, -1.0, 0.0), flipped, label="Centres, from the upper left")
-    ice = _ice(canvas, drawn, centre, zoom, time)
+    ferns, feathers = (graph.picture(atlas_picture(habit)) for habit in (FERN, FEATHER))
+    ice = _ice(canvas, graph.choose(given["feathers"], feathers, ferns), drawn, (centre, zoom, time))
     with graph.section("Slopes"):
         relief = graph.math("DOT_PRODUCT", ice, (RIDGE_RELIEF, 0.0, BODY_RELIEF))
         # The sum is positioned as its first operand is, so that is the relief that is not moved.
@@ -214,13 +219,13 @@ def _frosted(canvas: Canvas, pixel: Socket, given: Mapping[str, Socket]) -> tupl
         return frosted, graph.math("DOT_PRODUCT", ice, (1.0, 0.0, 1.0)) + graph.math("LENGTH", slope)
 
 
-def _ice(canvas: Canvas, drawn: Socket, centre: Socket, zoom: Socket, time: Socket) -> Socket:
+def _ice(canvas: Canvas, strips: Socket, drawn: Socket, place: tuple[Socket, Socket, Socket]) -> Socket:
     """Return (ridge, 0, body) at each pixel: the thickest of the ice from its nearest sides.
 
-    x is of left and right, y of top and bottom.
+    x is of left and right, y of top and bottom. strips: the atlas. place: each pixel's centre, pixels of the strip in
+    one, and how far ice has grown.
     """
-    graph = canvas.graph
-    atlas = atlas_picture()
+    graph, (centre, zoom, time) = canvas.graph, place
     rows = float(levels()[-1].top + levels()[-1].rows)
     with graph.section("Level of the strip"):
         smaller = [zoom > 2 ** (power - 0.5) for power in range(1, len(levels()))]
@@ -248,7 +253,7 @@ def _ice(canvas: Canvas, drawn: Socket, centre: Socket, zoom: Socket, time: Sock
     for axis, name in (("x", "Left and right"), ("y", "Top and bottom")):
         with graph.section(name):
             where = graph.vector(getattr(along, axis), getattr(inwards, axis), 1.0)
-            inputs = {"Image": graph.picture(atlas), "UV": where, "Interpolation": "Bilinear"}
+            inputs = {"Image": strips, "UV": where, "Interpolation": "Bilinear"}
             inputs |= {"Extension X": "Repeat", "Extension Y": "Extend"}
             found = graph.node("CompositorNodeMapUV", inputs).out("Image", "color")
             age = graph.math("MAXIMUM", time - found.y, 0.0)
@@ -342,6 +347,11 @@ class LensFrost:
     tint: float = key("how far that light has the surroundings' colour", default=0.8, minimum=0, maximum=1)
     refraction_px: float = key("how far a slope of 1 displaces", default=10.0, unit="px", minimum=0, maximum=200)
     glint: float = key("light of glints, times that around them", default=1.0, minimum=0, maximum=50)
+    feathers: bool = key(
+        "ice grows in plumes that curl, as where water ran down the glass before; else its branches are straight",
+        default=False,
+        later=True,
+    )
     growth_per_s: float = key(
         "drift: how much coverage it gains; below 0 it thaws", default=0.03, unit="1/s", minimum=-10, maximum=10
     )
@@ -355,6 +365,7 @@ class LensFrost:
         "tint": "Higher: the ice has the colors of what is around it; 0 is white ice",
         "refraction_px": "Higher: crystals displace what is behind them further",
         "glint": "Higher: brighter glints on the crystals' edges",
+        "feathers": "On: plumes of ice that curl; off: ferns with straight branches",
         "growth_per_s": "Higher: with the pattern Drift, ice grows faster; below 0 it thaws",
         "frame_rate_hz": "Higher: with the pattern Drift, ice grows less from frame to frame",
     }
@@ -391,7 +402,7 @@ def apply(rgb: Float32, parameters: LensFrost, context: FrameContext) -> Float32
     grown_s = context.drift_frames / parameters.frame_rate_hz
     grown = min(max(parameters.coverage + parameters.growth_per_s * grown_s, 0.0), 1.0)
     linear = by_bands(rgb, rgb.dtype, decoded)
-    ridge, body = ice_on(rgb.shape[:2], grown, pane)
+    ridge, body = ice_on(rgb.shape[:2], grown, pane, FEATHER if parameters.feathers else FERN)
     right, down = slopes(ridge, body, SHORT_SIDE_PX / min(rgb.shape[:2]))
     behind = _refracted(linear, right, down, parameters.refraction_px)
     light = _lens_frost_light_around(linear, parameters.tint)
@@ -414,7 +425,7 @@ def apply(rgb: Float32, parameters: LensFrost, context: FrameContext) -> Float32
     return by_bands(behind, rgb.dtype, frosted, light, ridge, body, right, down)
 
 
-def ice_on(size: tuple[int, int], grown: float, pane: FrostPane) -> tuple[Float32, Float32]:
+def ice_on(size: tuple[int, int], grown: float, pane: FrostPane, habit: str = FERN) -> tuple[Float32, Float32]:
     """Return (H, W) each: thickness of ridges and of the ice about them, from 0 to 1.
 
     grown: how far they have grown, from 0 to 1.
@@ -427,7 +438,8 @@ def ice_on(size: tuple[int, int], grown: float, pane: FrostPane) -> tuple[Float3
     for number, flipped in enumerate(pane.flipped):
         start = (pane.start_px + number * (WIDTH_PX // 4)) // level.shrunk
         length = width if number < 2 else height
-        parts = _aged(_part(level, zoom / level.shrunk, start, (deep, length)), grown * (1 + RISE))
+        part = _part(level, zoom / level.shrunk, start, (deep, length), habit)
+        parts = _aged(part, grown * (1 + RISE))
         for plane, part in zip(planes, parts, strict=True):
             turned = part[:, ::-1] if flipped else part
             if number >= 2:
@@ -438,10 +450,10 @@ def ice_on(size: tuple[int, int], grown: float, pane: FrostPane) -> tuple[Float3
     return planes[0], planes[1]
 
 
-def _part(level: Level, step: float, start: int, size: tuple[int, int]) -> Float32:
+def _part(level: Level, step: float, start: int, size: tuple[int, int], habit: str = FERN) -> Float32:
     """Return (3, *size) of a level from a column on; step: its pixels in one of the frame, interpolated linearly."""
     deep, length = size
-    strip = atlas()[:, level.top : level.top + level.rows]
+    strip = atlas(habit)[:, level.top : level.top + level.rows]
     if step == 1:
         part = strip[:, :deep].take(np.arange(start, start + length) % WIDTH_PX, axis=2)
         return part * np.float32(1 / 255)
@@ -534,6 +546,7 @@ PERTURBATION = ColourPerturbation(
         ),
     ),
     apply=apply,
+    newly={"feathers": True},
     version=2,  # ice comes in patches, and takes more of the light behind it
     nodes=Nodes(build, linear=True, draws_lit=True),
     temporals=("fresh", "fixed", "drift"),
