@@ -181,6 +181,10 @@ def _as_grey(rgb: NDArray[Any], shape: tuple[int, ...], *, grain: bool) -> NDArr
 
 
 def _check_array(argument: str, image: Any, wanted: str) -> None:
+    if image is None:
+        raise TypeError(
+            f"{argument} is None, as cv2.imread gives where there is no image; it has to be an array, {wanted}"
+        )
     if not isinstance(image, np.ndarray):
         raise TypeError(f"{argument} is {describe(image)}, but has to be a numpy array, {wanted}")
     if isinstance(image, np.ma.MaskedArray):

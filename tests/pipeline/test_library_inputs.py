@@ -36,7 +36,7 @@ def changed(array, value, at=(0, 0)):
         (BYTES[:0], "fog", ValueError, "image has the shape (0, 14, 3), which has no pixels"),
         (BYTES[:, :0], "fog", ValueError, "no pixels"),
         (BYTES.tolist(), "fog", TypeError, "image is a list, but has to be a numpy array"),
-        (None, "fog", TypeError, "image is empty, but has to be a numpy array"),
+        (None, "fog", TypeError, "image is None, as cv2.imread gives where there is no image"),
         (BYTES.astype(object), "fog", TypeError, "image is object"),
         (BYTES > 9, "fog", TypeError, "image is bool"),
         (BYTES.astype(np.int64), "fog", TypeError, "image is int64"),
