@@ -11,11 +11,13 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 from made_recordings import write_tum
+from runs import run
 
 from noisy_world.cli import command
 from noisy_world.measure.comparison import compared
 from noisy_world.measure.comparison_page import page
 from noisy_world.measure.figure import BLOCKS, Figure, jackknifed
+from noisy_world.measure.looking import RecordingFigures
 
 COUNT, HIGH, WIDE = 12, 144, 192
 SCALE = 5000.0
@@ -85,6 +87,59 @@ def test_equal_recordings_differ_by_nothing(recordings, capsys):
         assert abs(row["standard_errors"] or 0) < 4, row["name"]
 
 
+def make_dataset(folder, seed, settings):
+    """Make a dataset of two frames of a recording."""
+    grey = np.full((72, 96), 100 + seed, np.uint8)
+    write_tum(folder.parent / f"seen{seed}", [np.dstack([grey] * 3)] * 2, [grey * 50] * 2, np.eye(7)[[6, 6]])
+    camera = "{width: 96, height: 72, fx: 80, fy: 80, cx: 47.5, cy: 35.5}"
+    scenes = f"[{{name: room, sequence: {folder.parent}/seen{seed}}}]"
+    text = (
+        f"camera: {camera}\nscenes: {scenes}\n{settings}\nrender: {{backend: reference}}\noutput: {{layout: euroc}}\n"
+    )
+    preset = folder.parent / f"{folder.name}.yaml"
+    preset.write_text(text)
+    run(preset, folder)
+
+
+def looked(monkeypatch):
+    """Put figures in the place of what is measured, by the recording's folder; return what was asked for."""
+    asked = []
+
+    def measured(name, source, camera):
+        where = source.stored.folder
+        asked.append(where.parent.name + "/" + where.name)
+        std = {"twin": 0.02, "fog": 0.05}[where.parent.name] * (2 if "other" in where.parts else 1)
+        figures = {"std": Figure.within("std", std, 0.001, 9), "c": Figure.exact("c", std, 1).on("colour_noise", 9.0)}
+        return RecordingFigures(name, COUNT, (WIDE, HIGH), 1.0, 2, figures)
+
+    monkeypatch.setattr("noisy_world.measure.looking.measured", measured)
+    return asked
+
+
+def test_sequences_of_two_datasets_are_compared_by_their_names(tmp_path, monkeypatch, capsys):
+    settings = "settings: [{name: clean}, {name: fog, perturb: [{fog: {severity: 1}}]}, {name: twin}]"
+    for name, seed in (("one", 1), ("other", 2)):
+        make_dataset(tmp_path / name, seed, settings if name == "one" else settings.replace("{name: clean}, ", ""))
+    asked = looked(monkeypatch)
+    page = tmp_path / "page.html"
+    words = ["compare", str(tmp_path / "one"), str(tmp_path / "other")]
+    assert command.main([*words, "--html", str(page)]) == 0
+    out = capsys.readouterr().out
+    assert asked == ["fog/room", "twin/room"] * 2
+    assert "only A     clean/room: B has no such sequence" in out
+    # .05 is farther from .1 than .02 from .04, by equal errors.
+    assert out.index("fog/room: std") < out.index("twin/room: std")
+    assert "<h2>fog/room: Photon transfer" in page.read_text()
+    assert command.main([*words, "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert list(told["a"]["sequences"]) == ["fog/room", "twin/room"]
+    assert {row["name"] for row in told["differences"]} >= {"fog/room: std", "twin/room: colour_noise"}
+    # A single sequence goes with the only one of a setting twin.
+    asked.clear()
+    assert command.main(["compare", str(tmp_path / "one/fog/room"), str(tmp_path / "other")]) == 0
+    assert asked == ["fog/room", "twin/room"]
+
+
 class Page(HTMLParser):
     """What a page has: its tags with their attributes, and its text."""
 
@@ -139,20 +194,22 @@ def test_texts_of_a_page_are_escaped():
         (("{a}", "{b}", "--html", "{folder}"), (1, "is a folder")),
         (("{a}", "{preset}"), (1, "nothing is recorded there")),
         (("{a}", "{several}"), (1, "holds 2 recordings (one, two)")),
+        (("{several}", "{others}"), (1, "sequences of the same names")),
     ],
 )
 def test_what_cannot_be_compared_is_refused_in_a_line(recordings, tmp_path, capsys, words, status_said):
     a, b, _ = recordings
     (tmp_path / "empty").mkdir()
     (tmp_path / "folder.html").mkdir()
-    preset, several = tmp_path / "p.yaml", tmp_path / "two.yaml"
+    preset, several, others = (tmp_path / name for name in ("p.yaml", "two.yaml", "others.yaml"))
     room = "{name: made, mesh: 'embedded:room', trajectory: {handheld: {frames: 5}}}"
     camera = "camera: {width: 192, height: 144, fx: 160, fy: 160, cx: 95.5, cy: 71.5}\n"
     preset.write_text(f"scenes: [{room}]\nsettings: [{{name: clean}}]\n")
-    scenes = ", ".join(f"{{name: {name}, sequence: {which}}}" for name, which in (("one", a), ("two", b)))
-    several.write_text(f"{camera}scenes: [{scenes}]\nsettings: [{{name: clean}}]\n")
+    for file, names in ((several, ("one", "two")), (others, ("three", "four"))):
+        scenes = ", ".join(f"{{name: {name}, sequence: {which}}}" for name, which in zip(names, (a, b), strict=True))
+        file.write_text(f"{camera}scenes: [{scenes}]\nsettings: [{{name: clean}}]\n")
     places = {"a": a, "b": b, "empty": tmp_path / "empty", "folder": tmp_path / "folder.html"}
-    filled = [word.format(**places, preset=preset, several=several) for word in words]
+    filled = [word.format(**places, preset=preset, several=several, others=others) for word in words]
     try:
         ended = command.main(["compare", *filled, "--camera", CAMERA])
     except SystemExit as error:

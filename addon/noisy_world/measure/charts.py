@@ -27,6 +27,7 @@ CURVES = {  # title, what is to the right, what is upwards
     "accel_spectrum": ("Spectrum of the accelerometer", "frequency, Hz", "m/s^2/sqrt(Hz)"),
 }
 ALWAYS = ("colour_noise", "depth_noise_m", "depth_correlation")  # spoken of where nobody tells them, too
+SEQUENCE = ": "  # between the name of a sequence and that of its curve, where several are compared
 IN_POWERS = ("gyro_spectrum", "accel_spectrum")  # drawn with logarithmic axes
 STYLE = """
 body { font: 16px/1.45 system-ui, sans-serif; max-width: 70rem; margin: 2rem auto; padding: 0 1rem; color: #1d2b36; }
@@ -58,7 +59,9 @@ def safe(text: str) -> str:
 
 def curve_chart(curve: str, a: Sequence[Figure], b: Sequence[Figure]) -> Iterator[str]:
     """Yield a heading and a drawing of a curve as A and B have it: points that are told, in the order of places."""
+    sequence, _, curve = curve.rpartition(SEQUENCE)
     title, right, up = CURVES.get(curve, (curve.replace("_", " "), "at", "value"))
+    title = f"{sequence}{SEQUENCE if sequence else ''}{title}"
     yield f"<h2>{safe(title)}</h2>"
     if not a and not b:
         yield "<p>It cannot be told.</p>"

@@ -3,14 +3,15 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 
-from .charts import ALWAYS, STYLE, curve_chart, number, safe, value_of, within
+from .charts import ALWAYS, SEQUENCE, STYLE, curve_chart, number, safe, value_of, within
 from .comparison import Comparison, Difference, Row, points_of
 from .figure import Figure
 
 
 def page(names: tuple[str, str], a: Mapping[str, Figure], b: Mapping[str, Figure], found: Comparison) -> str:
     """Return the page. names: what A and B are called. a, b: the figures that were compared."""
-    curves = dict.fromkeys([*ALWAYS, *(figure.curve for figure in (*a.values(), *b.values()) if figure.curve)])
+    told = [figure.curve for figure in (*a.values(), *b.values()) if figure.curve]
+    curves = dict.fromkeys([*(() if any(SEQUENCE in curve for curve in told) else ALWAYS), *told])
     parts = [
         '<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">',
         '<meta name="viewport" content="width=device-width, initial-scale=1">',
