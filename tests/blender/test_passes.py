@@ -115,7 +115,7 @@ def test_a_dataset_has_them_beside_its_frames_once_for_all_settings(hall, tmp_pa
     mattes.source, mattes.image = "IMAGE", image
     assert mattes.layer_name == f"{LAYER}.CryptoObject"
     line = json.loads(files["clean/hall/frames.jsonl"].splitlines()[0])
-    assert line["passes_sha256"] == hashlib.sha256(files[clean[0]]).hexdigest()
+    assert line["sha256"]["passes/000000.exr"] == hashlib.sha256(files[clean[0]]).hexdigest()
 
 
 def test_what_has_no_passes_is_refused(hall, tmp_path):
