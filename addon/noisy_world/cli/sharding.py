@@ -157,7 +157,8 @@ PLAN = Command(
 
 def _shard_options(parser: Parser) -> None:
     add_preset_options(parser)
-    parser.option("--shard NAME", "the shards, such as room0.000000-000100", nargs="+", required=True, type=_shard_name)
+    parser.option("--shard NAME", "the shards, such as room0.000000-000100", nargs="+", default=[], type=_shard_name)
+    parser.option("--part K/N", "instead, those of the K-th of N tasks, as render farms number them", type=_part)
     parser.option("--threads N", "threads of the renderer (default: all there are)", type=positive, default=0)
     parser.flag("--overwrite", "replace what is finished of the shard")
     add_progress_option(parser)
@@ -173,6 +174,32 @@ def _shard_name(text: str) -> str:
         raise argparse.ArgumentTypeError(str(error)) from error
 
 
+def _part(text: str) -> tuple[int, int]:
+    """Return K and N of "K/N"."""
+    first, _, count = text.partition("/")
+    if not (first.isdecimal() and count.isdecimal() and 1 <= int(first) <= int(count)):
+        raise argparse.ArgumentTypeError(f"{text!r} is not K/N with K from 1 to N, such as 17/200")
+    return int(first), int(count)
+
+
+def _settle_shard(parser: Parser, options: argparse.Namespace) -> argparse.Namespace:
+    if bool(options.shard) == (options.part is not None):
+        parser.error("name the shards by --shard, or give --part K/N")
+    return settled(parser, options)
+
+
+def _asked(options: argparse.Namespace) -> "tuple[Plan, tuple[Shard, ...]]":
+    """Return the shards that a command asks for, and a plan that has them."""
+    from ..dataset.shards import Shard, shards_of
+
+    if options.part is None:
+        shards = tuple(map(Shard.parse, options.shard))
+        return planned(options, shards), shards
+    part, count = options.part
+    plan = planned(options)
+    return plan, shards_of(plan, count)[part - 1 :: count]
+
+
 def _make_shards(options: argparse.Namespace, entry: Entry) -> int:
     """Make the shards, and print the outcome of each. Of several, the others are made where one cannot be."""
     from ..dataset.making import Report
@@ -180,8 +207,10 @@ def _make_shards(options: argparse.Namespace, entry: Entry) -> int:
     from ..executors.jobs import InProcess, Job, Perform, TaskOutcome, carry_out
     from .shard_workers import tasks_of
 
-    shards = tuple(map(Shard.parse, options.shard))
-    plan = planned(options, shards)
+    plan, shards = _asked(options)
+    if not shards:
+        print("nothing to make: the plan has fewer shards than there are parts")
+        return 0
     for render in {render_of(plan, shard).name: render_of(plan, shard) for shard in shards}.values():
         need_blender(plan.only(render), entry)
     progress, stop = listener(options.progress)
@@ -201,6 +230,11 @@ def _make_shards(options: argparse.Namespace, entry: Entry) -> int:
     return 0
 
 
+def _which(options: argparse.Namespace) -> list[str]:
+    """Return the words that name the same shards again."""
+    return ["--shard", *options.shard] if options.part is None else ["--part", "/".join(map(str, options.part))]
+
+
 SHARD = Command(
     name="shard",
     order=30,
@@ -208,13 +242,13 @@ SHARD = Command(
     help="make one shard of a dataset, on any machine that sees its folder",
     description="Make shards of a dataset, one after another: each is a range of source frames of one render, with "
     "every image that shows them. 'noisy-world plan PRESET --shards N' prints the commands, 'noisy-world merge' "
-    "puts shards together.",
+    "puts shards together. --part 17/200 is for render farms, whose tasks know their number alone.",
     epilog="The same command again resumes a shard that was stopped; of a finished one it checks every file. Where "
     "one of several cannot be made, the others are.",
     options=_shard_options,
-    settle=settled,
+    settle=_settle_shard,
     run=_make_shards,
-    again=lambda options, _: [*preset_words(options), "--shard", *options.shard],
+    again=lambda options, _: [*preset_words(options), *_which(options)],
     busy=BUSY,
 )
 
