@@ -8,11 +8,14 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter
 
+from noisy_world.core.geometry import Intrinsics
 from noisy_world.core.schema import ConfigPath
 from noisy_world.measure.colour_noise import colour_noise
+from noisy_world.measure.depth_holes import HoleFrame, depth_holes
 from noisy_world.measure.depth_noise import depth_noise
 from noisy_world.measure.footage import Look, footage_of
 from noisy_world.measure.imu_noise import imu_noise
+from noisy_world.perturbations.shipped._depth_devices import cosine_of_incidence
 from noisy_world.sources.recording import read_recording
 
 COUNT = 16
@@ -20,8 +23,13 @@ HIGH, WIDE = 144, 192
 RNG = np.random.default_rng(5)
 
 
+CAMERA = Intrinsics(WIDE, HIGH, 150.0, 150.0, (WIDE - 1) / 2, (HIGH - 1) / 2)
+
+
 class Looks(list):
     """Looks at frames, as footage gives them."""
+
+    camera = CAMERA
 
     def look(self, frame):
         return self[frame]
@@ -73,13 +81,17 @@ def test_noise_that_was_smoothed_is_said_to_be(clean):
     assert colour_noise(clean, range(COUNT)).gaussian_std.value is None
 
 
-def walls(noise, count=COUNT):
-    """Looks at a wall that is seen at a slant, at 1 to 4 m, with noise in metres: a function of depth."""
+def walls(noise, count=COUNT, slant=None):
+    """Looks at a wall that is seen at a slant, at 1 to 4 m, with noise in metres: a function of depth.
+
+    slant: of each frame, its inverse depth over the image, where it is another one.
+    """
     grey, colour = np.full((HIGH, WIDE), 128, np.uint8), np.full((HIGH, WIDE, 3), 128, np.uint8)
     v, u = np.mgrid[:HIGH, :WIDE]
     made = Looks()
-    for _ in range(count):
-        depth_m = 1 / (1 - 0.74 * (0.9 * u / WIDE + 0.1 * v / HIGH))
+    for frame in range(count):
+        steep = 0.74 if slant is None else slant[frame]
+        depth_m = 1 / (1 - steep * (0.9 * u / WIDE + 0.1 * v / HIGH))
         made.append(Look(grey, (depth_m + noise(depth_m)).astype(np.float32), grey, colour))
     return made
 
@@ -124,13 +136,86 @@ def test_steps_of_depth():
     assert per_m.value is None
 
 
+def test_what_places_beside_its_own_add_to_a_pixels_noise():
+    slant = np.linspace(0.2, 0.74, COUNT)
+    shift_px = 0.8
+
+    def moved(z):
+        right, down = RNG.normal(0, shift_px, (2, *z.shape))
+        per_m = 1 / z
+        across, along = np.gradient(per_m)[::-1]
+        return 1 / (per_m + across * right + along * down) - z + RNG.normal(0, 0.001, z.shape) * z**2
+
+    found = {figure.name: figure for figure in depth_noise(walls(moved, slant=slant), range(COUNT)).sideways}
+    shift = found["depth_shift_px"]
+    assert shift.value == pytest.approx(shift_px, rel=0.1)
+    assert shift.low < shift_px < shift.high
+    assert found["depth_noise_head_on_quadratic_per_m"].value == pytest.approx(0.001, rel=0.15)
+    still = depth_noise(walls(lambda z: RNG.normal(0, 0.001, z.shape) * z**2, slant=slant), range(COUNT)).sideways
+    assert still[0].value < 0.2
+    assert all(figure.value == pytest.approx(1, abs=0.1) for figure in still[3:])
+
+
+def boxes(seen):
+    """Depth of a post at 1 m before a wall at 2 m, as `seen` changes rows of it, and its grey."""
+    rows_m = np.full((HIGH, WIDE), 2.0, np.float32)
+    for number in range(4):
+        rows_m[:, 30 + 45 * number : 45 + 45 * number] = 1.0 + 0.1 * number
+    return [HoleFrame(seen(rows_m.copy()), np.full((HIGH, WIDE), 128, np.uint8), None)] * 8
+
+
+def test_shadows_and_pixels_in_the_air():
+    baseline_m = 0.08
+
+    def shadowed(rows_m):
+        for left in range(30, WIDE, 45):
+            wide = round(CAMERA.fx_px * baseline_m * (1 / rows_m[0, left] - 0.5))
+            rows_m[:, left - wide : left] = 0
+        return rows_m
+
+    def flying(rows_m):
+        rows_m[: HIGH // 4 * 2, 45] = 1.5
+        return rows_m
+
+    found = {figure.name: figure for figure in depth_holes(boxes(shadowed), CAMERA)}
+    baseline = found["shadow_baseline_m"]
+    assert baseline.low < baseline_m < baseline.high
+    assert baseline.value == pytest.approx(baseline_m, rel=0.1)
+    mirrored = depth_holes(boxes(lambda rows_m: shadowed(rows_m)[:, ::-1].copy()), CAMERA)
+    assert {figure.name: figure.value for figure in mirrored}["shadow_baseline_m"] < 0
+    found = {figure.name: figure for figure in depth_holes(boxes(flying), CAMERA)}
+    assert found["shadow_baseline_m"].value == 0
+    assert found["flying_pixels_share"].value == pytest.approx(1 / 16)  # half of the rows of one of 8 edges
+
+
+def test_holes_where_little_light_comes_back():
+    least, spread, px, frames = 0.1, 1.0, 5.0, 3
+    slopes = walls(lambda z: 0 * z, slant=[0.6] * COUNT)
+    whole_m = slopes[0].depth_m
+    light = cosine_of_incidence(whole_m, CAMERA) / whole_m**2
+    drawn = [gaussian_filter(RNG.normal(0, 1, whole_m.shape), px / 2) for _ in range(COUNT + frames)]
+    drawn = np.array(drawn) / np.std(drawn)
+    for frame, look in enumerate(slopes):
+        field = drawn[frame : frame + frames].sum(axis=0) / np.sqrt(frames)
+        look.depth_m[light * np.exp(spread * field) < least] = 0
+        look.depth_m[:, -3:] = 0
+    found = {figure.name: figure for figure in depth_noise(slopes, range(COUNT)).holes}
+    assert found["border_right_px"].value == 3
+    assert found["border_left_px"].value == 0
+    # Holes on a steep surface are taken for such beside edges, the more the larger they are.
+    for name, known in (("least_light", least), ("light_spread", spread), ("clump_px", px), ("clump_frames", frames)):
+        assert found[f"hole_{name}"].value == pytest.approx(known, rel=0.3)
+    none = {figure.name: figure for figure in depth_noise(walls(lambda z: 0 * z), range(COUNT)).holes}
+    assert "too few holes" in none["hole_least_light"].untold
+
+
 def test_holes_by_what_they_are_beside():
     looks = walls(lambda z: 0 * z)
     for look in looks:
         look.depth_m[:, :8] = 0  # the border
         look.depth_m[20:30, 60:70] = 0
     dark = Looks(replace(look, grey=np.where(look.depth_m > 0, look.grey, 10).astype(np.uint8)) for look in looks)
-    shares = [figure.value for figure in depth_noise(looks, range(COUNT)).holes]
+    shares = [figure.value for figure in depth_noise(looks, range(COUNT)).holes[:4]]
     frame = HIGH * WIDE
     # What is void in each frame at the same place is taken for the border.
     assert sum(shares) == pytest.approx((8 * HIGH + 100) / frame)
@@ -140,7 +225,7 @@ def test_holes_by_what_they_are_beside():
         moved[number] = replace(
             look, depth_m=np.roll(look.depth_m, 3 * number, axis=0), grey=np.roll(look.grey, 3 * number, axis=0)
         )
-    shares = [figure.value for figure in depth_noise(moved, range(COUNT)).holes]
+    shares = [figure.value for figure in depth_noise(moved, range(COUNT)).holes[:4]]
     assert shares[0] == pytest.approx(8 * HIGH / frame)
     assert sum(shares[1:]) == pytest.approx(100 / frame)
 

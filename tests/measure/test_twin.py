@@ -81,20 +81,41 @@ def test_a_disparity_comes_back():
     assert stepped["structured_light"]["sigma_px"] == pytest.approx(0.0002, rel=0.15)
 
 
-def test_colour_holes_and_lateness_become_steps_and_what_is_untold_is_said():
+def test_colour_and_lateness_become_steps_and_what_is_untold_is_said():
     found = found_of(
         Figure.exact("colour_gaussian_std", 0.03, 9),
         Figure.exact("colour_variance_per_intensity", 1 / 80, 9),
-        *(Figure.exact(f"holes_{where}_share", 0.02, 9) for where in ("at_border", "in_dark", "elsewhere")),
         Figure.exact("depth_late_frames", 2.1, 9),
         Figure.none("depth_noise_offset_m", "planes are seen at too few distances"),
     )
     twin = twin_of(found, CAMERA, None)
     assert twin.colour == [{"gaussian_noise": {"std": 0.03}}, {"shot_noise": {"photons": 80.0}}]
-    assert twin.holes == [{"depth_random_missing": {"missing_percent": 6.0}}]
     assert twin.pairing == [{"desync": {"offset": -2}}]
     assert twin.sensor is None
     assert any("depth_noise_offset_m" in line and "too few distances" in line for line in twin.untold)
+
+
+def test_holes_and_places_become_the_sensors():
+    holes = (Figure.exact("hole_least_light", 0.02, 9), Figure.exact("hole_light_spread", 1.5, 9))
+    holes += (Figure.exact("hole_clump_px", 20.0, 9), Figure.exact("hole_clump_frames", 3.6, 9))
+    holes += (Figure.exact("border_right_px", 8.0, 9), Figure.exact("border_top_px", 2.0, 9))
+    lost = {"least_light": 0.02, "reflectance_spread": 1.5, "clump_px": 20.0, "clump_frames": 4}
+    lost |= {"blind_px": 8.0, "blind_top_px": 2.0}
+    alone = twin_of(found_of(*holes), CAMERA, None).sensor["axial_noise"]
+    assert alone.items() >= (lost | {"offset_m": 0.0, "quadratic_per_m": 0.0}).items()
+    law = {"offset_m": 0.001, "quadratic_per_m": 0.002, "head_on_offset_m": 0.0, "head_on_quadratic_per_m": 0.0015}
+    figures = [Figure.exact(f"depth_noise_{name}", value, 9) for name, value in law.items()]
+    figures += [Figure.exact("depth_shift_px", 0.9, 9), Figure.exact("shadow_baseline_m", 0.05, 9)]
+    twin = twin_of(found_of(*figures, *holes), CAMERA, None)
+    axial = twin.sensor["axial_noise"]
+    # Whole pixels deviate by a twelfth more in square, and planes over 9 x 9 pixels leave all of what is each pixel's.
+    assert axial["lateral_px"] == pytest.approx(np.sqrt(0.81 - 1 / 12), rel=0.01)
+    assert axial["quadratic_per_m"] == pytest.approx(0.0015, rel=0.02)
+    assert any("shadow_baseline_m" in line for line in twin.untold)
+    stepped = twin_of(found_of(*figures, *holes, Figure.exact("depth_step_per_m", 0.003, 9)), CAMERA, None)
+    kinect = stepped.sensor["structured_light"]
+    assert kinect.items() >= (lost | {"baseline_m": 0.05}).items()
+    assert kinect["shift_px"] == axial["lateral_px"]
 
 
 def test_shutter_lens_light_files_and_clocks_become_steps():

@@ -23,6 +23,11 @@ CURVES = {  # title, what is to the right, what is upwards
     "colour_noise": ("Photon transfer: noise of colour by intensity", "intensity, of 255", "deviation, of 255"),
     "depth_noise_m": ("Noise of depth by distance", "distance, m", "deviation, m"),
     "depth_correlation": ("Correlation of depth's noise between neighbours", "apart by, px", "correlation"),
+    "depth_noise_over_head_on": ("Noise of depth by incidence", "incidence, degrees", "times that of surfaces head on"),
+    "holes_at_deg": ("Void by incidence", "incidence, degrees", "share of pixels"),
+    "holes_at_m": ("Void by distance", "distance, m", "share of pixels"),
+    "holes_at_grey": ("Void by grey", "grey, of 255", "share of pixels"),
+    "holes_at_contrast": ("Void by contrast", "deviation of grey over 7 x 7 pixels, of 255", "share of pixels"),
     "gyro_spectrum": ("Spectrum of the gyroscope", "frequency, Hz", "rad/s/sqrt(Hz)"),
     "accel_spectrum": ("Spectrum of the accelerometer", "frequency, Hz", "m/s^2/sqrt(Hz)"),
 }

@@ -1,18 +1,19 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Noise of depth from frames alone: its deviation by distance, steps, correlation in space and time, and holes.
+"""Noise of depth from frames alone: its deviation by distance and incidence, steps, and correlation in space and time.
 
 What is left of planes in inverse depth, in which they are linear, over small blocks.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from functools import cache
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..images.measured_depth import completed_m
+from ..core.geometry import Intrinsics
+from .depth_holes import HoleFrame, depth_holes
 from .figure import BLOCKS, Figure, blocks_of, jackknifed
 from .footage import Float32, Float64, RecordingView
 
@@ -21,27 +22,37 @@ SIDE, WIDE_SIDE = 9, 24  # of blocks in pixels: for the deviation, and for corre
 EDGE = 0.15  # times its distance: a block that spans more is an edge
 DISTANCES_M = (0.3, 0.5, 0.8, 1.1, 1.4, 1.7, 2.0, 2.5, 3.0, 3.6, 4.5, 6.0, 8.0, 12.0)
 LEAST_BLOCKS = 40
+LEAST_BEND, LEAST_BEND_OF_SLOPES = 0.6, 0.25  # times the noise: what blocks may leave that bend
 BENDS = 0.02  # relative error of a deviation by what is no plane, found on known noise
 FLATTEST = 0.4  # share of the wide blocks that is taken for planes
 LAGS_PX = (1, 2, 4)
-SHADOW_PX = 13  # side of the square in which a hole is beside an edge
-DARK = 40  # of 255
+QUIET = 0.3  # quantile of blocks' deviations by slope: surfaces that bend are above
+# That quantile of independent pixels' deviations over the mean (of chi, by its normal limit).
+QUIETER = 1 - 0.5244 / (2 * (SIDE * SIDE - 3)) ** 0.5
+TOLD_SHIFT_PX, TOLD_PART = 0.5, 0.1  # a shift that has to change variance by such a part, from slope to slope
+SLOPES = 6  # groups of slopes at a distance
+ACROSS_STEPS = 1.5  # steps of depth's numbers that a block has to span: on fewer, rounding hides noise
+ANGLES_DEG = (0, 20, 40, 50, 60, 65, 70, 75, 80)
 OFTEN = 8  # pixels that have a value, before it counts for the steps
-CURVE, BY_LAG = "depth_noise_m", "depth_correlation"
-BORDER = 0.9  # share of the frames in which a pixel is void that is one of the border
+CURVE, BY_LAG, BY_ANGLE = "depth_noise_m", "depth_correlation", "depth_noise_over_head_on"
+SHIFT = "depth_shift_px"
+HEAD_ON = ("depth_noise_head_on_offset_m", "depth_noise_head_on_quadratic_per_m")
 
 
 @dataclass(frozen=True)
 class DepthNoise:
     """What was measured of depth. curve: (distance in metres, deviation in metres), a figure for each.
 
-    law: offset in metres and what a square metre adds, by deviation = offset + quadratic z^2. steps: of the numbers:
-    constant in metres, or in inverse metres. correlation: at LAGS_PX, deviation of 4 x 4 means over the pixels', and
-    from frame to frame. holes: shares of pixels by what they are beside.
+    law: offset in metres and what a square metre adds, by deviation = offset + quadratic z^2. sideways: by how many
+    pixels the place deviates that a pixel shows, which roughens what is seen at an angle (`depth_shift_px`), the law
+    without that (`depth_noise_head_on_...`), and how often the deviation is that law's at an incidence
+    (`depth_noise_over_head_on_at_N_deg`). steps: of the numbers: constant in metres, or in inverse metres. correlation:
+    at LAGS_PX, deviation of 4 x 4 means over the pixels', and from frame to frame. holes: as `depth_holes` has them.
     """
 
     curve: tuple[tuple[float, Figure], ...]
     law: tuple[Figure, ...]
+    sideways: tuple[Figure, ...]
     steps: tuple[Figure, ...]
     correlation: tuple[Figure, ...]
     holes: tuple[Figure, ...]
@@ -49,53 +60,97 @@ class DepthNoise:
     @property
     def figures(self) -> tuple[Figure, ...]:
         """All of them."""
-        return (*self.law, *(figure for _, figure in self.curve), *self.steps, *self.correlation, *self.holes)
+        curve = (figure for _, figure in self.curve)
+        return (*self.law, *curve, *self.sideways, *self.steps, *self.correlation, *self.holes)
 
 
 def depth_noise(footage: RecordingView, frames: Sequence[int]) -> DepthNoise:
     """Return the noise of depth in some frames, and of the ones after them. Raises InputError for a damaged file."""
-    distance: list[Float64] = []
-    spread: list[Float64] = []
+    planes: list[Planes] = []
     wide: list[tuple[Float64, Float64, Float64]] = []
-    images: list[Float32] = []
-    greys: list[NDArray[np.uint8]] = []
+    seen: list[HoleFrame] = []
     for frame in frames:
         look = footage.look(frame)
         if look.depth_m is None:
             continue
-        images.append(look.depth_m)
-        greys.append(look.grey)
-        z, left, _ = _planes(look.depth_m, SIDE)
-        distance.append(z)
-        spread.append(np.sqrt((left**2).sum(axis=(1, 2)) / (SIDE * SIDE - 3)))
+        found = _planes(look.depth_m, SIDE)
+        planes.append(replace(found, left=np.sqrt((found.left**2).sum(axis=(1, 2)) / (SIDE * SIDE - 3))))
         after = footage.look(frame + 1).depth_m if frame + 1 < len(footage) else None
-        wide.append(_wide(look.depth_m, after))
-    curve, law = _by_distance(distance, spread)
-    return DepthNoise(curve, law, _steps(images), _correlations(wide), _holes(images, greys))
+        fresh = after is not None and not np.array_equal(look.depth_m, after)
+        wide.append(_wide(look.depth_m, after if fresh else None))
+        seen.append(HoleFrame(look.depth_m, look.grey, after <= 0 if after is not None and fresh else None))
+    planes = _flat(planes)
+    curve, law = _by_distance([each.z for each in planes], [each.left for each in planes])
+    steps = _steps([each.depth_m for each in seen])
+    sideways = _sideways(planes, footage.camera, steps[1].value or 0.0)
+    return DepthNoise(curve, law, sideways, steps, _correlations(wide), depth_holes(seen, footage.camera))
+
+
+@dataclass(frozen=True)
+class Planes:
+    """Blocks of depth without void or edge.
+
+    z: (N,) metres in the middle. left: (N, side, side), what planes leave in metres, to the first order. slope: (N, 2),
+    change of inverse depth a pixel across and down. bend: (N,), second differences of the neighbours' means in metres;
+    infinite without neighbours. which: (N,) blocks by number.
+    """
+
+    z: Float64
+    left: Float64
+    slope: Float64
+    bend: Float64
+    which: NDArray[np.int64]
 
 
 @cache
 def _left_of_plane(side: int) -> tuple[Float64, Float64]:
-    """Return the projection onto what a plane leaves of a block (side^2, side^2), and that onto its middle."""
+    """Return the projections onto what a plane leaves of a block (side^2, side^2), and onto the plane (3, side^2)."""
     v, u = np.mgrid[:side, :side] - (side - 1) / 2
     terms = np.stack([np.ones(u.size), u.ravel(), v.ravel()], axis=1)
     inverse = np.linalg.pinv(terms)
-    return np.eye(side * side) - terms @ inverse, inverse[0]
+    return np.eye(side * side) - terms @ inverse, inverse
 
 
-def _planes(depth_m: Float32, side: int) -> tuple[Float64, Float64, NDArray[np.int64]]:
-    """Return the distance (N,) of blocks without void or edge, what planes leave of them in metres, and which they are.
-
-    What is left: (N, side, side), in depth, to the first order.
-    """
+def _planes(depth_m: Float32, side: int) -> Planes:
     high, wide = depth_m.shape[0] // side, depth_m.shape[1] // side
     cut = depth_m[: high * side, : wide * side].reshape(high, side, wide, side).swapaxes(1, 2).reshape(-1, side * side)
     lowest, highest = cut.min(axis=1), cut.max(axis=1)
     whole = np.flatnonzero((lowest > 0) & (highest - lowest < EDGE * highest))
     per_m = 1 / cut[whole].astype(np.float64)
-    left, middle = _left_of_plane(side)
-    z = 1 / (per_m @ middle)
-    return z, (-(per_m @ left) * (z**2)[:, None]).reshape(-1, side, side), whole
+    left, plane = _left_of_plane(side)
+    middle, *slope = plane @ per_m.T
+    z = 1 / middle
+    inner = np.full(high * wide, np.inf)
+    inner[whole] = middle
+    means = np.pad(inner.reshape(high, wide), 1, constant_values=np.inf)
+    around = means[1:-1, 2:] + means[1:-1, :-2], means[2:, 1:-1] + means[:-2, 1:-1]
+    bends = [each.reshape(-1)[whole] - 2 * middle for each in around]
+    residual = (-(per_m @ left) * (z**2)[:, None]).reshape(-1, side, side)
+    return Planes(z, residual, np.stack(slope, axis=1), np.hypot(*bends) * z**2, whole)
+
+
+def _flat(planes: Sequence[Planes]) -> list[Planes]:
+    """Return the blocks that do not bend, by their neighbours, so that their own noise does not choose them.
+
+    At distances where these are too few, all are returned. Two planes that meet in a block leave a tenth of the bend.
+    """
+    if not planes:
+        return []
+    z, spread, bend = (np.concatenate([getattr(each, name) for each in planes]) for name in ("z", "left", "bend"))
+    kept = np.ones(len(z), np.bool_)
+    for low, high in pairwise(DISTANCES_M):
+        here = np.flatnonzero((z >= low) & (z < high))
+        flat = here[bend[here] < 10 * LEAST_BEND * np.median(spread[here])] if len(here) else here
+        if len(flat) >= LEAST_BLOCKS:
+            flat = here[bend[here] < 10 * LEAST_BEND * np.median(spread[flat])]
+        if len(flat) >= LEAST_BLOCKS:
+            kept[here] = False
+            kept[flat] = True
+    parts = np.split(kept, np.cumsum([len(each.z) for each in planes])[:-1])
+    return [
+        Planes(*(getattr(each, field.name)[part] for field in fields(Planes)))
+        for each, part in zip(planes, parts, strict=True)
+    ]
 
 
 def _by_distance(
@@ -143,23 +198,128 @@ def _law(z: Float64, sigma: Float64, weight: Float64) -> Float64:
     return np.array([offset, quadratic])
 
 
+# --- what incidence adds ---
+
+
+def _sideways(planes: Sequence[Planes], camera: Intrinsics, step_per_m: float) -> tuple[Figure, ...]:
+    """Return the figures of `sideways`: squares of deviations are linear in those of slopes, at each distance apart."""
+    counts = [len(each.z) for each in planes]
+    if sum(counts) < SLOPES * LEAST_BLOCKS:
+        return tuple(Figure.none(name, "too few planes are seen") for name in (SHIFT, *HEAD_ON))
+    names = ("z", "left", "slope", "bend")
+    z, spread, slope, bend = (np.concatenate([getattr(each, name) for each in planes]) for name in names)
+    groups = np.repeat(blocks_of(len(planes)), counts)
+    steep = np.hypot(*slope.T)
+    told = (steep * SIDE >= ACROSS_STEPS * step_per_m) & (bend < 10 * LEAST_BEND_OF_SLOPES * _typical(z, spread))
+    per_px = steep * z**2  # metres a pixel
+    square, rows = _shift(z[told], spread[told], per_px[told])
+    if rows < 1:
+        why = "surfaces are seen at too few angles for their noise"
+        return tuple(Figure.none(name, why) for name in (SHIFT, *HEAD_ON))
+    kept = [groups != group for group in range(BLOCKS)]
+    squares = [_shift(z[told & each], spread[told & each], per_px[told & each])[0] for each in kept]
+    error = float(np.hypot(jackknifed(np.array(squares)), 2 * BENDS * square))
+    within = Figure.within(SHIFT, square, error, int(told.sum()), "blocks")
+    low, high = (None if each is None else max(each, 0.0) ** 0.5 for each in (within.low, within.high))
+    shift = replace(within, value=max(square, 0.0) ** 0.5, low=low, high=high)
+    law = _head_on(z, spread, per_px, square)
+    laws = np.array([_head_on(z[at], spread[at], per_px[at], each) for at, each in zip(kept, squares, strict=True)])
+    if not np.isfinite(law).all():
+        none = [Figure.none(name, "planes are seen at too few distances") for name in HEAD_ON]
+        return shift, *none
+    errors = [float(np.hypot(jackknifed(column), BENDS * value)) for column, value in zip(laws.T, law, strict=True)]
+    figures = [
+        Figure.within(name, float(value), error, len(z), "blocks")
+        for name, value, error in zip(HEAD_ON, law, errors, strict=True)
+    ]
+    over = spread / np.maximum(law[0] + law[1] * z**2, 1e-9)
+    return shift, *figures, *_by_angle(planes, over, groups, camera)
+
+
+def _shift(z: Float64, spread: Float64, per_px: Float64) -> tuple[float, int]:
+    """Return the square of the shift in pixels, and how many distances tell it; 0, 0 where none does."""
+    found: list[float] = []
+    for low, high in pairwise(DISTANCES_M):
+        here = np.flatnonzero((z >= low) & (z < high))
+        if len(here) < SLOPES * LEAST_BLOCKS:
+            continue
+        # In inverse depth, in which a plane has one slope: what grows with the distance is none of the shift's.
+        slopes, per_m = per_px[here] / z[here] ** 2, spread[here] / z[here] ** 2
+        parts = np.array_split(np.argsort(slopes), SLOPES)
+        x = np.array([float(np.median(slopes[part] ** 2)) for part in parts])
+        y = np.array([(float(np.quantile(per_m[part], QUIET)) / QUIETER) ** 2 for part in parts])
+        if np.ptp(x) * TOLD_SHIFT_PX**2 < TOLD_PART * np.median(y):
+            continue
+        weight = 1 / np.maximum(y, 1e-18) ** 2
+        x0, y0 = np.average(x, weights=weight), np.average(y, weights=weight)
+        found.append(float(np.sum(weight * (x - x0) * (y - y0)) / np.sum(weight * (x - x0) ** 2)))
+    return (float(np.median(found)), len(found)) if found else (0.0, 0)
+
+
+def _typical(z: Float64, spread: Float64) -> Float64:
+    """Return the median deviation at the distance of each block (N,)."""
+    bins = np.digitize(z, DISTANCES_M)
+    typical = np.array(
+        [np.median(spread[bins == at]) if (bins == at).any() else 0.0 for at in range(len(DISTANCES_M) + 1)]
+    )
+    return typical[bins]
+
+
+def _head_on(z: Float64, spread: Float64, per_px: Float64, square: float) -> Float64:
+    """Return the law's offset and quadratic (2,) without what the shift adds; NaN where distances are too few."""
+    found: list[tuple[float, float, float]] = []
+    for low, high in pairwise(DISTANCES_M):
+        here = (z >= low) & (z < high)
+        if here.sum() >= LEAST_BLOCKS:
+            sigma = float(np.median(spread[here]))
+            added = max(square, 0.0) * float(np.median(per_px[here] ** 2))
+            found.append((float(np.median(z[here])), max(sigma**2 - added, 0.1 * sigma**2) ** 0.5, here.sum() ** 0.5))
+    return _law(*np.array(found).T) if len(found) > 1 else np.full(2, np.nan)
+
+
+def _by_angle(planes: Sequence[Planes], over: Float64, groups: NDArray[np.int64], camera: Intrinsics) -> list[Figure]:
+    """Return how often the deviation is that of surfaces seen head on, (N,) blocks' over, at angles of incidence."""
+    z, slope, which = (np.concatenate([getattr(each, name) for each in planes]) for name in ("z", "slope", "which"))
+    row, column = np.divmod(which, camera.width_px // SIDE)
+    x, y = (column + 0.5) * SIDE - 0.5 - camera.cx_px, (row + 0.5) * SIDE - 0.5 - camera.cy_px
+    right, down = slope.T
+    towards = 1 / z - x * right - y * down
+    ray = np.sqrt((x / camera.fx_px) ** 2 + (y / camera.fy_px) ** 2 + 1)
+    length = np.sqrt(towards**2 + (right * camera.fx_px) ** 2 + (down * camera.fy_px) ** 2) * ray
+    angle_deg = np.degrees(np.arccos(np.clip(1 / z / length, 0, 1)))
+    made: list[Figure] = []
+    for low, high in pairwise(ANGLES_DEG):
+        here = (angle_deg >= low) & (angle_deg < high)
+        if here.sum() < LEAST_BLOCKS:
+            continue
+        value = float(np.median(over[here]))
+        parts = [over[here & (groups != group)] for group in range(BLOCKS)]
+        left_out = np.array([np.median(part) if len(part) else value for part in parts])
+        error = float(np.hypot(jackknifed(left_out), BENDS * value))
+        at = float(np.median(angle_deg[here]))
+        figure = Figure.within(f"{BY_ANGLE}_at_{at:.0f}_deg", value, error, int(here.sum()), "blocks")
+        made.append(figure.on(BY_ANGLE, at))
+    return made
+
+
 # --- correlation ---
 
 
 def _wide(depth_m: Float32, after_m: Float32 | None) -> tuple[Float64, Float64, Float64]:
     """Return of wide blocks (N,) their relative spread, products by lag, of means and squares (N, 5), and in time."""
-    z, left, which = _planes(depth_m, WIDE_SIDE)
+    planes = _planes(depth_m, WIDE_SIDE)
+    left = planes.left
     square = (left**2).mean(axis=(1, 2))
     lags = [(left[:, :, lag:] * left[:, :, :-lag]).mean(axis=(1, 2)) for lag in LAGS_PX]
     means = left.reshape(-1, WIDE_SIDE // 4, 4, WIDE_SIDE // 4, 4).mean(axis=(2, 4))
     sums = np.stack([*lags, (means**2).mean(axis=(1, 2)), square], axis=1)
-    time = np.full((len(z), 3), np.nan)
-    if after_m is not None and not np.array_equal(depth_m, after_m):
-        _, later, other = _planes(after_m, WIDE_SIDE)
-        _, here, there = np.intersect1d(which, other, return_indices=True)
-        time[here, 0] = (left[here] * later[there]).mean(axis=(1, 2))
-        time[here, 1], time[here, 2] = square[here], (later[there] ** 2).mean(axis=(1, 2))
-    return np.sqrt(square) / z**2, sums, time
+    time = np.full((len(left), 3), np.nan)
+    if after_m is not None:
+        later = _planes(after_m, WIDE_SIDE)
+        _, here, there = np.intersect1d(planes.which, later.which, return_indices=True)
+        time[here, 0] = (left[here] * later.left[there]).mean(axis=(1, 2))
+        time[here, 1], time[here, 2] = square[here], (later.left[there] ** 2).mean(axis=(1, 2))
+    return np.sqrt(square) / planes.z**2, sums, time
 
 
 def _correlations(wide: list[tuple[Float64, Float64, Float64]]) -> tuple[Figure, ...]:
@@ -236,36 +396,3 @@ def _steps(images: list[Float32]) -> tuple[Figure, ...]:
     step = float(np.median(per_m))
     error = 1.2533 * float(np.std(per_m)) / far.sum() ** 0.5
     return exact, Figure.within(names[1], step, error, int(far.sum()), "numbers")
-
-
-# --- holes ---
-
-
-def _holes(images: list[Float32], greys: list[NDArray[np.uint8]]) -> tuple[Figure, ...]:
-    """Return the shares of pixels without depth: at the border, beside edges, where colour is dark, and elsewhere."""
-    import cv2
-
-    names = ("holes_at_border_share", "holes_beside_edges_share", "holes_in_dark_share", "holes_elsewhere_share")
-    if not images:
-        return tuple(Figure.none(name, "there is no depth") for name in names)
-    border = np.mean([image <= 0 for image in images], axis=0) > BORDER
-    rows: list[list[float]] = []
-    for depth_m, grey in zip(images, greys, strict=True):
-        void = depth_m <= 0
-        filled_m = completed_m(depth_m)
-        square = np.ones((3, 3), np.uint8)
-        step = cv2.dilate(filled_m, square) > (1 + EDGE / 3) * np.maximum(cv2.erode(filled_m, square), 1e-3)
-        beside = cv2.dilate(step.astype(np.uint8), np.ones((SHADOW_PX, SHADOW_PX), np.uint8)) > 0
-        dark = grey < DARK
-        at_border = void & border
-        at_edge = void & ~border & beside
-        in_dark = void & ~border & ~beside & dark
-        parts = (at_border, at_edge, in_dark, void & ~at_border & ~at_edge & ~in_dark)
-        rows.append([float(part.mean()) for part in parts])
-    shares = np.array(rows)
-    return tuple(
-        Figure.within(
-            name, float(shares[:, place].mean()), float(shares[:, place].std()) / len(shares) ** 0.5, len(shares)
-        )
-        for place, name in enumerate(names)
-    )

@@ -62,6 +62,12 @@ class Figure:
             return self
         return replace(self, value=self.value + more, low=self.low + more, high=self.high + more)
 
+    @property
+    def exponential(self) -> "Figure":
+        """Return that of which this is the natural logarithm; itself where it cannot be told."""
+        value, low, high = (None if each is None else float(np.exp(each)) for each in (self.value, self.low, self.high))
+        return replace(self, value=value, low=low, high=high)
+
     def sure_beyond(self, limit: float) -> bool:
         """Tell whether the whole interval is farther from 0 than a limit, on one side."""
         if self.low is None or self.high is None:

@@ -159,7 +159,7 @@ def _stored(depth_m: Float32, twin: Twin) -> Float32:
 
 def _holes(footage: RecordingView, twin: Twin) -> tuple[tuple[Float64, Float64], Figure]:
     """Return maps of void, measured and drawn, and the share of what is drawn."""
-    steps = [*([twin.sensor] if twin.sensor else []), *twin.holes]
+    steps = [twin.sensor] if twin.sensor else []
     frames = np.unique(np.linspace(0, len(footage) - 1, NOISE_FRAMES).round().astype(int)).tolist()
     maps: list[Float64] = [np.zeros(0), np.zeros(0)]
     shares: list[float] = []

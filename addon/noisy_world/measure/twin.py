@@ -7,6 +7,7 @@ What a figure cannot tell is left out, and a comment of the file says why.
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cache
+from statistics import NormalDist
 from typing import Any
 
 import numpy as np
@@ -16,7 +17,9 @@ from ..core.geometry import Intrinsics
 from ..core.lens import Distortion
 from ..core.schema import yaml_line
 from ..core.srgb import exact_colours
-from .depth_noise import LAGS_PX, WIDE_SIDE
+from .depth_holes import BASELINE, SIDES
+from .depth_holes import LAW as HOLES
+from .depth_noise import HEAD_ON, LAGS_PX, SHIFT, WIDE_SIDE
 from .depth_noise import SIDE as DEPTH_SIDE
 from .figure import Figure
 from .looking import RecordingFigures
@@ -24,10 +27,10 @@ from .looking import RecordingFigures
 # Chosen, as all below.
 LEAST_CORRELATION = 0.05  # less at all lags is noise of independent pixels
 FARTHEST_PX, MOST_FRAMES = 40.0, 32
-LEAST_HOLES = 0.003  # share of the pixels that is made
 LEAST_STEP = 0.3  # of a disparity, over the deviation of depth in inverse metres: smaller ones are not seen
 MOST_PHOTONS = 256.0  # that shot_noise counts
-SHADOW_BASELINE_M, NO_SHADOW_BASELINE_M = 0.075, 0.001  # of a projector: the first Kinect's, and one beside the camera
+LEAST_SHIFT_PX = 0.3  # less is of surfaces that bend
+NO_SHADOW_BASELINE_M = 0.001  # of a projector that stands beside the camera
 MIDDLE = 0.5  # intensity at which a noise of photons that are too many is added to the even one
 DRAWS = 4000
 LEAST_BLUR_PX, LEAST_READOUT_MS, LEAST_EXPOSURE_MS = 0.4, 1.0, 1.0  # of the lower ends of intervals
@@ -40,6 +43,18 @@ LEAST_JITTER_S = 1e-6  # less is the rounding of stamps
 IMU_KEYS = ("gyro_noise_density", "accel_noise_density")
 
 Values = dict[str, Any]
+_NO_NOISE: Mapping[str, Any] = {  # of axial_noise
+    "from_m": 0.0,
+    "offset_m": 0.0,
+    "linear": 0.0,
+    "quadratic_per_m": 0.0,
+    "steep": 0.0,
+    "lateral_px": 0.0,
+    "lateral_steep_px": 0.0,
+    "correlation_px": 0.0,
+    "correlation_share": 0.0,
+    "correlation_frames": 1,
+}
 
 
 @dataclass
@@ -47,7 +62,7 @@ class Twin:
     """What makes clean frames into such as were measured.
 
     camera: keys of a preset's camera. sensor: how depth is measured, one perturbation; None where it cannot be told.
-    shutter, colour, pairing, holes: further steps of a setting. imu: keys of a rig's. delay_ms: how much later than
+    shutter, colour, pairing: further steps of a setting. imu: keys of a rig's. delay_ms: how much later than
     colour depth is exposed; between_frames: which is no whole number of frames. depth_scale_per_m: of images of depth.
     untold: why something is not in it, or not as it was measured, a line each.
     """
@@ -58,7 +73,6 @@ class Twin:
     between_frames: bool = False
     sensor: Values | None = None
     colour: list[Values] = field(default_factory=list[Values])
-    holes: list[Values] = field(default_factory=list[Values])
     pairing: list[Values] = field(default_factory=list[Values])
     imu: Values = field(default_factory=dict[str, Any])
     depth_scale_per_m: float | None = None
@@ -83,7 +97,6 @@ def twin_of(found: RecordingFigures, camera: Intrinsics, lens: Distortion | None
     _lines(twin, found)
     _coding(twin, found)
     _depth(twin, found, camera)
-    _holes(twin, found)
     _pairing(twin, found)
     _imu(twin, found)
     _stamps(twin, found)
@@ -242,38 +255,64 @@ def _depth(twin: Twin, found: RecordingFigures, camera: Intrinsics) -> None:
         round_number = _plain(1 / smallest, 2)
         twin.depth_scale_per_m = round_number if abs(round_number * smallest - 1) < 0.01 else _plain(1 / smallest)
     if offset is None or quadratic is None:
+        if more := _lost(twin, found):
+            twin.sensor = {"axial_noise": {**_NO_NOISE, **more}}
         return
     px, share, frames = _sharing(found)
+    shift_px = _value(found, SHIFT) or 0.0
+    shift_px = (
+        _shift_of(shift_px / np.sqrt(_left_share(DEPTH_SIDE, round(px, 2)))) if shift_px > LEAST_SHIFT_PX else 0.0
+    )
+    if shift_px > 0:  # what it adds to the deviation is not added again
+        offset, quadratic = (_value(found, name) or 0.0 for name in HEAD_ON)
     whole = 1 / _seen_of(DEPTH_SIDE, round(px, 2), round(share, 3))  # what planes over blocks leave is less
     offset, quadratic = offset * whole, quadratic * whole
-    shared: Values = {}
+    more: Values = _lost(twin, found)
     if share > 0:
-        shared = {"correlation_px": _plain(px, 3), "correlation_share": _plain(share, 3), "correlation_frames": frames}
+        more |= {"correlation_px": _plain(px, 3), "correlation_share": _plain(share, 3), "correlation_frames": frames}
     if step_per_m is not None and step_per_m > LEAST_STEP * quadratic > 0:
-        twin.sensor = {"structured_light": _stepped(twin, found, camera, (offset, quadratic, step_per_m), shared)}
+        law = offset, quadratic, step_per_m
+        twin.sensor = {"structured_light": _stepped(twin, found, camera, law, more | {"shift_px": shift_px})}
         return
-    law = {"from_m": 0.0, "offset_m": _plain(offset), "linear": 0.0, "quadratic_per_m": _plain(quadratic)}
-    law |= {"steep": 0.0, "lateral_px": 0.0, "lateral_steep_px": 0.0}
-    none = {"correlation_px": 0.0, "correlation_share": 0.0, "correlation_frames": 1}
-    twin.sensor = {"axial_noise": law | (shared or none)}
+    values = {"offset_m": _plain(offset), "quadratic_per_m": _plain(quadratic), "lateral_px": shift_px}
+    twin.sensor = {"axial_noise": {**_NO_NOISE, **values, **more}}
+    if _value(found, BASELINE):
+        twin.untold.append("shadow_baseline_m: axial_noise has no shadows; holes beside edges are not made")
+
+
+def _lost(twin: Twin, found: RecordingFigures) -> Values:
+    """Return the parameters of what is lost at the sides, and for little light."""
+    values: Values = {}
+    for side in SIDES:
+        if wide := _value(found, f"border_{side}_px"):
+            values["blind_px" if side == "right" else f"blind_{side}_px"] = wide
+    least, spread, px, frames = (_value(found, name) for name in HOLES)
+    if least is None or spread is None:
+        return values
+    values |= {"least_light": _plain(least), "reflectance_spread": _plain(spread)}
+    values |= {"clump_px": _plain(px or 0.0, 3), "clump_frames": max(round(frames or 1.0), 1)}
+    twin.untold.append(
+        "holes: lie where little light comes back, and else anywhere: which surfaces are dark is not told"
+    )
+    return values
 
 
 def _stepped(
-    twin: Twin, found: RecordingFigures, camera: Intrinsics, law: tuple[float, float, float], shared: Values
+    twin: Twin, found: RecordingFigures, camera: Intrinsics, law: tuple[float, float, float], more: Values
 ) -> Values:
     """Return the parameters of a disparity that is rounded. law: offset, quadratic and step, in inverse metres."""
     offset, quadratic, step_per_m = law
-    beside = _value(found, "holes_beside_edges_share") or 0.0
-    baseline_m = SHADOW_BASELINE_M if beside > LEAST_HOLES else NO_SHADOW_BASELINE_M
+    baseline_m = _value(found, BASELINE) or 0.0
+    if baseline_m < 0:
+        twin.untold.append(f"{BASELINE}: {baseline_m:.3g} was measured, and structured_light's shadows lie to the left")
+    baseline_m = max(_plain(baseline_m), NO_SHADOW_BASELINE_M)
     product = camera.fx_px * baseline_m
     rounded = step_per_m**2 / 12
     before = max(quadratic**2 - rounded, 0.0)
     if offset > 0:
-        twin.untold.append(f"depth_noise_offset_m: {offset:.3g} was measured, and a disparity's noise has no such part")
-    if baseline_m == SHADOW_BASELINE_M:
-        twin.untold.append("baseline_m: is a first Kinect's, as holes beside edges do not tell it")
-    if shared and before > 0:  # what rounding adds is each pixel's own
-        shared = shared | {"correlation_share": _plain(min(shared["correlation_share"] * quadratic**2 / before, 1), 3)}
+        twin.untold.append(f"{HEAD_ON[0]}: {offset:.3g} was measured, and a disparity's noise has no such part")
+    if "correlation_share" in more and before > 0:  # what rounding adds is each pixel's own
+        more = more | {"correlation_share": _plain(min(more["correlation_share"] * quadratic**2 / before, 1), 3)}
     values: Values = {
         "focal_px": _plain(camera.fx_px, 6),
         "baseline_m": baseline_m,
@@ -285,7 +324,24 @@ def _stepped(
         "min_m": 0.0,
         "max_m": 1000.0,
     }
-    return values | shared
+    return values | more
+
+
+@cache
+def _shifts() -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Return deviations of normal numbers, and those of the same rounded to whole ones."""
+    steps = np.arange(0.5, 40)
+    tried = np.linspace(0.05, 8, 400)
+    tails = [[NormalDist().cdf(-float(step / each)) for step in steps] for each in tried]
+    # Each half step more adds the odd numbers to the square.
+    rounded = [float(np.sqrt(2 * np.sum(np.array(each) * (2 * steps)))) for each in tails]
+    return tuple(tried.tolist()), tuple(rounded)
+
+
+def _shift_of(moved_px: float) -> float:
+    """Return the deviation of places that, rounded to whole pixels, deviate by so much."""
+    tried, rounded = _shifts()
+    return _plain(float(np.interp(moved_px, rounded, tried)), 3)
 
 
 def _sharing(found: RecordingFigures) -> tuple[float, float, int]:
@@ -314,6 +370,8 @@ def _sharing(found: RecordingFigures) -> tuple[float, float, int]:
 @cache
 def _left_share(side: int, px: float) -> float:
     """Return the share of shared noise's variance that planes leave of blocks, over that of independent pixels."""
+    if px <= 0:
+        return 1.0
     v, u = np.mgrid[:side, :side].reshape(2, -1).astype(np.float64)
     together = np.exp(-((v[:, None] - v) ** 2 + (u[:, None] - u) ** 2) / px**2)
     terms = np.linalg.qr(np.stack([np.ones(u.size), u, v], axis=1))[0]
@@ -333,25 +391,7 @@ def _seen_of(side: int, px: float, share: float) -> float:
     return float(np.median(np.sqrt((left**2).sum(axis=1) / (side * side - 3))))
 
 
-# --- holes, and which depth goes with which colour ---
-
-
-def _holes(twin: Twin, found: RecordingFigures) -> None:
-    names = ("at_border", "beside_edges", "in_dark", "elsewhere")
-    shares = {name: _value(found, f"holes_{name}_share") for name in names}
-    known = {name: value for name, value in shares.items() if value is not None}
-    shadowed = known.pop("beside_edges", 0.0) if _has_shadow(twin) else 0.0  # which the disparity makes
-    share = sum(known.values()) / max(1 - shadowed, 1e-3)  # rectangles lie on shadows too
-    if share <= LEAST_HOLES:
-        return
-    twin.holes.append({"depth_random_missing": {"missing_percent": min(_plain(100 * share, 3), 90.0)}})
-    told = ", ".join(f"{100 * value:.2g} % {name.replace('_', ' ')}" for name, value in known.items())
-    twin.untold.append(f"holes: {told}; all are made as rectangles of a tenth of the sides, anywhere")
-
-
-def _has_shadow(twin: Twin) -> bool:
-    model = (twin.sensor or {}).get("structured_light")
-    return model is not None and model["baseline_m"] == SHADOW_BASELINE_M
+# --- which depth goes with which colour ---
 
 
 def _pairing(twin: Twin, found: RecordingFigures) -> None:
@@ -426,7 +466,7 @@ def device_text(twin: Twin, found: RecordingFigures) -> str:
 
 def preset_text(twin: Twin, found: RecordingFigures) -> str:
     """Return a preset whose setting `twin` makes clean frames into such ones, of an embedded room as an example."""
-    steps = [*twin.shutter, *twin.colour, *([twin.sensor] if twin.sensor else []), *twin.holes, *twin.pairing]
+    steps = [*twin.shutter, *twin.colour, *([twin.sensor] if twin.sensor else []), *twin.pairing]
     rig = {"imu": twin.imu} if twin.imu else {}
     rig |= {"depth": {"delay_ms": twin.delay_ms}} if twin.between_frames else {}
     rate_hz = twin.rate_hz or 30.0

@@ -13,7 +13,7 @@ from ...core.geometry import Intrinsics
 from ...core.schema import key
 from ..kinds import FrameContext
 from ._arrays import ROWS, bands, by_bands, quotient, without_void
-from ._noise import SharedNoise
+from ._noise import SharedNoise, drawn, scaled
 
 P = TypeVar("P")
 F = TypeVar("F", np.float32, np.float64)
@@ -35,7 +35,14 @@ DEVICE_TOOLTIPS = {
     "correlation_frames": "Higher: errors stay for more frames, so that averaging frames helps less",
     "clump_px": "Higher: holes are fewer and larger",
     "clump_frames": "Higher: holes stay for more frames",
+    "least_light": "Higher: more of what is far, or seen at a glancing angle, has no depth",
+    "reflectance_spread": "Higher: holes are everywhere; lower: where it is far or glancing",
+    "blind_px": "Higher: a wider strip at the right has no depth",
+    "blind_left_px": "Higher: a wider strip at the left has no depth",
+    "blind_top_px": "Higher: a wider strip at the top has no depth",
+    "blind_bottom_px": "Higher: a wider strip at the bottom has no depth",
 }
+LIGHT_STEP_PX = 4  # of the grid on which light is calculated; chosen
 MOST_FRAMES = 32  # whose random numbers are drawn for one; chosen
 NOISE_SEVERITIES = (0.25, 0.5, 1.0, 2.0, 4.0)  # times the device's: halved and doubled around it
 
@@ -71,12 +78,31 @@ _SHARING: Mapping[str, Callable[[], Any]] = {
         "how large holes are, as correlation_px; 0: of single pixels", 200, "px", slider=(0, 80), later=True
     ),
     "clump_frames": lambda: _frames("frames that holes stay for, as correlation_frames"),
+    "least_light": lambda: of_device(
+        "least light that is given, of that from a surface of middling reflectance, 1 m away and seen head on; 0: any",
+        1000,
+        slider=(0, 0.1),
+        later=True,
+    ),
+    "reflectance_spread": lambda: of_device(
+        "standard deviation of reflectance's natural logarithm", 10, label="Spread of Light", later=True
+    ),
+    "blind_px": lambda: _strip("right"),
+    "blind_left_px": lambda: _strip("left"),
+    "blind_top_px": lambda: _strip("top"),
+    "blind_bottom_px": lambda: _strip("bottom"),
 }
 
 
 def sharing(name: str) -> Any:
-    """Return the field of a name, of `SharedNoise`: of errors (correlation_...) or of what makes holes (clump_...)."""
+    """Return the field of a name that several devices have: of `SharedNoise`, of errors (correlation_...) or of what
+    makes holes (clump_...), of the light that is needed, or of a strip at a side that is blind.
+    """
     return _SHARING[name]()
+
+
+def _strip(side: str) -> Any:
+    return of_device(f"width of the strip at the {side} that gives nothing", 10_000, "px", later=True)
 
 
 def _frames(meaning: str, label: str = "") -> Any:
@@ -257,6 +283,46 @@ def cosine_of_incidence(depth_m: NDArray[np.float32], camera: Intrinsics) -> NDA
         length[here == 0] = 1
         found[rows] = np.minimum(length, np.float32(1))
     return found
+
+
+# Holes that are of no shape: too little light, and strips at the sides.
+
+
+def dim(
+    depth_m: NDArray[np.float32], own: Any, context: FrameContext, camera: Intrinsics, scale: float = 1.0
+) -> NDArray[np.bool_]:
+    """Return the mask (H, W) of what gives less than the least light.
+
+    own: the device's least_light, reflectance_spread, clump_px and clump_frames. scale: how many pixels of this image
+    are one of the device's. Where clumps are large it is interpolated from every 4th pixel: between them its logarithm
+    deviates by 3 % less.
+    """
+    import cv2
+
+    clump = max(own.clump_px, 0) * scale
+    step = LIGHT_STEP_PX if clump >= 4 * LIGHT_STEP_PX else 1
+    height, width = depth_m.shape
+    places = [np.minimum(np.arange(0, side, step) + step // 2, side - 1) for side in (height, width)]
+    depth, known = without_void(depth_m[np.ix_(*places)])
+    axis = (camera.cx_px - step // 2) / step, (camera.cy_px - step // 2) / step
+    coarse = Intrinsics(depth.shape[1], depth.shape[0], camera.fx_px / step, camera.fy_px / step, *axis)
+    light = np.log(quotient(cosine_of_incidence(depth, coarse), depth * depth, known) + ~known)
+    (reflectance,) = drawn(context, "reflectance", depth.shape, SharedNoise(clump / step, own.clump_frames))
+    light += scaled(reflectance, max(own.reflectance_spread, 0))
+    whole = cv2.resize(light, (depth.shape[1] * step, depth.shape[0] * step), interpolation=cv2.INTER_LINEAR)
+    return np.asarray(whole).reshape(depth.shape[0] * step, -1)[:height, :width] < np.float32(math.log(own.least_light))
+
+
+def drop_blind(image: NDArray[np.float32], own: Any, scale: float = 1.0) -> None:
+    """Clear, in place, the strips at the sides of an image (H, W) that give nothing."""
+    right, left, top, bottom = (
+        round(max(width, 0) * scale)
+        for width in (own.blind_px, own.blind_left_px, own.blind_top_px, own.blind_bottom_px)
+    )
+    image[:, max(image.shape[1] - right, 0) :] = 0
+    image[:, :left] = 0
+    image[:top] = 0
+    image[max(image.shape[0] - bottom, 0) :] = 0
 
 
 def smaller(one: NDArray[F], other: NDArray[F], count: int = 2) -> NDArray[F]:

@@ -19,6 +19,8 @@ from ._depth_devices import (
     Devices,
     camera_of,
     cosine_of_incidence,
+    dim,
+    drop_blind,
     filled,
     noise_of_device,
     of_device,
@@ -38,7 +40,8 @@ class AxialNoise:
 
     Along the axis its deviation at depth z and incidence a is offset + linear (z - from) + quadratic (z - from)^2, and
     beyond 60 degrees also steep / sqrt(z) (a / (90 - a))^2, with no more than 80 degrees. Sideways, in pixels, it is
-    lateral + lateral_steep a / (90 - a).
+    lateral + lateral_steep a / (90 - a). Where `least_light` says so, what gives too little light is lost, as
+    structured_light says it.
     """
 
     device: Literal["nguyen_2012", "khoshelham_2012", "azure_kinect", "kinect_v1_law"] = key(
@@ -62,6 +65,14 @@ class AxialNoise:
     correlation_px: float = sharing("correlation_px")
     correlation_frames: int = sharing("correlation_frames")
     correlation_share: float = sharing("correlation_share")
+    least_light: float = sharing("least_light")
+    reflectance_spread: float = sharing("reflectance_spread")
+    clump_px: float = sharing("clump_px")
+    clump_frames: int = sharing("clump_frames")
+    blind_px: float = sharing("blind_px")
+    blind_left_px: float = sharing("blind_left_px")
+    blind_top_px: float = sharing("blind_top_px")
+    blind_bottom_px: float = sharing("blind_bottom_px")
     TOOLTIPS: ClassVar[Mapping[str, str]] = DEVICE_TOOLTIPS | {
         "from_m": "Higher: noise begins to grow further away",
         "offset_m": "Higher: everything gets rougher by the same",
@@ -110,6 +121,9 @@ def apply(depth_m: NDArray[np.float32], parameters: AxialNoise, context: FrameCo
     sigma *= scaled(draws, own.noise)
     depth += sigma
     valid &= depth > 0
+    if own.least_light > 0:
+        valid &= ~dim(depth_m, own, context, camera_of(context, "axial_noise"))
+    drop_blind(depth, own)
     return np.where(valid, depth, np.float32(0))
 
 

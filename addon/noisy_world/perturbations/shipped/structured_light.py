@@ -9,17 +9,17 @@ from typing import ClassVar, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core.geometry import Intrinsics
 from ...core.schema import Choice, key
 from ..kinds import About, DepthPerturbation, FrameContext
-from ._arrays import bands, by_bands, quotient, without_void
+from ._arrays import bands, by_bands, quotient
 from ._depth_devices import (
     DEVICE_TOOLTIPS,
     NOISE_SEVERITIES,
     Devices,
     camera_of,
-    cosine_of_incidence,
+    dim,
     disparity_of,
+    drop_blind,
     filled,
     noise_of_device,
     of_device,
@@ -30,7 +30,6 @@ from ._depth_devices import (
 )
 from ._noise import Draws, SharedNoise, drawn, scaled, shifted_places, taken
 
-LIGHT_STEP_PX = 4  # of the grid on which light is calculated; chosen
 LEAST_JUMP_PX = 1.0  # of disparity: less is one surface; chosen
 
 
@@ -67,25 +66,18 @@ class StructuredLight:
     correlation_px: float = sharing("correlation_px")
     correlation_frames: int = sharing("correlation_frames")
     correlation_share: float = sharing("correlation_share")
-    least_light: float = of_device(
-        "least light that is given, of that from a surface of middling reflectance, 1 m away and seen head on; 0: any",
-        1000,
-        slider=(0, 0.1),
-        later=True,
-    )
-    reflectance_spread: float = of_device(
-        "standard deviation of reflectance's natural logarithm", 10, label="Spread of Light", later=True
-    )
+    least_light: float = sharing("least_light")
+    reflectance_spread: float = sharing("reflectance_spread")
     clump_px: float = sharing("clump_px")
     clump_frames: int = sharing("clump_frames")
-    blind_px: float = of_device("width of the strip at the right that gives nothing", 10_000, "px", later=True)
+    blind_px: float = sharing("blind_px")
+    blind_left_px: float = sharing("blind_left_px")
+    blind_top_px: float = sharing("blind_top_px")
+    blind_bottom_px: float = sharing("blind_bottom_px")
     TOOLTIPS: ClassVar[Mapping[str, str]] = DEVICE_TOOLTIPS | {
         "sigma_px": "Higher: steps of depth get more ragged",
         "window_px": "Higher: larger thin things have no depth",
         "least_share": "Higher: corners and thin things lose more",
-        "least_light": "Higher: more of what is far, or seen at a glancing angle, has no depth",
-        "reflectance_spread": "Higher: holes are everywhere; lower: where it is far or glancing",
-        "blind_px": "Higher: a wider strip at the right has no depth",
     }
 
 
@@ -113,13 +105,12 @@ def apply(depth_m: NDArray[np.float32], parameters: StructuredLight, context: Fr
     lit[shadowed(lit, scale)] = 0
     _drop_unmatched(lit, own, scale)
     if own.least_light > 0:
-        lit[_dim(depth_m, own, context, camera)] = 0
+        lit[dim(depth_m, own, context, camera, scale)] = 0
     shared = shared_errors(own, scale)
     if own.shift_px * own.noise > 0:
         down, right = drawn(context, "place", depth_m.shape, SharedNoise(shared.px), count=2)
         lit = taken(lit, *shifted_places(down, right, own.shift_px * own.noise * scale))
-    if own.blind_px > 0:
-        lit[:, max(lit.shape[1] - round(own.blind_px * scale), 0) :] = 0
+    drop_blind(lit, own, scale)
     draws: tuple[Draws, ...] = ()
     if own.sigma_px * own.noise > 0:
         draws = drawn(context, "disparity", depth_m.shape, shared)
@@ -158,29 +149,6 @@ def _round(disparity_px: NDArray[np.float32], step_px: float) -> None:
     np.rint(disparity_px, out=disparity_px)
     disparity_px -= np.float32(0.5)
     disparity_px *= np.float32(step_px)
-
-
-def _dim(
-    depth_m: NDArray[np.float32], own: StructuredLight, context: FrameContext, camera: Intrinsics
-) -> NDArray[np.bool_]:
-    """Return the mask (H, W) of what gives less than the least light.
-
-    Where clumps are large it is interpolated from every 4th pixel: between them its logarithm deviates by 3 % less.
-    """
-    import cv2
-
-    clump = max(own.clump_px, 0) * camera.fx_px / own.focal_px
-    step = LIGHT_STEP_PX if clump >= 4 * LIGHT_STEP_PX else 1
-    height, width = depth_m.shape
-    places = [np.minimum(np.arange(0, side, step) + step // 2, side - 1) for side in (height, width)]
-    depth, known = without_void(depth_m[np.ix_(*places)])
-    axis = (camera.cx_px - step // 2) / step, (camera.cy_px - step // 2) / step
-    coarse = Intrinsics(depth.shape[1], depth.shape[0], camera.fx_px / step, camera.fy_px / step, *axis)
-    light = np.log(quotient(cosine_of_incidence(depth, coarse), depth * depth, known) + ~known)
-    (reflectance,) = drawn(context, "reflectance", depth.shape, SharedNoise(clump / step, own.clump_frames))
-    light += scaled(reflectance, max(own.reflectance_spread, 0))
-    whole = cv2.resize(light, (depth.shape[1] * step, depth.shape[0] * step), interpolation=cv2.INTER_LINEAR)
-    return np.asarray(whole).reshape(depth.shape[0] * step, -1)[:height, :width] < np.float32(math.log(own.least_light))
 
 
 def _drop_unmatched(disparity_px: NDArray[np.float32], own: StructuredLight, scale: float) -> None:
