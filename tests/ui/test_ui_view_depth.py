@@ -4,7 +4,6 @@
 from types import SimpleNamespace
 
 import pytest
-from panel_tools import settings
 
 bpy = pytest.importorskip("bpy", reason="bpy is not installed")
 
@@ -37,16 +36,4 @@ def test_a_view_of_workbench_offers_no_button_that_cannot_be_pressed(hall, monke
         hall.render.engine = engine
         views.draw(layout, at)
     assert [text.rpartition("; ")[2] for text in said] == ["EEVEE's has one", "Preview Frame does"]
-    assert buttons == ["noisy_world.show_by_eevee"]
-    bpy.ops.noisy_world.add_step(perturbation="fog")
-    by_depth, over_images = sorted(settings().steps, key=lambda step: step.perturbation == "fog")
-    said.clear()
-    buttons.clear()
-    views.draw_beside(layout, at, by_depth)
-    settings().preview = True
-    for engine in ("BLENDER_WORKBENCH", "CYCLES"):
-        hall.render.engine = engine
-        for step in (by_depth, over_images):
-            views.draw_beside(layout, at, step)
-    assert ["Preview Frame" in text for text in said] == [True, False]
     assert buttons == ["noisy_world.show_by_eevee"]

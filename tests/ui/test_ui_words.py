@@ -155,7 +155,7 @@ def wrong(where, *problem, remedy="", file=PANEL):
         (wrong("scenes.0.blend", "is gone", remedy=CommandLineOnly("see --list keys")),
          "is gone; see --list keys", "This Scene: is gone"),
         (wrong("rig.depth", "is none", remedy=Action.OTHER_NAME), "rig.depth: is none; give it another name",
-         "Render and Output > Depth: is none; give Scene > Name or Render and Output > Setting another name"),
+         "Rig and Sensors > Depth: is none; give Scene > Name or Generate > Setting another name"),
         (wrong("", "its lens distorts", remedy=Message("set ", PresetKey("undistort", "true"))),
          "; set undistort: true", "its lens distorts; set Scene > Undistort: On"),
         (StorageError("no space", file="/d", remedy=Message("make room and ", Action.RUN_AGAIN, ": all is kept")),

@@ -9,6 +9,7 @@ def _parts() -> list[tuple[Callable[[], None], Callable[[], None]]]:
     """Return what registers and unregisters each part, in the order of the panels in the tab."""
     from . import (
         bake_exposure,
+        beginning,
         drawn_paths,
         exclusions,
         gallery,
@@ -34,6 +35,7 @@ def _parts() -> list[tuple[Callable[[], None], Callable[[], None]]]:
         (loading.register, loading.unregister),
         (exclusions.register, exclusions.unregister),
         (operators.register, operators.unregister),
+        (beginning.register, beginning.unregister),
         (drawn_paths.register, drawn_paths.unregister),
         (preview.register, preview.unregister),
         (generating.register, generating.unregister),
@@ -45,9 +47,10 @@ def _parts() -> list[tuple[Callable[[], None], Callable[[], None]]]:
         (gallery.register, gallery.unregister),
         (sections.register_motion_plot, sections.unregister_motion_plot),
         (section_presets.register_real_cameras, section_presets.unregister_real_cameras),
+        (presets.register, presets.unregister),
         (sections.register, sections.unregister),
         (shots.register, shots.unregister),
-        (presets.register, presets.unregister),
+        (sections.register_evaluation, sections.unregister_evaluation),
         (exclusions.register_first_look, exclusions.unregister_first_look),
     ]
 

@@ -3,7 +3,7 @@
 
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import fields
 from functools import partial
 from pathlib import Path
@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 
 from ..core.atomic_files import storage_errors, write_atomic
 from ..core.errors import InputError
-from ..core.file_access import path_in
+from ..core.file_access import path_in, read_bytes
 from ..core.geometry import Intrinsics
-from ..core.schema import ConfigPath, parse, unknown_name, yaml_text
+from ..core.schema import ConfigPath, parse, read_yaml, unknown_name, yaml_text
 from ..dataset.plan import make_plan
 from ..layouts import OutputFormat
 from ..perturbations import registry
@@ -34,10 +34,10 @@ from . import open_scene
 from .entries import in_order, put_entry, take_entry
 from .fields import is_offered, tell
 from .open_scene import absolute
-from .properties import parameters_of, perturbation_of
+from .properties import LOADED, parameters_of, perturbation_of
 from .source_views import PANEL_SOURCES, Footage, footage_of, shown, shown_as, shows_footage
 from .step_list import SEVERITY, SHARE_MIX, clear_entries, curve_ends, curve_of, levels_of
-from .tree import FileText, from_line, is_file, is_given, set_value, take, taking, to_line, value_of, with_files
+from .tree import FileText, from_line, give, is_file, is_given, set_value, take, taking, to_line, value_of, with_files
 from .tree import to_document as said_by
 
 CLEAN = "clean"
@@ -320,6 +320,11 @@ def add_perturbations(panel: Any, path: Path, setting: str = "") -> tuple[list[S
     return added, changed
 
 
+def shows_loaded(path: Path) -> bool:
+    """Tell whether a preset's first scene is a mesh, which is loaded into a file. Raises InputError."""
+    return shown_as(read_scenes(read_preset(path))[0]) in LOADED
+
+
 def apply_part(panel: Any, path: Path, part: Part) -> None:
     """Set one section of the panel from a preset, and change nothing else.
 
@@ -335,6 +340,66 @@ def apply_part(panel: Any, path: Path, part: Part) -> None:
         else:
             _take_key(panel, preset, "render")
             _take_key(panel, preset, "output")
+
+
+DevicePart: TypeAlias = Literal["CAMERA", "DEPTH", "NOISE"]
+"""What a file of a measured device says: its camera and lens, the noise of its depth, the noise of its colour."""
+
+_DEVICE_KEYS: dict[str, DevicePart] = {"camera": "CAMERA", "depth": "DEPTH", "perturb": "NOISE"}
+
+
+def take_device(panel: Any, path: Path, parts: Collection[DevicePart]) -> list[DevicePart]:
+    """Take what the file of a measured device says into the panel, as a preset that names it has it.
+
+    Noise of colour goes into the list, as of a preset's perturbations. Returns the parts of `parts` that the file says.
+    Raises InputError where it cannot be read, or says none of them; the panel is then unchanged.
+    """
+    held = device_parts(path)
+    taken: list[DevicePart] = [part for part in held if part in parts]
+    if not taken:
+        raise InputError(path, "says nothing of what is to be taken", remedy="name a file of measure --device")
+    preset = check_document(_naming_device(str(path), taken), Path(PANEL))
+    steps = parse_steps(preset.document["settings"][-1].get("perturb", []), preset.place("settings"), registry())
+    if "DEPTH" in taken:
+        parse_steps([preset.document["rig"]["depth"]["sensor"]], ConfigPath(path, "depth"), registry())
+    with taking():
+        if "CAMERA" in taken:
+            take(panel.camera, preset.spec.camera, preset.document["camera"], leave=("near_m", "far_m"))
+            panel.use_camera = True
+        if "DEPTH" in taken:
+            panel.rig.depth.sensor = to_line(preset.document["rig"]["depth"]["sensor"])
+            give(panel.rig.depth, "sensor")
+        items = in_order(preset.document["settings"][-1].get("perturb", []), preset.place("settings"))
+        for step, (name, values) in zip(steps, items, strict=True):
+            put_entry(panel, name, values, step.occurrence)
+        for name in ("camera", "rig", "steps"):
+            tell(name)(panel, bpy.context)
+    return taken
+
+
+def device_parts(path: Path) -> list[DevicePart]:
+    """Return what the file of a measured device says; [] for a file that is none. Raises InputError for no YAML."""
+    try:
+        content = read_yaml(read_bytes(path), path)
+    except OSError as error:
+        raise InputError(path, f"cannot be read: {error.strerror or error}") from error
+    if not isinstance(content, dict) or not set(content) <= set(_DEVICE_KEYS):
+        return []
+    found: list[DevicePart] = [part for name, part in _DEVICE_KEYS.items() if content.get(name)]
+    return found
+
+
+def _naming_device(file: str, parts: Collection[DevicePart]) -> dict[str, Any]:
+    """Return a preset's document that names a device's file for these parts, and else as little as a preset can."""
+    scene = {"name": "any", "mesh": "embedded:room", "trajectory": {"handheld": {"frames": 2}}}
+    named: dict[str, Any] = {"seed": 0, "scenes": [scene], "settings": [{"name": CLEAN}]}
+    if "CAMERA" in parts:
+        named["camera"] = {"device": file}
+    if "DEPTH" in parts:
+        named["rig"] = {"depth": {"sensor": file}}
+    if "NOISE" in parts:
+        named["settings"].append({"name": "measured", "perturb": [{"device": file}]})
+    return named
 
 
 def can_apply(path: Path, part: Part) -> bool:

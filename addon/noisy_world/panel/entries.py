@@ -118,44 +118,85 @@ def other_rate(panel: Any, item: Any) -> str:
 
 LONG = 7  # parameters, beyond which a list has sub-panels; chosen: as many as are seen at a glance
 LOOK, MOTION, CAMERA, SENSOR = "Look", "Motion", "Camera", "Sensor"
+TIME, SHARE, PARAMETERS = "Over Time", "Mix and Mask", "Parameters"
 _OF_CAMERA = ("camera", "view", "aperture", "focus", "focal", "sensor", "f_number", "max_radius")
 _OF_MOTION = ("_m_s", "_per_s", "_hz", "_ms")
 _OF_MOTION_WORDS = ("fall", "flow", "creep", "run", "runs", "drying", "wind", "gusts", "shutter")
 
 
 def draw_step(layout: bpy.types.UILayout, step: Any) -> None:
-    """Draw the severity and the parameters of the selected perturbation."""
+    """Draw the severity of the selected perturbation, and folded how it changes in time, and its parameters.
+
+    What is set by hand for want of a severity is not folded.
+    """
     perturbation = perturbation_of(step)
     column = layout.column()
     column.active = step.enabled
     if perturbation.severities:
+        _draw_severity(column, step, perturbation)
+    first, rest = parts_of(perturbation)
+    if _changes_in_time(perturbation, step) and (body := _fold(layout, step, TIME)) is not None:
+        _draw_time(body, step, perturbation)
+    if has_share(perturbation) and (body := _fold(layout, step, SHARE)) is not None:
+        _draw_share(body, step)
+    body = layout
+    if perturbation.severities and step.use_severity:
+        body = _fold(layout, step, PARAMETERS)
+    if body is None:
+        return
+    _draw_parameters(body, step, perturbation, first)
+    for part, names in rest.items():
+        if (inside := _fold(body, step, part)) is not None:
+            _draw_parameters(inside, step, perturbation, names)
+
+
+def _draw_severity(column: bpy.types.UILayout, step: Any, perturbation: Perturbation) -> None:
+    if not step.use_severity:
         column.prop(step, "use_severity")
-        if step.use_severity:
-            row = column.row()
-            row.use_property_decorate = not isinstance(perturbation, SEQUENCE_KINDS)
-            row.prop(step, "severity", slider=True)
-            if (curve := curve_of(step)) is not None:
-                column.label(text=f"{len(curve.keyframe_points)} keys: each frame has its own", icon="KEYFRAME")
-            elif not isinstance(perturbation, SEQUENCE_KINDS):
-                column.row().prop(step, "mode", expand=True)
+        return
+    row = column.row(align=True)
+    slider = row.row(align=True)
+    slider.use_property_decorate = not isinstance(perturbation, SEQUENCE_KINDS)
+    slider.prop(step, "severity", slider=True)
+    row.prop(step, "use_severity", text="")
+    if (curve := curve_of(step)) is not None:
+        column.label(text=f"{len(curve.keyframe_points)} keys: each frame has its own", icon="KEYFRAME")
+
+
+def _changes_in_time(perturbation: Perturbation, step: Any) -> bool:
+    return len(perturbation.temporals) > 1 or _has_modes(perturbation, step)
+
+
+def _has_modes(perturbation: Perturbation, step: Any) -> bool:
+    by_severity = bool(perturbation.severities) and step.use_severity
+    return by_severity and not isinstance(perturbation, SEQUENCE_KINDS) and curve_of(step) is None
+
+
+def _draw_time(layout: bpy.types.UILayout, step: Any, perturbation: Perturbation) -> None:
+    """Draw whether the severity changes from frame to frame, and how the pattern does."""
+    if _has_modes(perturbation, step):
+        label, buttons = _split_row(layout)
+        label.label(text="Severity")
+        buttons.prop(step, "mode", expand=True)
     if len(perturbation.temporals) > 1:
-        label, buttons = _split_row(column)
+        label, buttons = _split_row(layout)
         label.label(text="Pattern")
         for value in perturbation.temporals:
             buttons.prop_enum(step, "temporal", value)
-    if has_share(perturbation):
-        _draw_share(column, step)
-    column.separator(factor=0.5)
-    first, rest = parts_of(perturbation)
-    for name in first:
-        _draw_parameter(column, step, perturbation, name)
-    for part, names in rest.items():
-        header, body = layout.panel(f"noisy_world_{perturbation.name}_{part}", default_closed=part in (MOTION, CAMERA))
-        header.label(text=part)
-        if body is not None:
-            body.active = step.enabled
-            for name in names:
-                _draw_parameter(body, step, perturbation, name)
+
+
+def _fold(layout: bpy.types.UILayout, step: Any, part: str) -> bpy.types.UILayout | None:
+    """Return a sub-panel of the selected perturbation, which is closed at first; None while it is."""
+    header, body = layout.panel(f"noisy_world_{step.perturbation}_{part}", default_closed=True)
+    header.label(text=part)
+    if body is not None:
+        body.active = step.enabled
+    return body
+
+
+def _draw_parameters(layout: bpy.types.UILayout, step: Any, perturbation: Perturbation, names: Sequence[str]) -> None:
+    for name in names:
+        _draw_parameter(layout, step, perturbation, name)
 
 
 def _draw_share(column: bpy.types.UILayout, step: Any) -> None:

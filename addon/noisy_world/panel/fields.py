@@ -21,15 +21,15 @@ from ..preset.sensor_keys import DistortionSpec
 from ..sources import SOURCES
 
 SCENE, TRAJECTORY, DEVIATION, CAMERA = "Scene", "Trajectory", "Deviation and Speed", "Camera"
-PERTURBATIONS, OUTPUT = "Perturbations", "Render and Output"
+PERTURBATIONS, GENERATE, OUTPUT, RIG = "Perturbations", "Generate", "Render and Output", "Rig and Sensors"
 SECTIONS: dict[type, str] = {
     **{kind.keys: SCENE for kind in SOURCES.values()}, SceneKeys: SCENE,
     TrajectorySpec: TRAJECTORY, HandheldSpec: TRAJECTORY, BodySpec: TRAJECTORY,
     CameraSpec: CAMERA, DistortionSpec: CAMERA, RenderSpec: OUTPUT,
-    OutputSpec: OUTPUT, RigSpec: OUTPUT, SensorSpec: OUTPUT, SettingSpec: OUTPUT, OnlySpec: OUTPUT, PresetSpec: OUTPUT,
+    OutputSpec: OUTPUT, RigSpec: RIG, SensorSpec: RIG, SettingSpec: OUTPUT, OnlySpec: OUTPUT, PresetSpec: OUTPUT,
     MotionDeviation: DEVIATION, FasterMotion: DEVIATION,
 }  # fmt: skip
-"""The sections of the tab that show the fields of dataclasses."""
+"""The sections of the tabs that show the fields of dataclasses."""
 
 
 @dataclass(frozen=True)

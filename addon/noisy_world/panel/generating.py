@@ -280,8 +280,12 @@ def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
         draw_progress(column, run)
         if run.scene_uid != context.scene.session_uid:
             column.label(text="Another scene's dataset", icon="SCENE_DATA")
-    column.operator(NoisyWorldOpenOutput.bl_idname, icon="FILE_FOLDER")
-    column.operator(NoisyWorldCopyCommand.bl_idname, icon="COPYDOWN")
+    row = column.row(align=True)
+    panel = panel_of(context.scene)
+    if panel.preset_path:  # what has nothing to act on yet is not there
+        row.operator(NoisyWorldCopyCommand.bl_idname, icon="COPYDOWN")
+    if _is_made(panel):
+        row.operator(NoisyWorldOpenOutput.bl_idname, text="Open Folder", icon="FILE_FOLDER")
     own = run_of(context.scene)
     if own is None:
         return
@@ -294,6 +298,14 @@ def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
         write(layout, context, own.said[:1].upper() + own.said[1:], "FILE_BLEND")
     for note in own.background.notes:
         write(layout, context, noted(note), "DOT")
+
+
+def _is_made(panel: Any) -> bool:
+    """Tell whether the dataset's folder is there."""
+    try:
+        return output_folder(panel).is_dir()
+    except InputError:
+        return False
 
 
 def draw_progress(layout: bpy.types.UILayout, run: SceneRun) -> None:

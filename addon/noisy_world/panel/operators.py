@@ -13,7 +13,7 @@ from ..nodes.datablocks import camera_of
 from ..perturbations import registry
 from ..perturbations.kinds import SEQUENCE_KINDS
 from ..render.own_view import bound_cameras, has_several_cameras, key_motion, keyable
-from . import loading, source_views
+from . import loading
 from .entries import add_own_step, take_rate
 from .fields import tell
 from .gallery import line_on
@@ -31,7 +31,6 @@ else:
 
 UNDOABLE: "set[OperatorTypeFlagItems]" = {"REGISTER", "UNDO"}
 DONE, CANCELLED = {"FINISHED"}, {"CANCELLED"}
-FILES = {"mesh": "mesh", "trajectory": "trajectory"}
 
 
 def guarded(operator: bpy.types.Operator, work: Callable[[], str]) -> set[str]:
@@ -65,61 +64,6 @@ class OnScene(_Mixin):
         return False
 
 
-class _OnFiles(OnScene):
-    """Poll: the files that are needed are named."""
-
-    needed: tuple[str, ...] = ()
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        """Ask for a file where one is needed."""
-        if not super().poll(context):
-            return False
-        panel = panel_of(context.scene)
-        for what in cls.needed:
-            path = panel.of_mesh.mesh if what == "mesh" else panel.scene.trajectory.file
-            if getattr(panel, f"{what}_source") == "FILE" and not path:
-                cls.poll_message_set(f"Choose a {FILES[what]} file")
-                return False
-        return True
-
-
-def _is_loadable(operator: Any, context: bpy.types.Context) -> bool:
-    """Tell whether what the panel names can be loaded into this file; a recording cannot."""
-    if source_views.shows_footage(panel_of(context.scene)):
-        operator.poll_message_set("A recording has no mesh: Preview Frame shows its frames")
-        return False
-    return True
-
-
-class NoisyWorldLoadScene(_OnFiles, bpy.types.Operator):
-    """Load the mesh, in place of the one loaded before; everything else in the file stays"""
-
-    bl_idname = "noisy_world.load_scene"
-    bl_label = "Load Scene"
-    bl_options = UNDOABLE
-    needed = ("mesh",)
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        """Tell whether there is a mesh to load."""
-        if not super().poll(context):
-            return False
-        if panel_of(context.scene).mesh_source == "SCENE":
-            cls.poll_message_set("This scene is there already")
-            return False
-        return _is_loadable(cls, context)
-
-    def execute(self, context: bpy.types.Context) -> set[str]:
-        """Load it."""
-
-        def work() -> str:
-            _, notes = loading.load_scene(context.scene)
-            return "; ".join((", ".join(loading.summary(context.scene)), *notes))
-
-        return guarded(self, work)
-
-
 class NoisyWorldShowColors(OnScene, bpy.types.Operator):
     """Let this view show the mesh's own colors in Solid shading, unlit"""
 
@@ -140,57 +84,22 @@ class NoisyWorldShowColors(OnScene, bpy.types.Operator):
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Show them."""
         shading = context.space_data.shading
-        shading.color_type, shading.light = _color_type(context.scene), "FLAT"
+        shading.color_type, shading.light = color_type(context.scene), "FLAT"
         return DONE
 
 
 def hides_colors(context: bpy.types.Context) -> bool:
     """Tell whether the 3D view in use is in Solid shading and shows other colors than our mesh's own."""
-    space, wanted = context.space_data, _color_type(context.scene)
+    space, wanted = context.space_data, color_type(context.scene)
     if wanted is None or space is None or space.type != "VIEW_3D" or space.shading.type != "SOLID":
         return False
     return (space.shading.color_type, space.shading.light) != (wanted, "FLAT")
 
 
-def _color_type(scene: bpy.types.Scene) -> Literal["TEXTURE", "VERTEX"] | None:
+def color_type(scene: bpy.types.Scene) -> Literal["TEXTURE", "VERTEX"] | None:
+    """Return which of our mesh's colours a view shows unlit; None without a mesh."""
     mesh = own_object(scene, "mesh")
     return None if mesh is None else "TEXTURE" if loading.is_textured(mesh) else "VERTEX"
-
-
-class NoisyWorldLoadTrajectory(_OnFiles, bpy.types.Operator):
-    """Load or make the trajectory, key our camera along it, deviated as given, and set the timeline's range and rate"""
-
-    bl_idname = "noisy_world.load_trajectory"
-    bl_label = "Load Trajectory"
-    bl_options = UNDOABLE
-    needed = ("trajectory", "mesh")
-
-    @classmethod
-    def poll(cls, context: bpy.types.Context) -> bool:
-        """Tell whether there is a path to load."""
-        return super().poll(context) and _is_loadable(cls, context)
-
-    def execute(self, context: bpy.types.Context) -> set[str]:
-        """Load it."""
-
-        def work() -> str:
-            count, notes = loading.load_path(context.scene)
-            return "; ".join((f"{count:,} poses", *notes))
-
-        return guarded(self, work)
-
-
-class NoisyWorldSetCamera(OnScene, bpy.types.Operator):
-    """Give the scene a camera with these intrinsics, and the image its size"""
-
-    bl_idname = "noisy_world.set_camera"
-    bl_label = "Set Up Camera"
-    bl_options = UNDOABLE
-
-    def execute(self, context: bpy.types.Context) -> set[str]:
-        """Set it up."""
-        loading.set_camera(context.scene)
-        return DONE
 
 
 class NoisyWorldAddStep(OnScene, bpy.types.Operator):
@@ -338,10 +247,7 @@ class NoisyWorldMoveStepDown(_MoveStep, bpy.types.Operator):
 
 
 CLASSES: tuple[Any, ...] = (
-    NoisyWorldLoadScene,
     NoisyWorldShowColors,
-    NoisyWorldLoadTrajectory,
-    NoisyWorldSetCamera,
     NoisyWorldAddStep,
     NoisyWorldRemoveStep,
     NoisyWorldRemoveLine,

@@ -11,11 +11,21 @@ from ..core.errors import InputError, title
 from ..core.file_access import with_home
 from ..nodes.datablocks import layout_of
 from ..perturbations.steps import Step
-from . import gallery
-from .document import add_perturbations, apply_part, open_preset, save_preset, scene_name, setting_name
+from . import beginning, gallery, own_scene
+from .document import (
+    add_perturbations,
+    apply_part,
+    device_parts,
+    open_preset,
+    save_preset,
+    scene_name,
+    setting_name,
+    shows_loaded,
+)
 from .gallery import is_own, listed, own_folder, own_path, preset_label, shipped_folder
 from .operators import CANCELLED, DONE, UNDOABLE, OnScene, guarded
 from .properties import panel_of
+from .section_presets import DEVICE_PARTS, use_device_file
 from .sections import PanelSection
 
 TAKEN: dict[str, str] = {
@@ -106,6 +116,35 @@ def _open(context: bpy.types.Context, path: Path, part: Any, setting: str = "") 
 def _step_label(step: Step) -> str:
     label = title(step.perturbation.label)
     return label if step.severity is None else f"{label} (severity {step.severity:g})"
+
+
+class NoisyWorldDropPreset(OnScene, bpy.types.Operator):
+    """Open a preset that was dropped, and load its scene into one of Noisy World's own; or take a measured device"""
+
+    bl_idname = "noisy_world.drop_preset"
+    bl_label = "Open Dropped Preset"
+    bl_options = UNDOABLE
+
+    filepath: bpy.props.StringProperty(  # pyright: ignore[reportInvalidTypeForm]  Blender reads annotations
+        subtype="FILE_PATH", options={"SKIP_SAVE"}
+    )
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Take the file for what is in it."""
+        return guarded(self, lambda: _drop(context, Path(self.filepath)))
+
+
+def _drop(context: bpy.types.Context, path: Path) -> str:
+    panel = panel_of(context.scene)
+    if device_parts(path):
+        return use_device_file(panel, path, DEVICE_PARTS)
+    if takes_perturbations(path, "AUTO") or not shows_loaded(path):
+        return _open(context, path, "AUTO")
+    with own_scene.entered(context, apart=not own_scene.is_clear(context.scene)) as scene:
+        open_preset(panel_of(scene), path)
+        beginning.load_all(context, scene)
+    panel_of(scene).preview = True
+    return f"{preset_label(path)}: loaded, with its perturbations in the preview"
 
 
 class NoisyWorldOpenPreset(OnScene, bpy.types.Operator, ImportHelper):
@@ -299,12 +338,14 @@ class NOISYWORLD_PT_preset(PanelSection, bpy.types.Panel):
     def draw(self, context: bpy.types.Context) -> None:
         """Draw it."""
         layout, panel = self.fields(context), panel_of(context.scene)
+        beginning.draw(layout, context)
         row = layout.row(align=True)
         label = preset_label(Path(panel.preset_path)) if panel.preset_path else "Presets"
         row.menu("NOISYWORLD_MT_presets", text=label)
         row.popover(panel=gallery.PRESETS, text="", icon="IMGDISPLAY")
         row.operator("noisy_world.add_preset", text="", icon="ADD")
-        row.operator("noisy_world.remove_preset", text="", icon="REMOVE")
+        if is_own(panel.preset_path):
+            row.operator("noisy_world.remove_preset", text="", icon="REMOVE")
         if panel.preset_path and panel.preset_settings.count("\n") > 0:
             layout.menu("NOISYWORLD_MT_settings", text=f"Setting: {setting_name(panel)}")
         row = layout.row(align=True)
@@ -314,6 +355,8 @@ class NOISYWORLD_PT_preset(PanelSection, bpy.types.Panel):
 
 CLASSES: tuple[Any, ...] = (
     NoisyWorldUsePreset,
+    NoisyWorldDropPreset,
+    beginning.dropped("NOISYWORLD_FH_preset", "Noisy World Preset", NoisyWorldDropPreset.bl_idname, (".yaml", ".yml")),
     NoisyWorldOpenPreset,
     NoisyWorldSavePreset,
     NoisyWorldAddPreset,

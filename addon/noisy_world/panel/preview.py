@@ -177,8 +177,11 @@ def has_depth_steps(panel: Any) -> bool:
     return any(step.enabled and isinstance(registry().get(step.perturbation), kinds) for step in panel.steps)
 
 
-def draw_preview_buttons(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-    """Draw the buttons, that of depth only if a step acts on it, and whether the frames are the dataset's."""
+def draw_preview_buttons(layout: bpy.types.UILayout, context: bpy.types.Context, *, loaded: bool) -> None:
+    """Draw the buttons, that of depth only if a step acts on it, and whether the frames are the dataset's.
+
+    loaded: whether what the panel names is; where it is not, the button that loads it says so.
+    """
     column = layout.column(align=True)
     draw_progress(column)
     column.operator(PreviewFrame.bl_idname, icon="IMAGE_DATA")
@@ -187,7 +190,8 @@ def draw_preview_buttons(layout: bpy.types.UILayout, context: bpy.types.Context)
     if old := outdated(context.scene):
         buttons = " and ".join(BUTTONS[kind] for kind in sorted(old))
         write(layout, context, f"The picture is from before a change: {buttons} renders it anew", "INFO")
-    exclusions.draw_in_preview(layout, context)
+    if loaded:
+        exclusions.draw_in_preview(layout, context)
 
 
 def draw_progress(layout: bpy.types.UILayout) -> None:
@@ -461,17 +465,15 @@ def is_chain_edited(scene: bpy.types.Scene) -> bool:
 # --- the panel's part ---
 
 
-def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
-    """Draw the section: the switch, the split, and what would falsify the preview."""
+def draw(layout: bpy.types.UILayout, context: bpy.types.Context, *, loaded: bool = True) -> None:
+    """Draw the section: the switch, the split, and what would falsify the preview. loaded: as the buttons have it."""
     scene = context.scene
     panel = panel_of(scene)
     layout.prop(panel, "preview", toggle=True, icon="HIDE_OFF" if panel.preview else "HIDE_ON")
-    row = layout.row()
-    row.active = panel.preview
-    row.prop(panel, "preview_split", slider=True)
     if panel.preview:
+        layout.prop(panel, "preview_split", slider=True)
         _draw_state(layout, context)
-    draw_preview_buttons(layout, context)
+    draw_preview_buttons(layout, context, loaded=loaded)
 
 
 def _draw_state(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What a section takes from elsewhere: its part of a preset, a camera's file, a real camera."""
 
+from collections.abc import Collection
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -20,7 +21,7 @@ from ..perturbations.kinds import ExposurePerturbation
 from ..perturbations.parsing import DEVICE, parse_steps
 from ..preset.camera_devices import CAMERA_DEVICES, with_device
 from ..preset.keys import CameraSpec
-from .document import INTRINSICS, PANEL, Part, can_apply
+from .document import INTRINSICS, PANEL, DevicePart, Part, can_apply, take_device
 from .entries import in_order, put_entry
 from .fields import EMBREE, notify_once, tell
 from .gallery import listed, own_folder, preset_label, shipped_folder
@@ -181,6 +182,49 @@ def use_camera(panel: Any, name: str, *, electronics: bool) -> str:
     return f"{said}; rows are read one by one with Embree alone, so that was left out" if left else said
 
 
+class NoisyWorldUseDeviceFile(OnScene, bpy.types.Operator, ImportHelper):
+    """Take a measured device from the file that noisy-world measure --device writes: camera and lens, depth sensor, noise of color"""  # noqa: E501 - a tooltip
+
+    bl_idname = "noisy_world.use_device_file"
+    bl_label = "Measured Device"
+    bl_options = UNDOABLE
+    if TYPE_CHECKING:
+        filepath: str  # ImportHelper's
+
+    filename_ext = ".yaml"
+    filter_glob: bpy.props.StringProperty(  # pyright: ignore[reportInvalidTypeForm]  Blender reads annotations
+        default="*.yaml;*.yml", options={"HIDDEN"}
+    )
+    parts: bpy.props.EnumProperty(  # pyright: ignore[reportInvalidTypeForm]  Blender reads annotations
+        name="Take",
+        description="What of the device the panel takes",
+        items=[
+            ("CAMERA", "Camera", "Its size, intrinsics and distortion"),
+            ("DEPTH", "Depth Sensor", "How it measures depth, which is then every setting's"),
+            ("NOISE", "Noise", "Its noise of color, as perturbations in the list"),
+        ],
+        default={"CAMERA", "DEPTH", "NOISE"},
+        options={"ENUM_FLAG", "SKIP_SAVE"},
+    )
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Take it."""
+        return guarded(self, lambda: use_device_file(panel_of(context.scene), Path(self.filepath), self.parts))
+
+
+DEVICE_PARTS: dict[DevicePart, str] = {"CAMERA": "camera", "DEPTH": "depth sensor", "NOISE": "noise of color"}
+
+
+def use_device_file(panel: Any, path: Path, parts: Collection[DevicePart]) -> str:
+    """Take a measured device's file into the panel, as far as what it shows has use for it; say what was taken."""
+    source = shown(panel)
+    kept = source.own_lens and not panel.use_camera
+    unused: set[DevicePart] = {"CAMERA"} if kept else set()
+    unused |= set() if source.carries else {"DEPTH"}
+    taken = take_device(panel, path, set(parts) - unused)
+    return f"{path.name}: took its {', '.join(DEVICE_PARTS[part] for part in taken)}"
+
+
 class NOISYWORLD_PT_cameras(bpy.types.Panel):
     """Choose a camera that can be bought, by what it sees of one room"""
 
@@ -208,11 +252,19 @@ def picture_of(name: str) -> int:
 
 
 def draw_choice(layout: bpy.types.UILayout) -> None:
-    """Draw what opens the pictures."""
+    """Draw what opens the pictures, and what takes a file: of a camera, or of a measured device."""
     layout.popover(panel=NOISYWORLD_PT_cameras.__name__, text="Real Cameras", icon="OUTLINER_DATA_CAMERA")
+    column = layout.column(align=True)
+    column.operator(NoisyWorldCameraFromFile.bl_idname, text="From File", icon="FILE_FOLDER")
+    draw_device_file(column, {"CAMERA", "DEPTH", "NOISE"})
 
 
-CAMERA_CLASSES: tuple[Any, ...] = (NoisyWorldUseCamera, NOISYWORLD_PT_cameras)
+def draw_device_file(layout: bpy.types.UILayout, parts: set[str]) -> None:
+    """Draw the button that takes a measured device's file. parts: what of it, unless the user says otherwise."""
+    layout.operator(NoisyWorldUseDeviceFile.bl_idname, icon="FILE_FOLDER").parts = parts
+
+
+CAMERA_CLASSES: tuple[Any, ...] = (NoisyWorldUseCamera, NoisyWorldUseDeviceFile, NOISYWORLD_PT_cameras)
 _register, _unregister = bpy.utils.register_classes_factory(CAMERA_CLASSES)
 
 

@@ -21,17 +21,27 @@ from ..perturbations.parsing import parse_steps
 from ..perturbations.steps import steps_of_kind
 from ..preset.keys import OutputSpec, PresetSpec, RenderSpec, RigSpec, SettingSpec
 from ..preset.scene_keys import HandheldSpec, TrajectorySpec
-from . import bake_exposure, gallery, generating, loading, operators, preview, section_presets, source_views, views
+from . import (
+    bake_exposure,
+    beginning,
+    gallery,
+    generating,
+    loading,
+    operators,
+    preview,
+    section_presets,
+    source_views,
+)
 from . import drawn_paths as paths
 from .document import APART, OF_FILES, PANEL, identifiers_of, values_of
 from .entries import draw_step, other_rate
-from .fields import CAMERA, DEVIATION, OUTPUT, PERTURBATIONS, SCENE, TRAJECTORY
+from .fields import CAMERA, DEVIATION, GENERATE, OUTPUT, PERTURBATIONS, RIG, SCENE, TRAJECTORY
 from .gallery import BENCHMARK, PACKAGES, PHYSICAL, Offered, line_on, offered, short_label
 from .own_objects import own_object
 from .properties import active_step, own_step, panel_of, perturbation_of
 from .sidebar import write
 from .source_views import shown
-from .step_list import without_effect
+from .step_list import may_move, without_effect
 from .tree import draw_body, draw_distortion, draw_given, draw_imu, draw_keys, draw_lines
 
 # A small picture of what a perturbation of motion does: how it moves and turns the camera in time, and how often.
@@ -164,7 +174,9 @@ def unregister_motion_plot() -> None:
         bpy.utils.previews.remove(_loaded.pop("pictures"))
 
 
-TAB = "Noisy World"
+TAB, DATASET_TAB = "Noisy World", "Noisy Dataset"
+"""The tab of what one looks at, and that of what becomes a dataset."""
+
 WALK = ("frames", "rate_hz", "speed_m_s", "clearance_m")
 OUTPUT_DRAWN = (
     *("layout", "image", "colour", "depth_range", "depth_scale_per_m", "depth_beyond", "modalities", "overview"),
@@ -217,10 +229,17 @@ class PanelSection(_Mixin):
         return layout
 
 
+class DatasetSection(PanelSection):
+    """A section of the tab of what becomes a dataset."""
+
+    bl_category = DATASET_TAB
+
+
 class NOISYWORLD_PT_scene(PanelSection, bpy.types.Panel):
     """The mesh"""
 
     bl_label = SCENE
+    bl_options = {"DEFAULT_CLOSED"}
     presets = "SCENE"
 
     def draw(self, context: bpy.types.Context) -> None:
@@ -244,6 +263,7 @@ class NOISYWORLD_PT_trajectory(PanelSection, bpy.types.Panel):
     """The path"""
 
     bl_label = TRAJECTORY
+    bl_options = {"DEFAULT_CLOSED"}
     presets = "PATH"
 
     def draw(self, context: bpy.types.Context) -> None:
@@ -309,7 +329,6 @@ class NOISYWORLD_PT_camera(PanelSection, bpy.types.Panel):
             if not panel.use_camera:
                 return
         section_presets.draw_choice(layout)
-        layout.operator("noisy_world.camera_from_file", text="From File", icon="FILE_FOLDER")
         for names in (("width", "height"), ("fx", "fy"), ("cx", "cy"), ("near_m", "far_m")):
             column = layout.column(align=True)
             for name in names:
@@ -398,21 +417,20 @@ class NOISYWORLD_PT_perturbations(PanelSection, bpy.types.Panel):
         row.template_list("NOISYWORLD_UL_steps", "", panel, "steps", panel, "active_step", rows=4, maxrows=8)
         buttons = row.column(align=True)
         buttons.menu("NOISYWORLD_MT_add_step", text="", icon="ADD")
-        buttons.operator("noisy_world.remove_step", text="", icon="REMOVE")
-        buttons.separator()
-        buttons.operator("noisy_world.move_step_up", text="", icon="TRIA_UP")
-        buttons.operator("noisy_world.move_step_down", text="", icon="TRIA_DOWN")
+        if len(panel.steps):
+            buttons.operator("noisy_world.remove_step", text="", icon="REMOVE")
+        if may_move(panel, -1) or may_move(panel, 1):
+            buttons.separator()
+            buttons.operator("noisy_world.move_step_up", text="", icon="TRIA_UP")
+            buttons.operator("noisy_world.move_step_down", text="", icon="TRIA_DOWN")
         gallery.draw_buttons(layout)
         if (step := active_step(panel)) is not None and step.perturbation in registry():
             write(layout, context, line_on(perturbation_of(step)), "INFO")
-            views.draw_beside(layout, context, step)
             draw_step(layout, step)
             draw_motion(layout, panel, step)
             if text := other_rate(panel, step):
                 write(layout, context, text, "ERROR")
                 layout.operator("noisy_world.take_rate", icon="TIME")
-        layout.separator(factor=0.5)
-        layout.prop(panel, "seed")
         if paths := without_effect(context.scene):
             write(layout, context, f"Keys and drivers without effect: {', '.join(paths)}; remove them", "ERROR")
 
@@ -426,29 +444,40 @@ class NOISYWORLD_PT_preview(PanelSection, bpy.types.Panel):
         """Draw it."""
         layout = self.fields(context)
         layout.use_property_split = False
-        preview.draw(layout, context)
+        loaded = not beginning.draw_missing(layout, context)
+        preview.draw(layout, context, loaded=loaded)
         bake_exposure.draw(layout, context)
         operators.draw_camera_link(layout, context)
         operators.draw_library(layout, context)
 
 
-class NOISYWORLD_PT_output(PanelSection, bpy.types.Panel):
-    """How frames are rendered and written"""
+class NOISYWORLD_PT_generate(DatasetSection, bpy.types.Panel):
+    """The dataset of what the other tab shows: where it goes, and what makes it"""
 
-    bl_label = OUTPUT
-    presets = "OUTPUT"
+    bl_label = GENERATE
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw it."""
         layout, panel = self.fields(context), panel_of(context.scene)
         column = layout.column(align=True)
+        column.prop(panel.setting, "name")
+        column.prop(panel, "seed")
+        column.prop(panel, "output_folder")
+        layout.prop(panel, "use_clean")
+        generating.draw(layout, context)
+
+
+class NOISYWORLD_PT_output(DatasetSection, bpy.types.Panel):
+    """How frames are rendered and written"""
+
+    bl_label = OUTPUT
+    bl_options = {"DEFAULT_CLOSED"}
+    presets = "OUTPUT"
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw it."""
+        layout, panel = self.fields(context), panel_of(context.scene)
         source, render, output = shown(panel), panel.render, panel.output
-        if source.own_render:
-            draw_keys(column, render, RenderSpec, only=("engine", "samples"), ticked=True)
-        elif not source_views.shows_footage(panel):
-            draw_keys(column, render, RenderSpec, only=("engine", "samples"))
-        column.prop(render, "backend")
-        draw_given(column, render, RenderSpec, leave=("engine", "samples", "backend"))
         column = layout.column(align=True)
         column.prop(output, "layout")
         row = column.row(align=True)
@@ -456,32 +485,51 @@ class NOISYWORLD_PT_output(PanelSection, bpy.types.Panel):
         row.prop(output, "image")
         column.prop(output, "colour")
         column = layout.column(align=True)
+        column.prop(output, "modalities")
+        draw_given(column, output, OutputSpec, leave=OUTPUT_DRAWN)
+        column = layout.column(align=True)
         column.enabled = "depth" in output.modalities
         column.prop(output, "depth_range")
         if output.depth_range == "layout" or output.use_depth_scale_per_m:
             column.prop(output, "depth_scale_per_m")
         column.prop(output, "depth_beyond")
-        if source.carries:
-            draw_imu(layout, panel.rig)
-            draw_given(layout, panel.rig, RigSpec, leave=("imu",))
         column = layout.column(align=True)
-        column.prop(output, "modalities")
-        draw_given(column, output, OutputSpec, leave=OUTPUT_DRAWN)
-        column = layout.column(align=True)
-        column.prop(output, "overview")
-        column.prop(panel, "use_clean")
+        if source.own_render:
+            draw_keys(column, render, RenderSpec, only=("engine", "samples"), ticked=True)
+        elif not source_views.shows_footage(panel):
+            draw_keys(column, render, RenderSpec, only=("engine", "samples"))
+        column.prop(render, "backend")
+        draw_given(column, render, RenderSpec, leave=("engine", "samples", "backend"))
+        layout.prop(output, "overview")
         draw_given(layout, panel, PresetSpec, leave=("seed", "camera", "rig", "render", "output", *APART))
-        layout.prop(panel.setting, "name")
         draw_given(layout, panel.setting, SettingSpec, leave=("name", "perturb", "sweep", "include"))
         draw_lines(layout, panel, "other_settings")
-        layout.prop(panel, "output_folder")
-        generating.draw(layout, context)
 
 
-class NOISYWORLD_PT_evaluation(PanelSection, bpy.types.Panel):
+class NOISYWORLD_PT_rig(DatasetSection, bpy.types.Panel):
+    """The sensors that the camera's carrier has beside it"""
+
+    bl_label = RIG
+    bl_options = {"DEFAULT_CLOSED"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Not for footage, whose sensors are those that took it."""
+        return super().poll(context) and shown(panel_of(context.scene)).carries
+
+    def draw(self, context: bpy.types.Context) -> None:
+        """Draw it."""
+        layout, panel = self.fields(context), panel_of(context.scene)
+        section_presets.draw_device_file(layout, {"DEPTH"})
+        draw_given(layout, panel.rig, RigSpec, leave=("imu",))
+        draw_imu(layout, panel.rig)
+
+
+class NOISYWORLD_PT_evaluation(DatasetSection, bpy.types.Panel):
     """What the perturbations do to SLAM"""
 
     bl_label = "Evaluation"
+    bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw it."""
@@ -492,17 +540,18 @@ class NOISYWORLD_PT_evaluation(PanelSection, bpy.types.Panel):
 
 OFFERED = (PHYSICAL, BENCHMARK, PACKAGES)
 OFFERED_MENUS = tuple(map(_offered_menu, OFFERED))
-CLASSES: tuple[Any, ...] = (
-    NOISYWORLD_UL_steps,
-    NOISYWORLD_MT_add_step,
-    *OFFERED_MENUS,
+LISTS: tuple[Any, ...] = (NOISYWORLD_UL_steps, NOISYWORLD_MT_add_step, *OFFERED_MENUS)
+LOOKED_AT: tuple[Any, ...] = (
+    NOISYWORLD_PT_perturbations,
+    NOISYWORLD_PT_preview,
     NOISYWORLD_PT_scene,
     NOISYWORLD_PT_trajectory,
     NOISYWORLD_PT_deviation,
     NOISYWORLD_PT_camera,
-    NOISYWORLD_PT_perturbations,
-    NOISYWORLD_PT_preview,
-    NOISYWORLD_PT_output,
-    NOISYWORLD_PT_evaluation,
 )
-register, unregister = bpy.utils.register_classes_factory(CLASSES)
+DATASET: tuple[Any, ...] = (NOISYWORLD_PT_generate, NOISYWORLD_PT_output, NOISYWORLD_PT_rig)
+"""The sections of each tab in their order, but for what comes from modules above this one."""
+
+CLASSES = (*LISTS, *LOOKED_AT, *DATASET, NOISYWORLD_PT_evaluation)
+register, unregister = bpy.utils.register_classes_factory((*LISTS, *LOOKED_AT, *DATASET))
+register_evaluation, unregister_evaluation = bpy.utils.register_classes_factory((NOISYWORLD_PT_evaluation,))

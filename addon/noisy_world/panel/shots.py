@@ -35,7 +35,7 @@ from .runs import (
     summary,
     temporary_preset,
 )
-from .sections import PanelSection
+from .sections import DatasetSection
 from .sidebar import write
 from .step_list import is_keyed
 from .wording import spoken
@@ -500,11 +500,10 @@ class NOISYWORLD_UL_shots(bpy.types.UIList):
         layout.prop(item, "enabled", text="")
 
 
-class NOISYWORLD_PT_shots(PanelSection, bpy.types.Panel):
+class NOISYWORLD_PT_shots(DatasetSection, bpy.types.Panel):
     """Parts of the scene that are made one after another, each a dataset of its own"""
 
     bl_label = "Shots"
-    bl_parent_id = "NOISYWORLD_PT_output"
     bl_options = {"DEFAULT_CLOSED"}
 
     @classmethod

@@ -24,6 +24,7 @@ from ..core.lens import MODELS
 from ..core.schema import KeyInfo, label_of, read_yaml
 from ..perturbations import registry
 from ..perturbations.kinds import MotionPerturbation
+from ..preset.keys import ImuSpec
 from ..preset.sensor_keys import OF_ANGLE
 from .fields import (
     LARGEST_INT,
@@ -395,6 +396,7 @@ def _shortest(name: str, value: float) -> Any:
 # How groups of the tree are drawn: widgets, ticks beside what may be left out, lines of YAML.
 
 
+OF_IMU = ("device", "translation_m", "rate_hz", "gravity_m_s2", "time_offset_s", "clock_drift_ppm")
 COEFFICIENTS = ("k1", "k2", "k3", "k4", "k5", "k6", "p1", "p2")
 
 
@@ -491,5 +493,6 @@ def draw_imu(layout: bpy.types.UILayout, rig: Any) -> None:
     if not rig.use_imu:
         return
     column = layout.column(align=True)
-    for name in ("device", "translation_m", "rate_hz", "gravity_m_s2", "time_offset_s", "clock_drift_ppm"):
+    for name in OF_IMU:
         column.prop(rig.imu, name)
+    draw_given(column, rig.imu, ImuSpec, leave=OF_IMU)

@@ -217,18 +217,6 @@ def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     layout.operator(ShowByEevee.bl_idname, icon="SHADING_RENDERED")
 
 
-def draw_beside(layout: bpy.types.UILayout, context: bpy.types.Context, step: Any) -> None:
-    """Draw it in short beside the selected step: a long list hides the section of the preview."""
-    shown = panel_of(context.scene).preview and step.enabled and _reads_depth(step)
-    if not shown or not lacks_depth(context):
-        return
-    if _stays_workbench(context.scene):
-        write(layout, context, "This view has no depth, so it is not shown: see Preview Frame", "ERROR")
-        return
-    write(layout, context, "This view has no depth, so it is not shown", "ERROR")
-    layout.operator(ShowByEevee.bl_idname, icon="SHADING_RENDERED")
-
-
 # Settings of a scene by which its views differ from the images that are written, and a button to mend them.
 
 

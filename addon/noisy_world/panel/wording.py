@@ -10,12 +10,12 @@ from ..perturbations import registry
 from ..preset.keys import PresetSpec
 from ..sources import SOURCES
 from .document import PANEL
-from .fields import CAMERA, DEVIATION, OUTPUT, PERTURBATIONS, SCENE, SHOWN, TRAJECTORY, ShownField
+from .fields import CAMERA, DEVIATION, GENERATE, PERTURBATIONS, SCENE, SHOWN, TRAJECTORY, ShownField
 from .properties import NoisyWorldStep
 
 ACTIONS = {
     Action.OTHER_FOLDER: "choose another folder under Output",
-    Action.OTHER_NAME: f"give Scene > Name or {OUTPUT} > Setting another name",
+    Action.OTHER_NAME: f"give Scene > Name or {GENERATE} > Setting another name",
     Action.OVERWRITE: "press Replace Dataset",
     Action.RUN_AGAIN: "press Generate again",
     Action.NAME_CAMERA: "make one of its cameras the scene's",

@@ -16,7 +16,7 @@ from ..sources.blend import BlendKeys
 from ..sources.mesh import MeshKeys
 from ..sources.recording import RecordingKeys
 from ..sources.video import VideoKeys
-from .fields import LARGEST_INT, PERTURBATIONS, TRAJECTORY
+from .fields import GENERATE, LARGEST_INT, TRAJECTORY
 
 FILES: dict[tuple[type, str], str] = {
     (MeshKeys, "mesh"): "FILE_PATH", (SequenceSpec, "folder"): "DIR_PATH", (VideoKeys, "video"): "FILE_PATH",
@@ -42,7 +42,7 @@ _WORDS: dict[tuple[type, str], dict[str, Any]] = {
     },
     (CameraSpec, "near_m"): {"precision": 4},
     (PresetSpec, "camera"): {"given": True},
-    (PresetSpec, "seed"): {"section": PERTURBATIONS, "max": LARGEST_INT},
+    (PresetSpec, "seed"): {"section": GENERATE, "max": LARGEST_INT},
     **{
         (DistortionSpec, name): {"precision": 6, "soft_min": -1.0, "soft_max": 1.0}
         for name in ("k1", "k2", "k3", "k4", "k5", "k6", "p1", "p2")
@@ -54,11 +54,20 @@ _WORDS: dict[tuple[type, str], dict[str, Any]] = {
     (ImuSpec, "rate_hz"): {"label": "IMU Rate", "soft_min": 50, "soft_max": 1000},
     (ImuSpec, "gravity_m_s2"): {"label": "Gravity", "soft_max": 25},
     (ImuSpec, "time_offset_s"): {"label": "Time Offset", "precision": 4, "soft_min": 0, "soft_max": 0.1},
+    **{
+        (ImuSpec, f"{sensor}_{key}"): {"label": f"{sensor.title()} {label}"}
+        for sensor in ("gyro", "accel")
+        for key, label in (("noise_density", "Noise"), ("random_walk", "Walk"))
+    },
+    (ImuSpec, "gyro_misalignment_deg"): {"label": "Gyro Skew"},
+    (ImuSpec, "accel_misalignment_deg"): {"label": "Accel Skew"},
+    (ImuSpec, "accel_range_m_s2"): {"label": "Accel Range"},
+    (ImuSpec, "accel_step_m_s2"): {"label": "Accel Step"},
     (ImuSpec, "clock_drift_ppm"): {"label": "Clock Drift", "soft_min": -200, "soft_max": 200},
     (OutputSpec, "image"): {"default": _OUTPUT.image},
     (OutputSpec, "colour"): {"default": _OUTPUT.colour},
     (OutputSpec, "depth_scale_per_m"): {"precision": 1, "default": _OUTPUT.depth_scale_per_m},
-    (SettingSpec, "name"): {"default": "perturbed", "given": True},
+    (SettingSpec, "name"): {"default": "perturbed", "given": True, "section": GENERATE},
 }  # fmt: skip
 
 

@@ -103,6 +103,9 @@ _FORMATS = (
     MeshFormat("OBJ", (".obj",), _is_obj),
 )
 
+MESH_SUFFIXES = (".ply", *(suffix for item in _FORMATS if item.blender for suffix in item.suffixes))
+"""The endings of mesh files that are read."""
+
 
 # Resolves file names inside a mesh file, which may lead only into the mesh's folder or below it.
 
