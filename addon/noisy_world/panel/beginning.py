@@ -11,8 +11,8 @@ import bpy
 
 from ..nodes.datablocks import override
 from ..scenes.mesh_formats import MESH_SUFFIXES
-from . import loading, own_scene, source_views
-from .document import open_preset
+from . import loading, open_scene, own_scene, source_views
+from .document import listed_motion, open_preset
 from .gallery import shipped_folder
 from .operators import DONE, UNDOABLE, OnScene, color_type, guarded
 from .own_objects import own_object
@@ -235,6 +235,8 @@ def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
 def draw_missing(layout: bpy.types.UILayout, context: bpy.types.Context) -> bool:
     """Draw what loads the panel's scene and path where they are not loaded, and tell whether they are not."""
     scene = context.scene
+    if open_scene.is_shown(panel_of(scene)):
+        return _draw_missing_path(layout, context)
     if not is_loaded(scene):
         return False
     mesh = own_object(scene, "mesh")
@@ -243,6 +245,15 @@ def draw_missing(layout: bpy.types.UILayout, context: bpy.types.Context) -> bool
     if own_object(scene, "camera") is not None or mesh is not None:
         write(layout, context, "The panel names another scene or path than is loaded", "INFO")
     layout.operator(NoisyWorldLoadAll.bl_idname, icon="IMPORT")
+    return True
+
+
+def _draw_missing_path(layout: bpy.types.UILayout, context: bpy.types.Context) -> bool:
+    """Draw what loads the path of the open scene where a perturbation moves the camera along it."""
+    if not listed_motion(panel_of(context.scene)) or loading.has_current_path(context.scene):
+        return False
+    write(layout, context, "The path that the list moves is not loaded, or another by now", "INFO")
+    layout.operator(NoisyWorldLoadTrajectory.bl_idname, icon="CON_FOLLOWPATH")
     return True
 
 

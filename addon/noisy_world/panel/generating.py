@@ -284,7 +284,7 @@ def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
     panel = panel_of(context.scene)
     if panel.preset_path:  # what has nothing to act on yet is not there
         row.operator(NoisyWorldCopyCommand.bl_idname, icon="COPYDOWN")
-    if _is_made(panel):
+    if is_made(panel):
         row.operator(NoisyWorldOpenOutput.bl_idname, text="Open Folder", icon="FILE_FOLDER")
     own = run_of(context.scene)
     if own is None:
@@ -300,7 +300,7 @@ def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
         write(layout, context, noted(note), "DOT")
 
 
-def _is_made(panel: Any) -> bool:
+def is_made(panel: Any) -> bool:
     """Tell whether the dataset's folder is there."""
     try:
         return output_folder(panel).is_dir()

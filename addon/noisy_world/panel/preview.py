@@ -472,11 +472,11 @@ def draw(layout: bpy.types.UILayout, context: bpy.types.Context, *, loaded: bool
     layout.prop(panel, "preview", toggle=True, icon="HIDE_OFF" if panel.preview else "HIDE_ON")
     if panel.preview:
         layout.prop(panel, "preview_split", slider=True)
-        _draw_state(layout, context)
+        _draw_state(layout, context, loaded=loaded)
     draw_preview_buttons(layout, context, loaded=loaded)
 
 
-def _draw_state(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+def _draw_state(layout: bpy.types.UILayout, context: bpy.types.Context, *, loaded: bool) -> None:
     scene = context.scene
     if error := _errors.get(scene.session_uid):
         write(layout, context, error, "ERROR")
@@ -495,8 +495,21 @@ def _draw_state(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
         write(layout, context, "Edited in the compositor: Generate takes the values of this list instead", "ERROR")
         layout.operator(ResetChain.bl_idname, icon="LOOP_BACK")
     if scene.session_uid in _at_rest:
-        text = "Weather is shown as for a camera at rest; Load Trajectory shows it as written"
-        write(layout, context, text, "INFO")
+        write(layout, context, "Weather is shown as for a camera at rest: the path is not loaded", "INFO")
+        if loaded:
+            layout.operator("noisy_world.load_trajectory", icon="CON_FOLLOWPATH")
+    _draw_falsified(layout, context)
+    if (view_s := views.seconds_taken(scene)) > COSTLY_S:
+        write(layout, context, f"This view takes {view_s:.1f} s: Solid shading and Preview Frame are quicker", "TIME")
+    if frame_preview.watching(scene) and is_costly(scene):
+        waits = ", waiting" if scene.session_uid in _changed_s else ""
+        took_s = frame_preview.seconds_taken(scene)
+        write(layout, context, f"The picture takes {took_s:.1f} s: it is coarse until the slider rests{waits}", "TIME")
+
+
+def _draw_falsified(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
+    """Draw what makes colours differ from those that are written, each with the button that mends it."""
+    scene = context.scene
     if problems := falsified_by(scene):
         write(layout, context, f"Not what is written: {'; '.join(problems)}", "ERROR")
         layout.operator(UseStandardView.bl_idname)
@@ -509,12 +522,6 @@ def _draw_state(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
         row = layout.row()
         row.operator_context = "INVOKE_DEFAULT"
         row.operator("wm.set_working_color_space", text="Use Linear Rec.709").working_space = "Linear Rec.709"
-    if (view_s := views.seconds_taken(scene)) > COSTLY_S:
-        write(layout, context, f"This view takes {view_s:.1f} s: Solid shading and Preview Frame are quicker", "TIME")
-    if frame_preview.watching(scene) and is_costly(scene):
-        waits = ", waiting" if scene.session_uid in _changed_s else ""
-        took_s = frame_preview.seconds_taken(scene)
-        write(layout, context, f"The picture takes {took_s:.1f} s: it is coarse until the slider rests{waits}", "TIME")
 
 
 # --- registration ---

@@ -529,7 +529,11 @@ class NOISYWORLD_PT_evaluation(DatasetSection, bpy.types.Panel):
     """What the perturbations do to SLAM"""
 
     bl_label = "Evaluation"
-    bl_options = {"DEFAULT_CLOSED"}
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Only where there is a dataset to evaluate."""
+        return super().poll(context) and generating.is_made(panel_of(context.scene))
 
     def draw(self, context: bpy.types.Context) -> None:
         """Draw it."""

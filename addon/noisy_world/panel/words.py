@@ -9,7 +9,17 @@ from typing import Any
 from ..layouts import LAYOUTS, RECORDED
 from ..layouts.described import SequenceSpec
 from ..layouts.layout import MILLIMETRES
-from ..preset.keys import REPLICA_CAMERA, CameraSpec, ImuSpec, OutputSpec, PresetSpec, RigSpec, SensorSpec, SettingSpec
+from ..preset.keys import (
+    REPLICA_CAMERA,
+    CameraSpec,
+    ImuSpec,
+    OutputSpec,
+    PresetSpec,
+    RenderSpec,
+    RigSpec,
+    SensorSpec,
+    SettingSpec,
+)
 from ..preset.scene_keys import HandheldSpec, SceneKeys, TrajectorySpec
 from ..preset.sensor_keys import DistortionSpec
 from ..sources.blend import BlendKeys
@@ -49,6 +59,7 @@ _WORDS: dict[tuple[type, str], dict[str, Any]] = {
     },
     (DistortionSpec, "model"): {"given": True},
     (SensorSpec, "translation_m"): {"precision": 4, "soft_min": -0.5, "soft_max": 0.5},
+    (RenderSpec, "compositor_device"): {"label": "Compositor"},
     (RigSpec, "imu"): {"label": "IMU"},
     (ImuSpec, "device"): {"label": "IMU Device", "given": True},
     (ImuSpec, "rate_hz"): {"label": "IMU Rate", "soft_min": 50, "soft_max": 1000},

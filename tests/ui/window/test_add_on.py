@@ -28,8 +28,8 @@ pytestmark = [
 MODULE = "bl_ext.user_default.noisy_world"
 FRAMES = 5
 PICTURES = (
-    "panel_top", "paths", "menu", "perturbations", "preview", "chain", "nodes", "generating", "stopped", "generated",
-    "tracked", "this_scene",
+    "panel_top", "tried", "paths", "menu", "perturbations", "preview", "chain", "nodes", "generating", "stopped",
+    "generated", "tracked", "this_scene",
 )  # fmt: skip
 
 
