@@ -33,11 +33,13 @@ def list_plan(plan: "Plan", what: str) -> int:
 def print_plan(plan: "Plan", out: Path | str) -> None:
     """Print what a run would do."""
     from ..core.machine import free_memory_bytes
-    from ..dataset.estimate import estimate, memory_bytes, size_text
+    from ..dataset.calibration import measured_pace
+    from ..dataset.estimate import estimate, memory_bytes, quicker, size_text
     from ..dataset.plan import plan_notes
     from ..measure.looking import remarks_on
 
-    guess = estimate(plan)
+    pace = measured_pace(plan)
+    guess = estimate(plan, pace)
     print(f"preset     {plan.preset.path} (SHA-256 {plan.preset.sha256[:12]})")
     print(f"dataset    {out} ({plan.format.layout.name} layout, {plan.format.image} and 16-bit png)")
     cameras = plan.cameras if plan.camera is None else {"": plan.camera}
@@ -56,8 +58,11 @@ def print_plan(plan: "Plan", out: Path | str) -> None:
         print(f"  {line}")
     print(f"renders    {len(plan.renders)}, {plan.frame_count} frames in all")
     between = f"{size_text(guess.least_bytes)} to {size_text(guess.most_bytes)}, by what the images show"
-    took = duration_text(guess.seconds)
-    print(f"estimate   {size_text(guess.bytes_written)} ({between}), {took} on two cores (rough)")
+    print(f"estimate   {size_text(guess.bytes_written)} ({between})")
+    print(f"time       {duration_text(guess.least_s)} to {duration_text(guess.most_s)}, by a few images made here")
+    if (other := quicker(plan, pace)) is not None:
+        words, seconds = other
+        print(f"without    Blender, with --set {words}: about {duration_text(seconds)}, and other pixels")
     free = free_memory_bytes()
     here = "" if free is None else f"; {size_text(free)} are free here"
     print(f"memory     {size_text(memory_bytes(plan))} or more in each process, and what the scenes take{here}")

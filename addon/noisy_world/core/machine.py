@@ -269,6 +269,7 @@ def batched(values: Iterable[T], size: int) -> Iterator[tuple[T, ...]]:
 RENDERING = "rendering"
 LOADING = "loading"
 DECODING = "decoding"
+COMPOSITING = "compositing"  # by Blender, in its own threads
 
 
 class StageTimer:

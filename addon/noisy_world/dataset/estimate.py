@@ -18,6 +18,7 @@ from ..perturbations.execution import split_motion
 from ..perturbations.kinds import SEQUENCE_KINDS, ColourPerturbation, DepthPerturbation
 from ..perturbations.parsing import Registry, parse_steps
 from ..perturbations.steps import Setting
+from .calibration import Pace
 from .frame import PlannedFrame
 from .identity import Described, RecordedSetting, RecordedStep
 from .plan import Plan, Render
@@ -31,21 +32,36 @@ AVERAGED_SHARE = 0.1  # of pixels get all their samples with it: 0.02 of a scann
 SECONDS_PER_RENDER = 4.0  # loading a scene
 SECONDS_PER_LINK = 1e-4  # an image that is there already under another name
 SECONDS_PER_PERTURBED_PIXEL = 1.2e-8  # perturbing, encoding and writing an image: 0.01 s, the mean of the benchmark's
-SECONDS_PER_COMPOSITED_PIXEL = 6.5e-8  # in Blender's compositor, in addition: 0.05 s an image
+SECONDS_PER_COMPOSITED_PIXEL = 1e-7  # in Blender's compositor, in addition: 0.08 s an image
+SPREAD = 1.6  # by which the time may be off to either side; chosen
 ASKED = 8  # frames of a sequence whose severity varies, by which the others are guessed; chosen
+
+
+AS_MEASURED = Pace()
+"""The pace of the machine on which the constants were measured."""
 
 
 @dataclass(frozen=True)
 class CostEstimate:
     """A rough guess of what a plan takes on two cores.
 
-    least_bytes, most_bytes: what the content of its images makes likely.
+    least_bytes, most_bytes: what the content of its images makes likely. least_s, most_s: what is likely of the time.
     """
 
     bytes_written: int
     seconds: float
     least_bytes: int
     most_bytes: int
+
+    @property
+    def least_s(self) -> float:
+        """The least that is likely."""
+        return self.seconds / SPREAD
+
+    @property
+    def most_s(self) -> float:
+        """The most that is likely."""
+        return self.seconds * SPREAD
 
 
 def parts_made(sequences: Iterable[PlannedSequence], modality: Modality) -> dict[str, float]:
@@ -93,30 +109,40 @@ def size_text(count: int) -> str:
     return f"{count} bytes"
 
 
-def estimate(plan: Plan) -> CostEstimate:
-    """Estimate the bytes and the time of a plan from the measured costs of a pixel."""
+def estimate(plan: Plan, pace: Pace = AS_MEASURED, *, quick: bool = False) -> CostEstimate:
+    """Estimate the bytes and the time of a plan from the measured costs of a pixel.
+
+    pace: how fast this machine is. quick: as if meshes were rendered by Embree, and colour perturbed by the reference.
+    """
     least, most = np.sum([_byte_bounds(plan, render) for render in plan.renders], axis=0)
     usual = sum(_bytes_of(plan, render) for render in plan.renders)  # of presets of many perturbations
-    seconds = sum(_seconds_of(plan, render) for render in plan.renders)
+    seconds = sum(_seconds_of(plan, render, pace, quick=quick) for render in plan.renders)
     return CostEstimate(int(min(max(usual, least), most)), seconds, int(least), int(most))
 
 
-def frame_seconds(plan: Plan, render: Render, frames: Sequence[int]) -> NDArray[np.float64]:
-    """Estimate the seconds (N,) that some source frames of a render take, with all images that show them."""
+def frame_seconds(
+    plan: Plan, render: Render, frames: Sequence[int], pace: Pace = AS_MEASURED, *, quick: bool = False
+) -> NDArray[np.float64]:
+    """Estimate the seconds (N,) that some source frames of a render take, with all images that show them.
+
+    pace, quick: as of `estimate`.
+    """
     pixels = render.camera.width_px * render.camera.height_px
     each_s = pixels * SECONDS_PER_PIXEL
     if render.scene.source.capabilities.rendered:
         render_spec, own = plan.preset.spec.render, render.scene.source.capabilities.own
         engine, samples = (render_spec.engine, render_spec.samples) if own is None else (own.engine, own.samples)
+        engine = "embree" if quick else engine
         rays_s = pixels * rendering_seconds(engine, samples)
         each_s = rays_s if engine == "embree" else each_s + rays_s
+    each_s *= pace.factor
     images_s: dict[Numbers, float] = {}  # of all images that show the same source frames one after another
     for modality in plan.format.modalities:
         made = _parts_made_of(plan, render, modality)
         for sequence in render.sequences:
-            pixel_s = SECONDS_PER_PERTURBED_PIXEL
-            if CHANNELS[modality].steps == "rgb" and plan.composites and sequence.setting.composited:
-                pixel_s += SECONDS_PER_COMPOSITED_PIXEL
+            pixel_s = pace.perturbed_s(sequence, modality, SECONDS_PER_PERTURBED_PIXEL)
+            if not quick and CHANNELS[modality].steps == "rgb" and plan.composites and sequence.setting.composited:
+                pixel_s += pace.factor * SECONDS_PER_COMPOSITED_PIXEL
             image_s = SECONDS_PER_LINK + made.get(sequence.folder, 0.0) * pixels * pixel_s
             sources = sequence.sources_shown(modality)
             images_s[sources] = images_s.get(sources, 0.0) + image_s
@@ -136,9 +162,23 @@ def rendering_seconds(engine: str, samples: int) -> float:
     return SECONDS_PER_SAMPLE * samples
 
 
-def _seconds_of(plan: Plan, render: Render) -> float:
-    loading_s = SECONDS_PER_RENDER if render.scene.source.capabilities.rendered else 0.0
-    return loading_s + float(frame_seconds(plan, render, render.frames).sum())
+def _seconds_of(plan: Plan, render: Render, pace: Pace, *, quick: bool) -> float:
+    loading_s = pace.factor * SECONDS_PER_RENDER if render.scene.source.capabilities.rendered else 0.0
+    return loading_s + float(frame_seconds(plan, render, render.frames, pace, quick=quick).sum())
+
+
+def quicker(plan: Plan, pace: Pace) -> tuple[str, float] | None:
+    """Return what makes a plan without Blender, as words for --set, and its seconds; None where nothing does.
+
+    The pixels are others: those of Embree's rays, and of the reference in numpy and OpenCV.
+    """
+    renders = plan.renders_in_blender
+    capabilities = [scene.source.capabilities for scene in plan.scenes]
+    if not (renders or plan.composites) or any(item.rendered and item.own is not None for item in capabilities):
+        return None  # only Blender knows the materials and lights of a scene of one's own
+    words = ["render.engine=embree"] if renders else []
+    words += ["render.backend=reference"] if plan.composites else []
+    return " ".join(words), estimate(plan, pace, quick=True).seconds
 
 
 def _bytes_of(plan: Plan, render: Render) -> float:

@@ -21,7 +21,7 @@ from ..core.depth_range import OutOfRange
 from ..core.errors import InterruptedRunError, Message, NoisyWorldError, PresetKey
 from ..core.frame_request import SensorPaths
 from ..core.frame_table import FrameRecord
-from ..core.machine import DECODING, LOADING, RENDERING, StageTimer
+from ..core.machine import COMPOSITING, DECODING, LOADING, RENDERING, StageTimer
 from ..core.progress import Progress
 from ..layouts import Modality, OutputFormat
 from ..perturbations.clipping import Clipping, clipping
@@ -92,6 +92,11 @@ class Colour:
         self._from = clean
         self._compositing = compositing
         self._lit = lit
+
+    @property
+    def composites(self) -> bool:
+        """Whether Blender's compositor perturbs some of it."""
+        return self._compositing is not None
 
     def prepare(self, source: int) -> None:
         """Read what steps look back at for the frames that show a source frame. Call it before that frame is made."""
@@ -545,7 +550,9 @@ class FrameMaker:
             if self.report.first_frame_s is None:
                 self.report.first_frame_s = time.perf_counter() - start_s
             if frame in wanted:
-                self._count(writer.submit(clean, colour.frames_of(clean)), writer)
+                with writer.timer.rest_on(COMPOSITING) if colour.composites else contextlib.nullcontext():
+                    frame_of = colour.frames_of(clean)
+                self._count(writer.submit(clean, frame_of), writer)
             for pair in () if pairs is None else pairs.of(clean, source, render, paths):
                 self._count(writer.submit_pair(pair), writer)
         self._count(writer.drain(), writer)
