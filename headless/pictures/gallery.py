@@ -11,7 +11,7 @@ python headless/pictures/gallery.py docs/gallery
 import argparse
 import json
 import sys
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from itertools import chain
 from pathlib import Path
 from typing import TypeAlias
@@ -81,9 +81,16 @@ def main(arguments: list[str]) -> int:
     """Run the command line and return the exit status."""
     parser = argparse.ArgumentParser(prog="gallery.py", description="Draw every perturbation.")
     parser.add_argument("folder", type=Path, help="the folder to write the pictures into")
-    folder = parser.parse_args(arguments).folder
+    parser.add_argument("--only", nargs="+", metavar="NAME", help="only these perturbations of colour")
+    options = parser.parse_args(arguments)
+    folder = options.folder
     folder.mkdir(parents=True, exist_ok=True)
     rgb, depth_m = demo_frame()
+    if options.only:
+        some = chain(of_colour(rgb, depth_m, options.only), of_electronics(rgb, options.only))
+        for name, row in some:
+            save(folder / f"{name}.jpg", strip(row), LIGHT_QUALITY if name in SMALL else QUALITY)
+        return 0
     of_images = chain(of_colour(rgb, depth_m), of_electronics(rgb), of_depth(rgb, depth_m))
     tiles = dict(chain(of_images, of_sequences(), of_smooth_motion(), of_exposures()))
     shown = rgb_bytes(rgb)
@@ -99,29 +106,32 @@ def main(arguments: list[str]) -> int:
 # --- what each kind of perturbation is shown by ---
 
 
-def of_colour(rgb: NDArray[np.float32], depth_m: NDArray[np.float32]) -> Iterator[tuple[str, Tiles]]:
-    """Yield the name and the tiles of each perturbation of colour."""
-    made = perturbed(rgb, depth_m, SEVERITIES)
-    for item in shown_perturbations():
+def of_colour(
+    rgb: NDArray[np.float32], depth_m: NDArray[np.float32], only: Sequence[str] = ()
+) -> Iterator[tuple[str, Tiles]]:
+    """Yield the name and the tiles of each perturbation of colour. only: those that are drawn; () for all."""
+    shown = [item for item in shown_perturbations() if not only or item.name in only]
+    made = perturbed(rgb, depth_m, SEVERITIES, shown)
+    for item in shown:
         if item.on_light:
             continue
         yield item.name, [view(item)(made[item.name, severity]) for severity in SEVERITIES]
 
 
-def of_electronics(rgb: NDArray[np.float32]) -> Iterator[tuple[str, Tiles]]:
+def of_electronics(rgb: NDArray[np.float32], only: Sequence[str] = ()) -> Iterator[tuple[str, Tiles]]:
     """Yield the name and the tiles of each perturbation of colour of the camera's electronics.
 
     Exposure is shown a moment after the light rose eightfold, flicker across lines that are read one by one.
     """
     shown = np.clip(rgb, 0, 1)
     for item in registry().values():
-        if not isinstance(item, ColourPerturbation) or not item.on_light:
+        if not isinstance(item, ColourPerturbation) or not item.on_light or (only and item.name not in only):
             continue
         if item.name == "auto_exposure":
             made = [exposed_late(shown, severity) for severity in SEVERITIES]
         else:
             extra = {"readout_ms": READOUT_MS, "exposure_ms": 1.0} if item.name == "flicker" else {}
-            seen = {"seed": SEED, "frame": FRAME, **extra}
+            seen = {"seed": SEED, "frame": FRAME, **extra, **item.newly}
             made = [rgb_bytes(apply(shown, item.name, severity=value, **seen)) for value in SEVERITIES]
         yield item.name, [(detail if item.grain else whole)(image) for image in made]
 
@@ -308,20 +318,22 @@ def demo_frame() -> tuple[NDArray[np.float32], NDArray[np.float32]]:
 
 
 def perturbed(
-    rgb: NDArray[np.float32], depth_m: NDArray[np.float32], severities: Iterable[float]
+    rgb: NDArray[np.float32],
+    depth_m: NDArray[np.float32],
+    severities: Iterable[float],
+    shown: Iterable[ColourPerturbation],
 ) -> dict[tuple[str, float], NDArray[np.uint8]]:
-    """Return (H, W, 3) uint8 by the perturbation's name and the severity."""
-    chains = {
-        f"{item.name} {severity:g}": [step(item, severity)] for severity in severities for item in shown_perturbations()
-    }
+    """Return (H, W, 3) uint8 by the perturbation's name and the severity. shown: the perturbations."""
+    chains = {f"{item.name} {severity:g}": [step(item, severity)] for severity in severities for item in shown}
     with Compositor((rgb.shape[1], rgb.shape[0]), chains, rgb.shape[1]) as compositor:
         made = compositor.perturb(rgb, {name: (FRAME, (SEED, "showcase", name)) for name in chains}, depth_m)
     return {(name.split()[0], float(name.split()[1])): image for name, (image, _) in made.items() if image is not None}
 
 
 def step(perturbation: ColourPerturbation, severity: float) -> Step:
-    """Return the step of a preset's `{name: {severity: ...}}`."""
-    (found,) = parse_steps([{perturbation.name: {"severity": severity}}], ConfigPath("showcase"), registry())
+    """Return the step of a severity as it is newly added."""
+    values = {"severity": severity, **perturbation.newly}
+    (found,) = parse_steps([{perturbation.name: values}], ConfigPath("showcase"), registry())
     return found
 
 

@@ -13,6 +13,7 @@ from ..perturbations.kinds import SEQUENCE_KINDS, SEVERITIES, DepthPerturbation,
 from ..perturbations.parsing import written_out
 from ..perturbations.shares import MASK, MIX, has_share
 from ..perturbations.steps import DEFAULT_SEVERITY
+from .new_entries import begin
 from .open_scene import follows, frame_range, is_shown, scene_frames
 from .properties import parameters_of, perturbation_of
 from .step_list import SHARE_MASK, SHARE_MIX, add_step, curve_of, key_levels, move_entry, remove_entry
@@ -76,11 +77,15 @@ def put_entry(panel: Any, name: str, values: Mapping[str, Any], occurrence: int)
     return place is not None
 
 
-def add_own_step(panel: Any, name: str) -> int:
-    """Add a perturbation as `add_step` does, at the frame rate of the sequence where the open scene is its source."""
+def add_own_step(panel: Any, name: str) -> tuple[str, ...]:
+    """Add a perturbation as a new step begins, at the frame rate of the sequence where the open scene is its source.
+
+    Returns what is to be said of what was chosen for the user.
+    """
     index = add_step(panel, name)
+    said = begin(panel, index)
     take_rate(panel, panel.steps[index])
-    return index
+    return said
 
 
 def take_rate(panel: Any, item: Any) -> None:

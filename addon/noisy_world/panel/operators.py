@@ -130,7 +130,8 @@ class NoisyWorldAddStep(OnScene, bpy.types.Operator):
         if once and any(step.perturbation == name for step in panel.steps):
             self.report({"ERROR"}, f"{title(registry()[name].label)} is in the list already: it acts only once")
             return CANCELLED
-        add_own_step(panel, name)
+        for line in add_own_step(panel, name):
+            self.report({"INFO"}, line)
         return DONE
 
 

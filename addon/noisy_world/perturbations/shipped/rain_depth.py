@@ -76,7 +76,8 @@ PERTURBATION = ColourPerturbation(
     stage="environment",
     order=24,
     parameters=RainDepth,
-    newly={"shutter_ms": 10.0},  # as of a film by day; of 2.5 ms streaks are as short as snow's
+    # Streaks as of a film by day; of 2.5 ms they are as short as snow's. Larger drops make up for their faintness.
+    newly={"shutter_ms": 8.0, "size": 1.5},
     severities={"rate_mm_h": (2.5, 10.0, 25.0, 50.0, 100.0)},
     source="our own: light, moderate, heavy, violent rain, and a cloudburst; sizes: Marshall and Palmer, 1948",
     about=About(
