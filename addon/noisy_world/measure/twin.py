@@ -157,11 +157,13 @@ def _light(twin: Twin, found: RecordingFigures) -> None:
         twin.colour.append({"vignetting": {"corner_loss": min(_plain(loss, 3), 1.0)}})
     stops, light = _sure(found, "exposure_range_stops", LEAST_STOPS), _value(found, "mean_light")
     if stops is not None and light:
-        speed = _value(found, "exposure_rate_stops_per_s")
-        lag_s = min(_plain(stops / speed, 2), 5.0) if speed else 0.4
+        speed, measured_s = _value(found, "exposure_rate_stops_per_s"), _value(found, "auto_exposure_lag_s")
+        guessed_s = min(_plain(stops / speed, 2), 5.0) if speed else 0.4
+        lag_s = guessed_s if measured_s is None else _plain(measured_s, 3)
         twin.colour.append({"auto_exposure": {"target": min(_plain(light, 3), 1.0), "lag_s": lag_s}})
+        guess = f"lag_s is guessed, {stops:.2g} stops over the fastest that was seen; " if measured_s is None else ""
         twin.untold.append(
-            f"auto_exposure.lag_s: is guessed, {stops:.2g} stops over the fastest that was seen; how bright the scene "
+            f"auto_exposure: {guess}how bright the scene "
             "itself was is not known, so images stay as bright as they are rendered when light_stops is 0"
         )
     if (balance := _sure(found, "white_balance_range_stops", LEAST_STOPS)) is not None:
