@@ -8,6 +8,7 @@ from contextlib import ExitStack
 def _parts() -> list[tuple[Callable[[], None], Callable[[], None]]]:
     """Return what registers and unregisters each part, in the order of the panels in the tab."""
     from . import (
+        add_menu,
         bake_exposure,
         beginning,
         drawn_paths,
@@ -42,6 +43,7 @@ def _parts() -> list[tuple[Callable[[], None], Callable[[], None]]]:
         (generating.register_tracking, generating.unregister_tracking),
         (operators.register_asset_library, operators.unregister_asset_library),
         (operators.register_camera_link, operators.unregister_camera_link),
+        (add_menu.register, add_menu.unregister),
         (bake_exposure.register, bake_exposure.unregister),
         (section_presets.register, section_presets.unregister),
         (gallery.register, gallery.unregister),
