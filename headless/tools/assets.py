@@ -22,10 +22,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from noisy_world.core.errors import american, title
 from noisy_world.core.geometry import Intrinsics
 from noisy_world.core.schema import ConfigPath
 from noisy_world.nodes.datablocks import muted_output
 from noisy_world.nodes.node_trees import ensure_group, index_of
+from noisy_world.panel.gallery import BENCHMARK, list_of
 from noisy_world.perturbations import registry
 from noisy_world.perturbations.groups import build_group
 from noisy_world.perturbations.kinds import COLOUR_STAGES, ColourPerturbation
@@ -109,11 +111,11 @@ def mark(perturbation: ColourPerturbation, picture: NDArray[np.uint8]) -> None:
     tree.asset_mark()
     asset = tree.asset_data
     assert asset is not None
-    asset.description = tree.description
+    asset.description = description_of(perturbation)
     asset.author = "Noisy World"
     asset.license = "GPL-3.0-or-later"
-    asset.catalog_id = catalog_id(perturbation.stage)
-    for tag in graph.tags:
+    asset.catalog_id = catalog_id(*catalog_of(perturbation))
+    for tag in (*graph.tags, *tags_of(perturbation)):
         asset.tags.new(tag)
     rgba = np.ones((SIDE_PX, SIDE_PX, 4), dtype=np.float32)
     rgba[..., :3] = picture[::-1] / np.float32(255)  # Blender stores rows from the bottom up
@@ -124,9 +126,34 @@ def mark(perturbation: ColourPerturbation, picture: NDArray[np.uint8]) -> None:
     preview.image_pixels_float.foreach_set(values)
 
 
-def catalog_id(stage: str) -> str:
-    """Return a catalogue's identifier, which never changes."""
-    return str(uuid.uuid5(uuid.NAMESPACE_URL, f"noisy-world/{stage}"))
+def description_of(perturbation: ColourPerturbation) -> str:
+    """Return what an asset's tooltip says: what is seen, what has to be linked, what moves, and the physical twin."""
+    said = [american(perturbation.sentence)]
+    if perturbation.needs_depth:
+        said.append("Link the Depth pass to it")
+    if "drift" in perturbation.group_temporals:
+        said.append("Its pattern moves with the scene's frames")
+    if (twin := registry().get(perturbation.about.twin)) is not None:
+        said.append(f"Laid over the image as in the benchmark; its physical twin is {title(twin.label)}")
+    return ". ".join(said)
+
+
+def tags_of(perturbation: ColourPerturbation) -> tuple[str, ...]:
+    """Return what else it is found by: the list that it is of, what it takes, and how it changes."""
+    benchmark = list_of(perturbation) == BENCHMARK
+    found = {"benchmark": benchmark, "physical": not benchmark, "depth": perturbation.needs_depth}
+    found |= {"animated": bool(perturbation.group_temporals), "camera": perturbation.uses_motion}
+    return tuple(tag for tag, holds in found.items() if holds)
+
+
+def catalog_of(perturbation: ColourPerturbation) -> tuple[str, ...]:
+    """Return the stage, and for what is laid over images as in the benchmark the part of it that holds these."""
+    return (perturbation.stage, "benchmark") if list_of(perturbation) == BENCHMARK else (perturbation.stage,)
+
+
+def catalog_id(*names: str) -> str:
+    """Return a catalogue's identifier, which never changes. names: of the stage, and of its part."""
+    return str(uuid.uuid5(uuid.NAMESPACE_URL, "/".join(("noisy-world", *names))))
 
 
 def catalogs() -> str:
@@ -135,6 +162,9 @@ def catalogs() -> str:
     for stage in COLOUR_STAGES:
         name = CATALOG_NAMES[stage]
         lines.append(f"{catalog_id(stage)}:Noisy World/{name}:Noisy World-{name}")
+        if any(catalog_of(item) == (stage, "benchmark") for item in shown_perturbations()):
+            part = f"{name}/Benchmark:Noisy World-{name}-Benchmark"
+            lines.append(f"{catalog_id(stage, 'benchmark')}:Noisy World/{part}")
     return "\n".join(lines) + "\n"
 
 

@@ -17,6 +17,7 @@ from worlds import ROOT
 sys.path.append(str(ROOT / "headless"))
 from tools import assets, package
 
+from noisy_world.core.errors import american
 from noisy_world.nodes import node_trees
 from noisy_world.nodes.chain import shown_values
 from noisy_world.perturbations.groups import build_group
@@ -48,15 +49,19 @@ def test_everything_that_the_asset_browser_shows(library):
         if ":" in line:
             identifier, path, _ = line.split(":")
             catalogs[identifier] = path
-    assert set(catalogs.values()) == {
-        f"Noisy World/{name}" for name in ("Environment", "Lens", "Sensor", "Post-processing")
-    }
+    stages = [f"Noisy World/{name}" for name in ("Environment", "Lens", "Sensor", "Post-processing")]
+    assert set(catalogs.values()) == {*stages, *(f"{stage}/Benchmark" for stage in stages)}
     previews = set()
     for item in PERTURBATIONS:
         tree = trees[build_group(item).name]
         asset = tree.asset_data
-        assert asset.description.startswith(tree.description[:40])
-        assert item.name in {tag.name for tag in asset.tags}
+        assert asset.description.startswith(american(item.sentence))
+        assert ("Depth pass" in asset.description) == item.needs_depth
+        tags = {tag.name for tag in asset.tags}
+        overlay = item.about.of_paper or item.about.of_imagenet_c
+        assert {item.name, "benchmark" if overlay else "physical"} <= tags
+        assert ("depth" in tags) == item.needs_depth
+        assert catalogs[asset.catalog_id].endswith("/Benchmark") == overlay
         assert catalogs[asset.catalog_id].split("/")[1].lower().startswith(item.stage[:4])
         pixels = np.empty(256 * 256 * 4, np.float32)
         tree.preview.image_pixels_float.foreach_get(pixels)
