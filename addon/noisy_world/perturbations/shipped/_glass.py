@@ -164,7 +164,11 @@ def share_of(graph: Graph, size_px: Socket) -> Socket:
 
 def sampled(image: Socket, share: Socket) -> Socket:
     """Return an image at places from 0 to 1 along its sides, x and y of a vector, between its pixels."""
-    where = image.graph.math("MULTIPLY_ADD", share, (1.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+    return sampled_at(image, image.graph.math("MULTIPLY_ADD", share, (1.0, 1.0, 0.0), (0.0, 0.0, 1.0)))
+
+
+def sampled_at(image: Socket, where: Socket) -> Socket:
+    """Return what `sampled` does, at places that have 1 as their third number."""
     return image.graph.node("CompositorNodeMapUV", {"Image": image, "UV": where, **_EXTEND}).out("Image", "color")
 
 

@@ -14,9 +14,17 @@ from ...core.node_graph import Socket
 from ...core.schema import key
 from ..groups import Canvas
 from ..kinds import About, ColourPerturbation, FrameContext, Nodes
+from ._glass import sampled_at
 
 NEAREST_M = 1e-3  # least distance of the focus beyond the focal length; chosen: nearer, a lens cannot focus
 ROWS = 16  # of a band; chosen so that a band's arrays stay in the processor's cache
+# Where wide disks are summed at half the frame's size. Each is chosen but LOST_PX2.
+FINE_PX = 1.75  # largest radius that is still summed at the full size: 25 pixels
+WIDE_PX = 2.0  # radius from which half the size comes in; a pixel more, and it is all
+LEAST_HALF_PX = 1.0  # least radius at half the size, in its pixels
+# Halving and enlarging blur by themselves: in pixels of the frame, along a line, by a variance of 1/4 (the mean of two
+# pixels) and 2/3 (a triangle between pixels 2 apart). A disk's variance is a quarter of its squared radius.
+LOST_PX2 = 4 * (1 / 4 + 2 / 3)
 LEAST_LIGHT = 1 / 256  # weight of a pixel in focus in its neighbours' disks, of 1; chosen: above 0, so sums are never 0
 
 
@@ -49,12 +57,19 @@ class DefocusDepth:
         maximum=30,
         slider=(1, 30),
     )
+    coarse: bool = key(
+        "sum disks of more than 2 px at half the frame's size: softer rims, in a fraction of the time",
+        default=False,
+        later=True,
+        label="Quick",
+    )
     TOOLTIPS: ClassVar[Mapping[str, str]] = {
         "focus_m": "How far away the sharp plane is; what is nearer or farther is blurred",
         "f_number": "Lower: a wider aperture, so less is sharp before and behind the focus",
         "focal_length_mm": "Higher: less is sharp before and behind the focus",
         "sensor_width_mm": "Higher: the same lens blurs fewer pixels",
         "max_radius_px": "Higher: what is far out of focus may blur more, and takes longer",
+        "coarse": "On: disks have softer rims, and it takes a third of the time",
     }
 
 
@@ -63,10 +78,35 @@ def apply(rgb: NDArray[np.float32], parameters: DefocusDepth, context: FrameCont
     radius_px = confusion_radius_px(context.depth_m, parameters, rgb.shape[1])
     light = np.clip(radius_px, LEAST_LIGHT, 1)[..., None]
     spread = np.concatenate([rgb * light, light], axis=2)
-    gathered = _gather(spread, np.maximum(radius_px, 1), math.ceil(parameters.max_radius_px) + 1)
+    largest_px = FINE_PX if parameters.coarse else parameters.max_radius_px
+    gathered = _gather(spread, np.clip(radius_px, 1, largest_px), math.ceil(largest_px) + 1)
     share = np.minimum(radius_px, 1)[..., None] ** 2
     blurred = np.divide(gathered[..., :3], gathered[..., 3:], dtype=np.float32)
+    if parameters.coarse:
+        wide = np.clip(radius_px - np.float32(WIDE_PX), 0, 1)[..., None]
+        blurred += (_gathered_at_half(spread, radius_px, parameters.max_radius_px) - blurred) * wide
     return rgb + (blurred - rgb) * share
+
+
+def _gathered_at_half(
+    spread: NDArray[np.float32], radius_px: NDArray[np.float32], max_radius_px: float
+) -> NDArray[np.float32]:
+    """Return the means (H, W, 3) of wide disks, summed at half the size. spread: light times colour, and light."""
+    import cv2
+
+    height, width = radius_px.shape
+    upper = height % 2  # pairs of rows begin below, as Blender counts them
+
+    def halved(image: NDArray[np.float32]) -> NDArray[np.float32]:
+        even = cv2.copyMakeBorder(image, upper, 0, 0, width % 2, cv2.BORDER_REPLICATE)
+        return np.asarray(cv2.resize(even, (even.shape[1] // 2, even.shape[0] // 2)), np.float32)
+
+    small, radius = halved(spread), halved(radius_px)
+    reach = np.sqrt(np.maximum(radius * radius - np.float32(LOST_PX2), 0)) * np.float32(0.5)
+    gathered = _gather(small, np.maximum(reach, np.float32(LEAST_HALF_PX)), math.ceil(max_radius_px / 2) + 1)
+    means = np.divide(gathered[..., :3], gathered[..., 3:], dtype=np.float32)
+    large = cv2.resize(means, (2 * means.shape[1], 2 * means.shape[0]))
+    return np.asarray(large, np.float32)[upper:, :width]
 
 
 def confusion_radius_px(depth_m: NDArray[np.float32], parameters: DefocusDepth, width_px: int) -> NDArray[np.float32]:
@@ -162,7 +202,7 @@ def disk_quadrant(grain: int) -> NDArray[np.bool_]:
 
 def build(canvas: Canvas, given: Mapping[str, Socket], _served: Mapping[str, float]) -> Socket:
     """Blur with the Blur node, whose size varies by pixel."""
-    graph, image, depth_m = canvas.graph, canvas.image, canvas.depth_m
+    graph, image, depth_m, quick = canvas.graph, canvas.image, canvas.depth_m, given["coarse"]
     assert depth_m is not None
     with graph.section("Circle of confusion"):
         focal_m = given["focal_length_mm"] / 1000.0
@@ -176,24 +216,64 @@ def build(canvas: Canvas, given: Mapping[str, Socket], _served: Mapping[str, flo
     with graph.section("A column for the largest disk"):
         # The Blur node scales its disks down from the largest in the image. An added column, cut off again below,
         # always holds the largest one, so that the weights do not depend on the frame.
-        grain = graph.math("CEIL", given["max_radius_px"]) + 1.0
+        largest = graph.choose(quick, FINE_PX, given["max_radius_px"], "float")
+        grain = graph.math("CEIL", largest) + 1.0
         column, wide, radius = _widened(canvas, radius_px)
     with graph.section("Light that spreads"):
         light = graph.clamp(radius, LEAST_LIGHT)
         spread = _with_alpha(graph.math("MULTIPLY", wide, graph.vector(light, light, light)), light)
     with graph.section("Blur"):
-        own = (graph.math("MAXIMUM", radius, 1.0) + 0.5) * ((grain + 1.0) / grain) - 1.0
-        size = graph.math("MAXIMUM", own, column * (grain - 0.5))
-        inputs = {"Image": spread, "Size": graph.vector(size, size), "Type": "Flat", "Separable": False}
-        blurred = graph.node("CompositorNodeBlur", inputs).out("Image", "color")
-        inputs = {"Image": blurred, "X": 0, "Y": 0, "Width": canvas.width_px, "Height": canvas.height_px}
-        kept = graph.node("CompositorNodeCrop", inputs | {"Alpha Crop": False}).out("Image", "color")
+        disk = graph.math("MINIMUM", graph.math("MAXIMUM", radius, 1.0), largest)
+        kept = _summed(spread, disk, column, grain, (canvas.width_px, canvas.height_px))
+    half = _at_half(canvas, quick, radius_px, given["max_radius_px"])
     with graph.section("Mix"):
-        weight = _alpha(kept)
-        mean = graph.math("DIVIDE", kept, graph.vector(weight, weight, weight))
+        mean = _mean(kept)
+        wide = graph.clamp(radius_px - WIDE_PX)
+        mean = graph.choose(quick, graph.mix(mean, half, graph.vector(wide, wide, wide)), mean, "vector")
         below = graph.math("MINIMUM", radius_px, 1.0)
         share = below * below
         return graph.mix(image, mean, graph.vector(share, share, share))
+
+
+def _summed(spread: Socket, radius: Socket, column: Socket, grain: Socket, size: tuple[Socket, Socket]) -> Socket:
+    """Sum each pixel's disk, and cut the column off. size: width and height without it."""
+    graph = spread.graph
+    own = (radius + 0.5) * ((grain + 1.0) / grain) - 1.0
+    each = graph.math("MAXIMUM", own, column * (grain - 0.5))
+    inputs = {"Image": spread, "Size": graph.vector(each, each), "Type": "Flat", "Separable": False}
+    blurred = graph.node("CompositorNodeBlur", inputs).out("Image", "color")
+    inputs = {"Image": blurred, "X": 0, "Y": 0, "Width": size[0], "Height": size[1]}
+    return graph.node("CompositorNodeCrop", inputs | {"Alpha Crop": False}).out("Image", "color")
+
+
+def _mean(summed: Socket) -> Socket:
+    weight = _alpha(summed)
+    return summed.graph.math("DIVIDE", summed, summed.graph.vector(weight, weight, weight))
+
+
+def _at_half(canvas: Canvas, quick: Socket, radius_px: Socket, max_radius_px: Socket) -> Socket:
+    """Return the means of wide disks, summed at half the size; of nothing where it is not asked for, at no cost."""
+    graph = canvas.graph
+    with graph.section("Half the size"):
+        width, height = (graph.math("FLOOR", side * 0.5 + 0.5) for side in (canvas.width_px, canvas.height_px))
+        image, radius = graph.choose(quick, canvas.image, 0.0), graph.choose(quick, radius_px, 0.0, "float")
+        light = graph.clamp(radius, LEAST_LIGHT)
+        spread = _with_alpha(graph.math("MULTIPLY", image, graph.vector(light, light, light)), light)
+        blank = graph.choose(quick, graph.vector(width + 1.0, height), (1.0, 1.0, 0.0), "vector")
+        wide = graph.node("CompositorNodeBlankImage", {"Size": blank}).out("Image", "color")
+        pixel = graph.node("CompositorNodeImageCoordinates", {"Image": wide}).out("Pixel", "vector")
+        last = graph.math("MINIMUM", pixel, graph.vector(width - 1.0, height))  # the column repeats the last one
+        between = graph.math("MULTIPLY_ADD", last, (2.0, 2.0, 0.0), (1.0, 1.0, 1.0))
+        where = graph.math("DIVIDE", between, graph.vector(canvas.width_px, canvas.height_px, 1.0))
+        small, seen = sampled_at(spread, where), sampled_at(radius, where).r
+    with graph.section("Blur at half the size"):
+        free = graph.math("MAXIMUM", seen * seen - LOST_PX2, 0.0)
+        reach = graph.math("MAXIMUM", graph.math("SQRT", free) * 0.5, LEAST_HALF_PX)
+        grain = graph.math("CEIL", max_radius_px * 0.5) + 1.0
+        summed = _summed(small, reach, pixel.x > width - 0.5, grain, (width, height))
+        share = graph.node("CompositorNodeImageCoordinates", {"Image": image}).out("Normalized", "vector")
+        times = graph.vector(canvas.width_px / (width * 2.0), canvas.height_px / (height * 2.0))
+        return sampled_at(_mean(summed), graph.math("MULTIPLY_ADD", share, times, (0.0, 0.0, 1.0)))
 
 
 def _widened(canvas: Canvas, radius_px: Socket) -> tuple[Socket, Socket, Socket]:
@@ -236,5 +316,6 @@ PERTURBATION = ColourPerturbation(
     averages=True,
     repeatable=True,
     nodes=Nodes(build),
+    newly={"coarse": True},
     needs_depth=True,
 )
