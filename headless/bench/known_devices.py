@@ -225,12 +225,16 @@ def with_rows_and_hot(device: Device, frame: int, colour: NDArray[np.uint8]) -> 
 
 @dataclass(frozen=True)
 class Put:
-    """A device on a walk. stamps_off_s: (N,) what stamps of its frames are off by. lost: frames between these."""
+    """A device on a walk. stamps_off_s: (N,) what stamps of its frames are off by. lost: frames between these.
+
+    late_frames: of the depth that a frame has, as the generator stamped it.
+    """
 
     device: Device
     source: Finished
     stamps_off_s: NDArray[np.float64]
     frames: NDArray[np.int64]
+    late_frames: float
     lost: tuple[int, ...]
 
 
@@ -260,7 +264,11 @@ def put_on(device: Device, folder: Path) -> Put:
         imu=imu,
     )
     inside = tuple(frame for frame in lost if kept[0] < frame < kept[-1])
-    return Put(device, Finished(shown, source.place, device=device), off_s, np.array(kept), inside)
+    # Readers pair colour with the depth that is nearest in time, which may be that of the frame before.
+    exposed = stored.stamps.depth.seconds[[frame + whole for frame in kept]] - stored.stamps.rgb.seconds[kept]
+    late_frames = -RATE_HZ * float(np.median(exposed))
+    finished = Finished(shown, source.place, device=device)
+    return Put(device, finished, off_s, np.array(kept), late_frames, inside)
 
 
 # --- what is known, and what came back ---
@@ -363,7 +371,7 @@ def _of_depth(device: Device) -> Iterator[Known]:
 
 def _of_clocks(put: Put) -> Iterator[Known]:
     device = put.device
-    yield Known("lateness of depth", device.late_frames, "depth_late_frames", LATE_FRAMES)
+    yield Known("lateness of depth", put.late_frames, "depth_late_frames", LATE_FRAMES)
     if device.jitter_s:
         # Rate and beginning are the clock's own: jitter is what stamps have beside the nearest even clock.
         line = np.polyval(np.polyfit(put.frames, put.stamps_off_s, 1), put.frames)
