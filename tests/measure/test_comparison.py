@@ -14,6 +14,7 @@ from made_recordings import write_tum
 from runs import run
 
 from noisy_world.cli import command
+from noisy_world.measure import looking
 from noisy_world.measure.comparison import compared
 from noisy_world.measure.comparison_page import page
 from noisy_world.measure.figure import BLOCKS, Figure, jackknifed
@@ -47,6 +48,22 @@ def recordings(tmp_path_factory):
         write(folder / "b", 2, 0.02 * COLOUR, 0.004 * DEPTH),
         write(folder / "again", 3, 0.02, 0.004),
     )
+
+
+@pytest.fixture(scope="module", autouse=True)
+def measured_once():
+    """Each recording is measured once for all tests of this file."""
+    known, measured = {}, looking.measured
+
+    def again(name, source, camera):
+        where = source.stored.folder
+        if where not in known:
+            known[where] = measured(name, source, camera)
+        return known[where]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(looking, "measured", again)
+        yield
 
 
 @pytest.fixture(scope="module")
