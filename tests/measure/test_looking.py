@@ -21,6 +21,7 @@ from noisy_world.core.schema import ConfigPath
 from noisy_world.core.trajectory import FrameStamps, Stamps
 from noisy_world.measure.figure import Figure, jackknifed
 from noisy_world.measure.looking import look_at, measured, remarks_on
+from noisy_world.measure.timing import stamp_figures
 from noisy_world.sources.recording import Recording, read_recording
 
 GL = np.diag([1.0, -1.0, -1.0, 1.0])
@@ -186,6 +187,22 @@ def test_stamps_that_are_missing_are_counted(walk):
     assert found.figures["missing_frames"].value == 20
     assert found.figures["longest_gap_s"].value == pytest.approx(0.15)
     assert found.told == ("missing_frames",)
+
+
+def test_jitter_is_what_stamps_have_beside_an_even_clock():
+    rng = np.random.default_rng(3)
+    frames = np.flatnonzero(np.arange(90) % 11 != 7)
+    off_s = rng.normal(0, 0.003, len(frames))
+    even_s = 100 + frames / 29.7
+    known_s = np.std(off_s - np.polyval(np.polyfit(frames, off_s, 1), frames))
+
+    def jitter_s(stamps_s):
+        return {figure.name: figure.value for figure in stamp_figures(stamps_s)}["jitter_s"]
+
+    assert jitter_s(even_s + off_s) == pytest.approx(known_s, rel=1e-6)
+    assert jitter_s(even_s) < 1e-9
+    # A clock that goes ever slower does not jitter; its stamps do so by what is beside it.
+    assert jitter_s(even_s + off_s + 1e-5 * frames**2) == pytest.approx(0.003, rel=0.25)
 
 
 def checked(capsys, *words):

@@ -33,7 +33,7 @@ EDGE_FRAMES = 24  # whose edges are compared
 LATE_FRAMES = 0.6
 CLOCK_S, EXACT_S = 0.004, 0.008  # what a clock is off by; half the interval of a figure by images alone that counts
 ANGLE_DEG, ZOOMED = 1.0, 0.04  # depth that is larger than colour was never laid onto it, and is no fault of calibration
-JITTER, MISSING = 0.25, 0.05
+JITTER, MISSING = 0.18, 0.05  # of the interval between frames, and of the frames
 DOUBLED, UNEVENLY = 0.02, 0.15  # share of doubled frames: of even ones, and of such as a busy recorder leaves
 EMPTY = 0.1
 

@@ -12,6 +12,7 @@ from .footage import Float64
 from .motion import Steps
 
 # Chosen, as all below.
+UNEVEN = 1.5  # times what neighbours differ by: what stamps are off by beyond that is no jitter
 GAP = 1.5  # times the median from stamp to stamp: more is a gap, in which frames are missing
 LONGEST = 3  # equal images in a row that are doubled frames; more are a camera that stands still
 LIKE = 0.15  # times the change before and after: so little is an image that was shown and coded again
@@ -20,7 +21,10 @@ LEAST_ALIKE = 3  # images that are only alike and not equal, before they count
 
 
 def stamp_figures(stamps_s: Float64) -> tuple[Figure, ...]:
-    """Return rate, jitter, the longest gap, and how many frames are missing by the stamps (N,)."""
+    """Return rate, jitter, the longest gap, and how many frames are missing by the stamps (N,).
+
+    Jitter is the deviation of stamps from an even clock, in seconds: exact where there is one.
+    """
     names = ("rate_hz", "jitter_s", "longest_gap_s", "missing_frames")
     gaps_s = np.diff(stamps_s)
     if len(gaps_s) < 2:
@@ -28,10 +32,24 @@ def stamp_figures(stamps_s: Float64) -> tuple[Figure, ...]:
     usual_s = float(np.median(gaps_s))
     counted = np.maximum(np.rint(gaps_s / usual_s), 1.0)
     whole = gaps_s < GAP * usual_s
-    jitter_s = 1.4826 * float(np.median(np.abs(gaps_s[whole] - usual_s)))
+    jitter_s = _jitter_s(stamps_s, counted)
     missing = int((counted[~whole] - 1).clip(1).sum())
     values = (1 / usual_s, jitter_s, float(gaps_s.max()), float(missing))
     return tuple(Figure.exact(name, value, len(gaps_s), "gaps") for name, value in zip(names, values, strict=True))
+
+
+def _jitter_s(stamps_s: Float64, counted: Float64) -> float:
+    """Return the deviation of stamps (N,) from the nearest even clock. counted: (N - 1,) frames from each to the next.
+
+    Of a clock that drifts, or whose frames are not counted rightly, that of stamps from their neighbours instead.
+    """
+    frames = np.concatenate([[0.0], np.cumsum(counted)])
+    terms = np.stack([np.ones_like(frames), frames - frames.mean()], axis=1)
+    passed_s = stamps_s - stamps_s[0]
+    off_s = passed_s - terms @ np.linalg.lstsq(terms, passed_s, rcond=None)[0]
+    even_s = float(np.sqrt(np.mean(off_s**2)))
+    between_s = float(np.sqrt(np.mean(np.diff(off_s) ** 2) / 2))
+    return even_s if even_s < UNEVEN * between_s else between_s
 
 
 @dataclass(frozen=True)
