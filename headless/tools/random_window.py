@@ -21,7 +21,6 @@ from typing import Any
 
 ROOT = Path(__file__).resolve().parents[2]
 SCRIPT = ROOT / "tests" / "ui" / "window" / "random_actions.py"
-sys.path[:0] = [str(ROOT / "addon"), str(ROOT / "tests" / "support")]
 SLOWEST = 12  # actions that are told
 TRACEBACK = "Traceback (most recent call last)"
 
@@ -55,12 +54,31 @@ class Run:
                 yield f"{kind} {item['cpu_s']:.2f} s by the thread, {item[clock]:.2f} s: {named[item[kind]][:150]}"
 
 
+def box_ply() -> str:
+    """Return a mesh of a room without ceiling, with a colour at each vertex."""
+    corners = [(x, y, z) for z in (0, 2.5) for y in (-2, 2) for x in (-3, 3)]
+    faces = [(0, 1, 3, 2), (0, 4, 5, 1), (1, 5, 7, 3), (3, 7, 6, 2), (2, 6, 4, 0)]
+    head = f"""ply
+format ascii 1.0
+element vertex {len(corners)}
+property float x
+property float y
+property float z
+property uchar red
+property uchar green
+property uchar blue
+element face {len(faces)}
+property list uchar int vertex_indices
+end_header
+"""
+    lines = [f"{x} {y} {z} {60 * k % 256} {90 * k % 256} 200" for k, (x, y, z) in enumerate(corners)]
+    return head + "\n".join([*lines, *(f"4 {' '.join(map(str, face))}" for face in faces)]) + "\n"
+
+
 def run(blender: str, seed: int, minutes: float, folder: Path, most: int = 0) -> Run:
     """Let one seed use a window in a folder."""
-    from worlds import write_box_ply
-
     folder.mkdir(parents=True, exist_ok=True)
-    write_box_ply(folder / "mesh.ply")
+    (folder / "mesh.ply").write_text(box_ply())
     poses = [[1, 0, 0, 0.1 * k, 0, 1, 0, 0, 0, 0, 1, 1.0, 0, 0, 0, 1] for k in range(5)]
     (folder / "trajectory.txt").write_text("\n".join(" ".join(map(str, pose)) for pose in poses) + "\n")
     words = [blender, "-P", SCRIPT, "--", folder, ROOT / "addon", seed, minutes, *([most] if most else [])]

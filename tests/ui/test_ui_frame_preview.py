@@ -172,6 +172,11 @@ def test_pictures_that_take_long_are_coarse_until_a_pause(editor, scene, monkeyp
     assert not np.array_equal(after[0::2, :-1:2], after[1::2, 1::2])
 
 
+def test_a_frame_that_a_shorter_path_does_not_have_is_refused(scene):
+    cycles_scene((0.1, 0.2, 0.05))
+    refused(frame_preview.draw_colour, scene, 10**6, names="frame 1000000 is not there any more", error=NoisyWorldError)
+
+
 def test_a_mistake_is_told_and_the_picture_stays(editor, scene):
     cycles_scene((0.1, 0.2, 0.05))
     add(scene, "gaussian_noise", severity=1.0)

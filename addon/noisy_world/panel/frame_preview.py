@@ -537,6 +537,9 @@ def _is_rendered(scene: bpy.types.Scene, sources: set[int]) -> bool:
 
 
 def _shown(sequence: PlannedSequence, index: int) -> Shown:
+    count = len(sequence.source_frames)
+    if index >= count:  # the path was shortened meanwhile
+        raise NoisyWorldError(f"frame {index} is not there any more: the path has {count} frames")
     if sequence.leaves_out(index):
         raise NoisyWorldError(f"frame {index} is left out: there is no depth to pair with it")
     return sequence.shown(index)

@@ -139,7 +139,7 @@ def of_tree(item: bpy.types.NodeTree) -> tuple[Any, ...]:
 OF_USER: dict[str, tuple[Callable[[Any], bool], Callable[[Any], Any]]] = {
     "objects": (is_own, of_object),
     "meshes": (
-        lambda item: is_own(item) and len(item.vertices) < 1000,
+        lambda item: any(part.data == item and is_own(part) for part in bpy.data.objects),
         lambda item: ([tuple(vertex.co) for vertex in item.vertices], [part and part.name for part in item.materials]),
     ),
     "texts": (is_own, lambda item: item.as_string()),
@@ -181,7 +181,11 @@ class State:
         with in_view():
             action, words = (prepare, [DRAW.random() < 0.7]) if self.prepare else self.draw()
         self.prepare = action in (load_file, restart_add_on) and DRAW.random() < 0.8
-        log(number=self.number, action=action.__name__, words=words)
+        log(
+            number=self.number,
+            action=action.__name__,
+            words=words if action != use_operator else [str(w) for w in words],
+        )
         start_s, cpu_s = time.monotonic(), time.thread_time()
         result = ""
         try:
@@ -234,14 +238,15 @@ def some_operator() -> list[Any]:
     names = [name for name in names_of_operators() if getattr(bpy.ops.noisy_world, name.partition(".")[2]).poll()]
     name = DRAW.choices(names, [OFTEN.get(name, 1.0) for name in names])[0]
     operator = getattr(bpy.ops.noisy_world, name.partition(".")[2])
-    arguments = {}
+    arguments: dict[str, Any] = {}
     for item in operator.get_rna_type().properties:
         if item.identifier == "rna_type" or item.is_readonly or (item.is_hidden and item.type != "STRING"):
             continue
         if DRAW.random() < 0.7 or item.type in ("ENUM", "STRING"):
             value = some_value(item, None)
             if value is not None:
-                arguments[item.identifier] = value
+                flags = item.type == "ENUM" and item.is_enum_flag
+                arguments[item.identifier] = set(value) if flags else value
     if "save" in name and "filepath" in arguments:  # over another file the browser would ask
         arguments["filepath"] = str(FOLDER / "preset.yaml")
     return [name, arguments, DRAW.choice(["EXEC_DEFAULT", "INVOKE_DEFAULT"])]
