@@ -282,7 +282,7 @@ def test_a_page_holds_frames_and_what_was_done_to_them(dataset, tmp_path):
     assert np.abs(seen.astype(float) - whole).mean() < 12  # JPEG's
     few = page_of(tmp_path / "few.html", dataset(), "--only", "clean/*", "--every", "4")
     assert [[frame["number"] for frame in item["frames"]] for item in few["sequences"]] == [[0, 4]]
-    assert few["note"] == "4 frames more are in the dataset; --every 1 shows all."
+    assert few["note"] == "The dataset has 4 frames more; --every 1 shows all."
 
 
 def test_a_page_is_refused_where_it_cannot_be(dataset, tmp_path, capsys):

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from ..core.errors import MissingDependencyError, StorageError
 from ..core.packages import need
+from ..core.progress import counted
 from .arguments import (
     Parser,
     add_executor_options,
@@ -53,7 +54,7 @@ def tell_outcome(report: "Report", options: argparse.Namespace) -> None:
 
 def figures(report: "Report") -> str:
     """Return the figures of a run in one line."""
-    parts = [f"{report.frames_rendered} frames rendered"]
+    parts = [f"{counted(report.frames_rendered, 'frame')} rendered"]
     if report.frames_kept:
         parts.append(f"{report.frames_kept} kept")
     if report.frames_per_s is not None:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..core.file_access import read_text
 from ..core.packages import PACKAGE
+from ..core.progress import counted
 
 if TYPE_CHECKING:
     import numpy as np
@@ -47,7 +48,7 @@ def look_page(opened: "Opened", parts: Mapping[str, Sequence[int]], every: int |
             )
         sequences.append(_sequence(opened, name, shown, held, scales[scene]))
     left_out = sum(len(numbers) for numbers in parts.values()) - sum(len(item["frames"]) for item in sequences)
-    note = f"{left_out} frames more are in the dataset; --every 1 shows all." if left_out else ""
+    note = f"The dataset has {counted(left_out, 'frame')} more; --every 1 shows all." if left_out else ""
     data = {
         "title": opened.place.rstrip("/").rsplit("/", 1)[-1],
         "channels": ["colour" if name == "rgb" else name for name in held],

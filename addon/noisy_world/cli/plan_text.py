@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What a preset holds, and what a run of it would do, as text."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..core.progress import duration_text
+from ..core.progress import counted, duration_text
 
 if TYPE_CHECKING:
     from ..dataset.plan import Plan, Render
@@ -20,7 +20,7 @@ def list_plan(plan: "Plan", what: str) -> int:
     """List what a preset holds."""
     if what == "scenes":
         for render in plan.renders:
-            print(f"{render.name}  {len(render.frames)} frames  {render.scene.source.location}")
+            print(f"{render.name}  {counted(len(render.frames), 'frame')}  {render.scene.source.location}")
     elif what == "settings":
         for setting in plan.settings:
             print(setting.name)
@@ -53,10 +53,11 @@ def print_plan(plan: "Plan", out: Path | str) -> None:
     for scene in plan.scenes:
         for text in remarks_on(scene.source, plan.cameras[scene.name], 0):
             print(f"note       {scene.name}: {text}")
-    print(f"sequences  {len(plan.sequences)} ({counted(plan.scenes, 'scene')}, {counted(plan.settings, 'setting')})")
+    scenes, settings = counted(len(plan.scenes), "scene"), counted(len(plan.settings), "setting")
+    print(f"sequences  {len(plan.sequences)} ({scenes}, {settings})")
     for line in render_lines(plan):
         print(f"  {line}")
-    print(f"renders    {len(plan.renders)}, {plan.frame_count} frames in all")
+    print(f"renders    {len(plan.renders)}, {counted(plan.frame_count, 'frame')} in all")
     between = f"{size_text(guess.least_bytes)} to {size_text(guess.most_bytes)}, by what the images show"
     print(f"estimate   {size_text(guess.bytes_written)} ({between})")
     print(f"time       {duration_text(guess.least_s)} to {duration_text(guess.most_s)}, by a few images made here")
@@ -68,11 +69,6 @@ def print_plan(plan: "Plan", out: Path | str) -> None:
     print(f"memory     {size_text(memory_bytes(plan))} or more in each process, and what the scenes take{here}")
 
 
-def counted(things: Sequence[object], name: str) -> str:
-    """Return a number of things in words."""
-    return f"{len(things)} {name}{'' if len(things) == 1 else 's'}"
-
-
 def render_lines(plan: "Plan") -> Iterator[str]:
     """Yield a line for each render; where there are many, one for all of a scene that move its path."""
     moved: dict[str, list[Render]] = {}
@@ -82,11 +78,11 @@ def render_lines(plan: "Plan") -> Iterator[str]:
             moved.setdefault(render.scene.name, []).append(render)
         else:
             settings = [sequence.setting.name for sequence in render.sequences]
-            yield f"{render.name}: {len(render.frames)} frames, {enumerated(settings)}"
+            yield f"{render.name}: {counted(len(render.frames), 'frame')}, {enumerated(settings)}"
     for scene, renders in moved.items():
         settings = [sequence.setting.name for render in renders for sequence in render.sequences]
-        frames = sum(len(render.frames) for render in renders)
-        yield f"{scene}, {counted(renders, 'render')} along other paths: {frames} frames, {enumerated(settings)}"
+        frames = counted(sum(len(render.frames) for render in renders), "frame")
+        yield f"{scene}, {counted(len(renders), 'render')} along other paths: {frames}, {enumerated(settings)}"
 
 
 def enumerated(settings: list[str]) -> str:

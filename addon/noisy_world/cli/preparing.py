@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, get_args, get_type_hints
 
 from ..core.errors import InputError, NoisyWorldError, StorageError, did_you_mean
 from ..core.packages import need
+from ..core.progress import counted
 from .arguments import Parser, add_part_options, add_set_option, number, out_path, path, planned, settled
 from .command import Command
 from .entry import Entry
@@ -111,9 +112,10 @@ def _scan_options(parser: Parser) -> None:
     parser.option("preset PRESET", "the preset; its perturbations do not matter", type=path)
     parser.option("out OUT", "the folder to write, which is not there yet", type=out_path)
     parser.option("--device NAME", "the lidar (default: %(default)s)", default="velodyne_vlp16")
-    parser.option(
-        "--rate_hz HZ",
-        "turns a second (default: 10)",
+    parser.add_argument(
+        *("--rate-hz", "--rate_hz"),
+        metavar="HZ",
+        help="turns a second (default: 10)",
         default=10.0,
         type=lambda text: number(text, f"turns a second up to {LARGEST_HZ:g}", lambda value: 0 < value <= LARGEST_HZ),
     )
@@ -148,7 +150,7 @@ def _scan(options: argparse.Namespace, _: Entry) -> int:
     with made_beside(options.out) as made:
         counts = [_write_scene(plan, renders[scene.name], made / scene.name, options) for scene in plan.scenes]
     for scene, count in zip(plan.scenes, counts, strict=True):
-        print(f"{scene.name}: {count} scans")
+        print(f"{scene.name}: {counted(count, 'scan')}")
     print(f"wrote {options.out}")
     return 0
 
@@ -182,7 +184,7 @@ def _middles(along: "Trajectory", turn_s: float, render: "Render") -> "NDArray[n
     count = int(np.floor(span_s / turn_s + 1e-9))
     if count < 1:
         problem = f"takes {span_s:g} s, less than one turn of {turn_s:g} s"
-        raise render.scene.path_place.error(problem, "use a longer path, or a higher --rate_hz")
+        raise render.scene.path_place.error(problem, "use a longer path, or a higher --rate-hz")
     return along.stamps_s[0] + (np.arange(count) + 0.5) * turn_s
 
 

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ..core.machine import available_threads, peak_memory_bytes
-from ..core.progress import Progress
+from ..core.progress import Progress, counted
 from ..dataset.estimate import check_memory, estimate
 from ..dataset.folder_state import IDENTITY, WORK_FOLDER
 from ..dataset.identity import base_versions, versions_of
@@ -162,8 +162,7 @@ def useful_jobs(asked: int, frames: int) -> tuple[int, str]:
     if jobs == asked:
         return jobs, ""
     count, what = (threads, "processor") if threads <= frames else (frames, "frame")
-    plural = "" if count == 1 else "s"
-    return jobs, f"--jobs {asked} is more than is of use with {count} {what}{plural}, so it is taken as {jobs}"
+    return jobs, f"--jobs {asked} is more than is of use with {counted(count, what)}, so it is taken as {jobs}"
 
 
 def make_dataset(  # noqa: PLR0917 - what every command that makes one has

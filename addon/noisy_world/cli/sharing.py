@@ -6,6 +6,7 @@ import sys
 from dataclasses import replace
 
 from ..core.errors import InputError
+from ..core.progress import counted
 from .arguments import Parser, add_part_options, folder, frame_slice, out_path, path, place, positive, recipe_part
 from .command import Command, as_given, own_entry
 from .entry import Entry, listener, say
@@ -26,7 +27,7 @@ def _publish(options: argparse.Namespace, _: Entry) -> int:
     finally:
         progress.finish()
     if done.new:
-        print(f"wrote {store.text}: {done.sequences} tars, {done.frames} frames")
+        print(f"wrote {store.text}: {counted(done.sequences, 'tar')}, {counted(done.frames, 'frame')}")
     else:
         print(f"{store.text}: holds this dataset already; nothing to do")
     return 0
@@ -197,7 +198,7 @@ def _render(options: argparse.Namespace, entry: Entry) -> int:
     need_blender(plan, entry)
     progress, stop = listener("text")
     made = make_store(plan, options.out, progress, stop)
-    print(f"{options.out}: {made} frames rendered, {rendered(plan).frame_count - made} kept")
+    print(f"{options.out}: {counted(made, 'frame')} rendered, {rendered(plan).frame_count - made} kept")
     return 0
 
 

@@ -11,7 +11,7 @@ from collections.abc import Iterable
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
-from ..core.progress import SilentProgress, duration_text
+from ..core.progress import SilentProgress, counted, duration_text
 from .arguments import Parser, frame_slice, place
 from .command import Command
 from .entry import Entry, text_listener
@@ -31,7 +31,7 @@ def format_status(status: "Status", *, every_setting: bool = False) -> str:
     for what, names in (("lost", status.lost), ("damaged", status.damaged)):
         if names:
             more = f" and {len(names) - NAMED:,} more" if len(names) > NAMED else ""
-            lines.append(f"{what:<8} {_count(len(names), 'file')}: {', '.join(names[:NAMED])}{more}")
+            lines.append(f"{what:<8} {counted(len(names), 'file')}: {', '.join(names[:NAMED])}{more}")
     if not (status.lost or status.damaged):
         checked = (
             "every file is as it was written"
@@ -74,7 +74,7 @@ def content(status: "Status") -> dict[str, Any]:
 def _summary(status: "Status") -> str:
     settings = len({item.setting for item in status.sequences})
     scenes = len({item.scene for item in status.sequences})
-    parts = f"{_count(settings, 'setting')}, {_count(scenes, 'scene')}, {_count(len(status.sequences), 'sequence')}"
+    parts = f"{counted(settings, 'setting')}, {counted(scenes, 'scene')}, {counted(len(status.sequences), 'sequence')}"
     total = "an unknown number of" if status.of is None else f"{status.of:,}"
     share = f" ({_percent(status.done, status.of)} %)" if status.of else ""
     end = "" if status.ended else "; its run has not come to its end"
@@ -83,10 +83,6 @@ def _summary(status: "Status") -> str:
 
 def _percent(done: int, of: int) -> int:
     return 100 * done // of  # rounded down, so that 100 means all
-
-
-def _count(count: int, what: str) -> str:
-    return f"{count:,} {what}{'' if count == 1 else 's'}"
 
 
 # --- the table ---

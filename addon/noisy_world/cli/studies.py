@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..core.errors import InputError, NoisyWorldError
 from ..core.packages import need
+from ..core.progress import counted
 from ..core.schema import ConfigPath, read_yaml
 from .arguments import (
     Parser,
@@ -71,7 +72,8 @@ def _join(options: argparse.Namespace) -> int:
     finally:
         for results in (*pieces, out):
             results.tidy()
-    print(f"{len(record.runs)} runs on {len(record.sequences)} sequences, of {len(pieces)} pieces")
+    runs, sequences = counted(len(record.runs), "run"), counted(len(record.sequences), "sequence")
+    print(f"{runs} on {sequences}, of {counted(len(pieces), 'piece')}")
     if options.tables:
         print(f"wrote {out.folder / 'study.json'} and {out.tables}")
     else:

@@ -13,7 +13,7 @@ from ..core.atomic_files import FolderLock
 from ..core.errors import StorageError
 from ..core.machine import available_threads
 from ..core.packages import need
-from ..core.progress import Progress
+from ..core.progress import Progress, counted
 from ..dataset.estimate import size_text
 from ..evaluate.cases import Case
 from ..evaluate.report import NEEDED as REPORT_NEEDS
@@ -159,14 +159,14 @@ def _print_plan(study: Study) -> None:
     """Print what would be evaluated."""
     cases = study.origin.frames
     runs = [run for case in cases for run in study.runs_of(case)]
-    print(f"sequences  {len(cases)} of {sum(cases.values())} frames in all")
+    print(f"sequences  {len(cases)} of {counted(sum(cases.values()), 'frame')} in all")
     for what in ("scene", "setting", "seed"):
         names = list(dict.fromkeys(str(getattr(case, what)) for case in cases))
         print(f"{what + 's':<10} {len(names)}: {', '.join(names)}")
     for name in study.systems:
         print(f"runs       {sum(run.system == name for run in runs)} of {name}")
     missing = sum(len(study.missing_runs(case)) for case in cases)
-    print(f"missing    {missing} of {len(runs)} runs, in {study.results.folder}")
+    print(f"missing    {missing} of {counted(len(runs), 'run')}, in {study.results.folder}")
 
 
 def _tell_outcome(study: Study, *, report: bool) -> int:

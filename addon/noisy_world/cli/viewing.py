@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from ..core.errors import InputError, NoisyWorldError, StorageError
 from ..core.packages import need
+from ..core.progress import counted
 from ..core.schema import ConfigPath
 from .arguments import Parser, frame_slice, out_path, place, positive
 from .command import Command
@@ -113,7 +114,7 @@ def _write_one(opened: "Opened", name: str, numbers: list[int], out: Path) -> No
     with made_beside(out) as made:
         count = write_video(made, _pictures(opened, name, numbers), rate_hz)
     code = WRITTEN[out.suffix.lower()]
-    print(f"wrote {out}: {count} frames of {name}, {rate_hz:.4g} Hz, {CODECS[code]} ({code})")
+    print(f"wrote {out}: {counted(count, 'frame')} of {name}, {rate_hz:.4g} Hz, {CODECS[code]} ({code})")
 
 
 def _pictures(opened: "Opened", name: str, numbers: list[int]) -> Iterator["NDArray[np.uint8]"]:
@@ -168,7 +169,7 @@ def _write_sheet(opened: "Opened", parts: dict[str, list[int]], count: int, out:
     _, data = cv2.imencode(SHEET, np.ascontiguousarray(stacked(rows)[..., ::-1]))
     with made_beside(out) as made:
         made.write_bytes(data.tobytes())
-    print(f"wrote {out}: {len(parts)} {'sequence' if len(parts) == 1 else 'sequences'}")
+    print(f"wrote {out}: {counted(len(parts), 'sequence')}")
 
 
 VIDEO = Command(
@@ -254,8 +255,7 @@ def _write_page(options: argparse.Namespace) -> int:
         text = look_page(opened, parts, options.every)
         with made_beside(options.html) as made:
             made.write_text(text, encoding="utf-8")
-    sequences = "1 sequence" if len(parts) == 1 else f"{len(parts)} sequences"
-    print(f"wrote {options.html}: {sequences}, {len(text) / 1e6:.1f} MB; any browser opens it")
+    print(f"wrote {options.html}: {counted(len(parts), 'sequence')}, {len(text) / 1e6:.1f} MB; any browser opens it")
     return 0
 
 

@@ -44,6 +44,11 @@ def duration_text(seconds: float) -> str:
     return f"{minutes:.0f} min" if minutes < 100 else f"{minutes / 60:.1f} h"
 
 
+def counted(number: int, name: str) -> str:
+    """Return a number of things in words: 1 frame, 1,200 frames."""
+    return f"{number:,} {name}{'' if number == 1 else 's'}"
+
+
 class TimeLeft:
     """How fast a task goes and how long the rest of it takes: nothing until that is known.
 

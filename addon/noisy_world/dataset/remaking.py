@@ -11,7 +11,7 @@ from typing import Any
 from ..core.errors import InputError, one_line
 from ..core.file_access import plain_values
 from ..core.frame_table import FRAMES, FrameRecord
-from ..core.progress import Progress
+from ..core.progress import Progress, counted
 from ..perturbations import registry
 from ..perturbations.shares import MASK, sha256_of
 from ..perturbations.steps import Setting, files_of
@@ -287,7 +287,7 @@ class FolderFindings:
         """Return a line for each kind of problem."""
         found = [f"{self.folder}: {_named_files(names)}: {MEANINGS[kind]}" for kind, names in self.problems.items()]
         if self.unknown:
-            found.append(f"{self.folder}: {_frames(self.unknown)} that the recipe does not know")
+            found.append(f"{self.folder}: {counted(self.unknown, 'frame')} that the recipe does not know")
         return found
 
 
@@ -342,7 +342,7 @@ class Findings:
         if absent:
             lines.append(f"a part of the recipe: {absent} of its {there + absent} sequences were not made here")
         if lacking := sum(found.absent for found in self.sequences):
-            lines.append(f"a part of the recipe: {_frames(lacking)} of these sequences were not made here")
+            lines.append(f"a part of the recipe: {counted(lacking, 'frame')} of these sequences were not made here")
         alone = [found for found in self.sequences if found.alone]
         if alone:
             count = sum(found.alone for found in alone)
@@ -351,16 +351,14 @@ class Findings:
         if self.made_otherwise:
             lines.append(self.made_otherwise)
         checked = sum(found.checked for found in self.sequences)
-        lines.append(
-            f"{there} sequence{'' if there == 1 else 's'}, {checked} images as the recipe says{self._outcome()}"
-        )
+        lines.append(f"{counted(there, 'sequence')}, {counted(checked, 'image')} as the recipe says{self._outcome()}")
         return lines
 
     def _outcome(self) -> str:
         kinds = {kind: self.count(kind) for kind in MEANINGS if self.count(kind)}
         parts = [f"{count} {kind}" for kind, count in kinds.items()]
-        parts += [f"{len(self.missing)} sequences missing"] if self.missing else []
-        parts += [f"{len(self.unknown)} sequences unknown"] if self.unknown else []
+        parts += [f"{counted(len(self.missing), 'sequence')} missing"] if self.missing else []
+        parts += [f"{counted(len(self.unknown), 'sequence')} unknown"] if self.unknown else []
         return "; " + ", ".join(parts) if parts else ""
 
 
@@ -368,10 +366,6 @@ def _named_files(names: Iterable[str]) -> str:
     listed = list(names)
     more = len(listed) - NAMED
     return one_line(", ".join(listed[:NAMED]) + (f" and {more} more" if more > 0 else ""))
-
-
-def _frames(count: int) -> str:
-    return f"{count} frame{'' if count == 1 else 's'}"
 
 
 def verify(recipe: Recipe, dataset: Path | str, progress: Progress, stop: threading.Event) -> Findings:

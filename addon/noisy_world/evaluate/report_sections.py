@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from ..core.errors import one_line
+from ..core.progress import counted
 from .analyses import CAPTIONS
 from .cases import CLEAN, RUN
 from .figures import ENDS, HERE_ENDS, LINE, Picture, correlation_matrices, curves
@@ -296,8 +297,8 @@ def _here() -> Column:
 def _points(table: "DataFrame", measure: str) -> "DataFrame":
     """Return the points of a measure's curves; intervals that stand on fewer than FEWEST are left out."""
     points = table[table["measure"] == measure].rename(columns={"mean": "value"})
-    for ends, counted in ((ENDS, "n_scenes"), (HERE_ENDS, "n")):
-        points.loc[points[counted] < FEWEST, ends] = float("nan")
+    for ends, count in ((ENDS, "n_scenes"), (HERE_ENDS, "n")):
+        points.loc[points[count] < FEWEST, ends] = float("nan")
     return points
 
 
@@ -329,8 +330,9 @@ def opening(results: Results) -> str:
     runs, systems = results.runs, results.runs["system"].nunique()
     sequences = runs.drop_duplicates(list(KEY))
     text = (
-        f"{_count(len(runs), 'run')} of {_count(systems, 'system')} on {_count(len(sequences), 'sequence')} "
-        f"({_count(runs['scene'].nunique(), 'scene')}, {_count(runs['setting'].nunique(), 'setting')}). {_ended(runs)}"
+        f"{counted(len(runs), 'run')} of {counted(systems, 'system')} on {counted(len(sequences), 'sequence')} "
+        f"({counted(runs['scene'].nunique(), 'scene')}, {counted(runs['setting'].nunique(), 'setting')}). "
+        f"{_ended(runs)}"
         "Means of errors are geometric."
     )
     if SUCCESS in runs:
@@ -392,7 +394,7 @@ def _turned(results: Results) -> str:
         return ""
     turned = runs[(runs[SUCCESS] == 1.0) & (runs[ROTATION] > WRONG_DEG)]
     return "".join(
-        f" In {_count(len(group), 'run')} of {system} the positions are right and the rotations off by more than "
+        f" In {counted(len(group), 'run')} of {system} the positions are right and the rotations off by more than "
         f"{WRONG_DEG:g} degrees, as where quaternions are written w first and read as x y z w, or where the camera's "
         "axes are others."
         for system, group in turned.groupby("system", sort=True)
@@ -448,7 +450,7 @@ def command(results: Results) -> str:
 
 def _system(results: Results, system: str) -> str:
     runs = results.runs[results.runs["system"] == system]
-    parts = [_count(len(runs), "run"), f"{int(runs['failed'].sum())} failed"]
+    parts = [counted(len(runs), "run"), f"{int(runs['failed'].sum())} failed"]
     parts.append(f"{int(runs['incomplete'].sum())} incomplete")
     repeats = int(runs["repeat"].nunique())
     parts.append(f"{repeats} repeats, as its results differ from run to run" if repeats > 1 else "one repeat")
@@ -498,7 +500,3 @@ def _listed(names: Iterable[Any]) -> str:
     every = [str(name) for name in names]
     more = f", ... ({len(every)} in all)" if len(every) > LONGEST_LIST else ""
     return ", ".join(every[:LONGEST_LIST]) + more
-
-
-def _count(number: int, what: str) -> str:
-    return f"{number} {what}{'' if number == 1 else 's'}"
