@@ -306,7 +306,9 @@ def test_a_share_of_the_effect_is_the_references_and_the_chains_that_people_see(
     steps = steps_of(
         [{"contrast": {"severity": 5, "mix": [1, 0.25], "mask": mask}}, {"brightness": {"severity": 4, "mix": 0.5}}]
     )
+    tinted = {"bloom": {"severity": 5, "colour": [1, 0.5, 0.0], "mask": mask}}
     chains = {"x": steps, "y": steps_of([{"contrast": {"severity": 5, "mask": each}}]), "z": steps_of([MIXED[3]])}
+    chains["tinted"] = steps_of([tinted])
     with Compositor((100, 60), chains, 100) as compositor:
         found = [compositor.evaluate(rgb, dict.fromkeys(chains, (k, IDENTIFIERS)))[0] for k in range(3)]
     for name, own in chains.items():

@@ -262,7 +262,7 @@ def test_the_node_s_sockets_stand_in_panels():
     for item in sockets:
         panels.setdefault(item.parent.name, []).append(item.name)
     assert panels == {
-        "": ["Image", "Mask", "Mix", "Severity", "Enabled", "Uniform", "Flow"],
+        "": ["Image", "Mask", "Mix", "Color", "Severity", "Enabled", "Uniform", "Flow"],
         "Override Severity": ["Override Severity", "Thickness", "Smoothness"],
         "Random Pattern": ["Pattern", "Seed", "Frame Offset"],
         "Image Options": ["Reference Width", "Encoded", "Clip"],

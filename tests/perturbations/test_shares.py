@@ -111,6 +111,22 @@ def test_the_library_takes_a_mix(left):
     np.testing.assert_allclose(half, (IMAGE + whole) / 2, atol=1e-6)
 
 
+def test_a_colour_shows_as_much_in_each_channel(left):
+    """Frost at full strength on black is the ice alone, so red, green and blue of it are the colour's shares."""
+    frost = {"intensity": 0.0, "influence": 1.0}
+    black = np.zeros((6, 8, 3), np.float32)
+    (whole, _), (tinted, notes) = (
+        made(steps_of(left, {"frost": frost | more}), image=black) for more in ({}, {"colour": [1, 0.5, 0], "mix": 0.5})
+    )
+    assert whole.max() > 50
+    np.testing.assert_allclose(tinted, whole * [0.5, 0.25, 0.0], atol=0.51)
+    assert notes[0]["colour"] == [1.0, 0.5, 0.0]
+    (step,) = steps_of(left, {"frost": frost | {"colour": [1, 0.5, 0]}})
+    content = RecordedStep.of(step).content()
+    assert content["share"] == {"colour": [1.0, 0.5, 0.0]}
+    assert RecordedStep.read(content) == RecordedStep.of(step)
+
+
 @pytest.mark.parametrize(
     ("values", "names"),
     [
@@ -130,6 +146,12 @@ def test_what_is_no_share_is_refused_in_a_line_that_names_its_key(left, values, 
     (left / "text.png").write_text("no image")
     cv2.imwrite(str(left / "clear.png"), np.zeros((4, 4, 4), np.uint8))
     refused(steps_of, left, {"contrast": values}, names=["contrast.", *names])
+
+
+def test_only_what_lies_over_the_image_has_a_colour(left):
+    for value, name in (([1, 1], "red, green and blue"), ([1, 2, 1], "0 to 1"), ("red", "red, green and blue")):
+        refused(steps_of, left, {"bloom": {"colour": value}}, names=["bloom.colour", name])
+    refused(steps_of, left, {"contrast": {"colour": [1, 1, 1]}}, names="contrast.colour")
 
 
 def test_only_colour_has_a_share(left):

@@ -132,13 +132,16 @@ def test_a_keyed_severity_is_in_the_preset_frame_by_frame_and_comes_back(tmp_pat
 def test_mix_and_mask_are_in_the_preset_and_the_mix_is_keyed_frame_by_frame(tmp_path):
     (tmp_path / "presets").mkdir()
     cv2.imwrite(str(tmp_path / "presets/mask.png"), np.zeros((4, 6), np.uint8))
+    bloom = add(scene(), "bloom")
+    bloom.share_colour = (1.0, 0.5, 0.25)
+    assert document.values_of(bloom) == {"severity": 3.0, "colour": [1.0, 0.5, 0.25]}
     step = add(scene(), "gaussian_noise")
     assert document.values_of(step) == {"severity": 3.0}
     step.share_mix, step.share_mask = 0.3, str(tmp_path / "presets/mask.png")
     assert document.values_of(step) == {"severity": 3.0, "mix": 0.3, "mask": str(tmp_path / "presets/mask.png")}
     key_severity(step, (0, 0.0), (4, 1.0), name="share_mix")
     said = document.perturb_of(settings())
-    assert said[0]["gaussian_noise"]["mix"] == [0.0, 0.25, 0.5, 0.75, 1.0]
+    assert said[1]["gaussian_noise"]["mix"] == [0.0, 0.25, 0.5, 0.75, 1.0]
     assert (step_list.without_effect(scene()), shots.kept_list(settings())) == ([], "")
     document.save_preset(settings(), tmp_path / "presets/keyed.yaml")
     text = (tmp_path / "presets/keyed.yaml").read_text()
@@ -146,7 +149,7 @@ def test_mix_and_mask_are_in_the_preset_and_the_mix_is_keyed_frame_by_frame(tmp_
     bpy.ops.noisy_world.remove_step()
     document.open_preset(settings(), tmp_path / "presets/keyed.yaml")
     assert document.perturb_of(settings()) == said
-    assert step_list.curve_of(settings().steps[0], "share_mix").evaluate(2) == 0.5
+    assert step_list.curve_of(settings().steps[1], "share_mix").evaluate(2) == 0.5
 
 
 def test_what_no_preset_holds_cannot_be_keyed_and_old_keys_are_named():

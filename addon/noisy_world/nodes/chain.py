@@ -18,6 +18,7 @@ from ..core.node_graph import INTERFACE, BroughtImage, Graph, GroupInput, Socket
 from ..perturbations.execution import ColourWork, deciding
 from ..perturbations.groups import (
     CLIP_INPUT,
+    COLOUR_INPUT,
     DEPTH_INPUT,
     ENCODED_INPUT,
     IMAGE_INPUT,
@@ -40,7 +41,7 @@ from ..perturbations.groups import (
     socket_value,
 )
 from ..perturbations.kinds import SEVERITIES, ColourPerturbation, FrameContext, Identifiers, Nodes, without_frames
-from ..perturbations.shares import WHOLE, has_share, sha256_of, whole_mask
+from ..perturbations.shares import WHOLE, has_colour, has_share, sha256_of, whole_mask
 from ..perturbations.steps import Step
 
 BYTE_PLACES = (1.0, 2.0**8, 2.0**16)
@@ -244,7 +245,7 @@ def socket_values(
     note = group_note(step, context, severity)
     values: dict[str, Any] = {"Enabled": severity != 0}
     if step.share is not None:
-        values[MIX_INPUT.name] = step.share.mix_of(index)
+        values |= _share_values(step, index)
     perturbation = step.perturbation
     of_frame = {} if severity == 0 else _told(step, severity, replace(decided or without_frames(context), lit=lit))
     if not perturbation.has_parameter_sockets:
@@ -266,6 +267,13 @@ def socket_values(
         if len(perturbation.group_temporals) > 1:
             values[PATTERN] = title(step.temporal)
     return values, note
+
+
+def _share_values(step: Step[ColourPerturbation], index: int) -> dict[str, Any]:
+    """Return the values of the sockets that say how much of a step's effect shows in a frame, but for its mask."""
+    share = step.share or WHOLE
+    colour = {COLOUR_INPUT.name: (*share.colour, 1.0)} if has_colour(step.perturbation) else {}
+    return {MIX_INPUT.name: share.mix_of(index)} | colour
 
 
 def mask_values(steps: Sequence[Step[ColourPerturbation]], index: int) -> dict[str, Path]:
@@ -325,7 +333,7 @@ def shown_values(
         step, index, identifiers, scene_frame=scene_frame, intrinsics=intrinsics, decided=decided, lit=lit
     )
     if has_share(step.perturbation):
-        values[MIX_INPUT.name] = (step.share or WHOLE).mix_of(index)
+        values |= _share_values(step, index)
     if looks_at_scene(step.perturbation):
         values[OVERRIDE_CAMERA] = True
     table = step.perturbation.group_severities

@@ -24,7 +24,7 @@ from ..perturbations import registry
 from ..perturbations.execution import chosen_poses, split_motion
 from ..perturbations.kinds import Identifiers, MotionPerturbation
 from ..perturbations.parsing import drawing_by, parse_settings, parse_steps, swept
-from ..perturbations.shares import MASK, MIX, has_share
+from ..perturbations.shares import COLOUR, MASK, MIX, WHITE, has_colour, has_share
 from ..perturbations.steps import Step, steps_of_kind
 from ..preset.keys import EngineName, OutputSpec, Preset, PresetSpec, SettingSpec, check_document, read_preset
 from ..preset.scene_keys import HandheldSpec, TrajectorySpec
@@ -36,7 +36,7 @@ from .fields import is_offered, tell
 from .open_scene import absolute
 from .properties import LOADED, parameters_of, perturbation_of
 from .source_views import PANEL_SOURCES, Footage, footage_of, shown, shown_as, shows_footage
-from .step_list import SEVERITY, SHARE_MIX, clear_entries, curve_ends, curve_of, levels_of
+from .step_list import SEVERITY, SHARE_COLOUR, SHARE_MIX, clear_entries, curve_ends, curve_of, levels_of
 from .tree import FileText, from_line, give, is_file, is_given, set_value, take, taking, to_line, value_of, with_files
 from .tree import to_document as said_by
 
@@ -206,6 +206,8 @@ def _share_of(step: Any) -> dict[str, Any]:
     levels = levels_of(step, _keyed_frames(step, SHARE_MIX), SHARE_MIX)
     mix = value_of(step, SHARE_MIX) if levels is None else levels if len(levels) > 1 else levels[0]
     said: dict[str, Any] = {} if mix == 1 else {MIX: mix}
+    colour = value_of(step, SHARE_COLOUR) if has_colour(perturbation_of(step)) else list(WHITE)
+    said |= {} if colour == list(WHITE) else {COLOUR: colour}
     return said | {MASK: absolute(step.share_mask)} if step.share_mask else said
 
 

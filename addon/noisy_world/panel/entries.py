@@ -11,12 +11,12 @@ from ..core.schema import ConfigPath, parse
 from ..perturbations import registry
 from ..perturbations.kinds import SEQUENCE_KINDS, SEVERITIES, DepthPerturbation, Perturbation, propagation_key
 from ..perturbations.parsing import written_out
-from ..perturbations.shares import MASK, MIX, has_share
+from ..perturbations.shares import COLOUR, MASK, MIX, WHITE, has_colour, has_share
 from ..perturbations.steps import DEFAULT_SEVERITY
 from .new_entries import begin
 from .open_scene import follows, frame_range, is_shown, scene_frames
 from .properties import parameters_of, perturbation_of
-from .step_list import SHARE_MASK, SHARE_MIX, add_step, curve_of, key_levels, move_entry, remove_entry
+from .step_list import SHARE_COLOUR, SHARE_MASK, SHARE_MIX, add_step, curve_of, key_levels, move_entry, remove_entry
 from .tree import GIVEN, property_name, set_value, take, taking, to_line, value_of
 
 RATE = "frame_rate_hz"  # the parameter of what counts time by frames
@@ -49,6 +49,7 @@ def take_entry(item: Any, name: str, values: Mapping[str, Any], *, speed_factor:
             mix = values.get(MIX, 1.0)
             set_value(item, SHARE_MIX, mix[0] if isinstance(mix, Sequence) else mix)
             item.share_mask = values.get(MASK) or ""
+            set_value(item, SHARE_COLOUR, values.get(COLOUR) or WHITE)
     if mode == "keyed" and levels:
         item.severity = levels[0]
         frames = scene_frames(item.id_data, len(levels) * speed_factor)[::speed_factor]
@@ -212,6 +213,10 @@ def _draw_share(column: bpy.types.UILayout, step: Any) -> None:
     row = column.row()
     row.use_property_decorate = False
     row.prop(step, SHARE_MASK)
+    if has_colour(perturbation_of(step)):
+        row = column.row()
+        row.use_property_decorate = False
+        row.prop(step, SHARE_COLOUR)
 
 
 def parts_of(perturbation: Perturbation) -> tuple[list[str], dict[str, list[str]]]:

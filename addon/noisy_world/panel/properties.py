@@ -12,6 +12,7 @@ from ..core.errors import NoisyWorldError, american, title
 from ..core.schema import label_of
 from ..perturbations import registry
 from ..perturbations.kinds import SEVERITIES, Perturbation
+from ..perturbations.shares import WHITE
 from ..preset.keys import OutputSpec, PresetSpec, SettingSpec
 from ..preset.scene_keys import PathKeys, SceneKeys
 from ..scenes.polygon_mesh import ROOMS
@@ -212,6 +213,17 @@ def _step_members() -> dict[str, Any]:
             "frame",
             subtype="FILE_PATH",
             options={"PATH_SUPPORTS_BLEND_RELATIVE"},
+            update=tell("steps"),
+        ),
+        "share_colour": bpy.props.FloatVectorProperty(
+            name="Color",
+            description="How much of the effect shows in red, green and blue; white: all",
+            subtype="COLOR_GAMMA",
+            size=3,
+            default=WHITE,
+            min=0.0,
+            max=1.0,
+            options=set(),
             update=tell("steps"),
         ),
         "exact": _text(options={"HIDDEN"}),

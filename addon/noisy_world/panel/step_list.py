@@ -20,7 +20,7 @@ from .fields import notify_once
 
 
 STEPS = "noisy_world.steps"
-SEVERITY, SHARE_MIX, SHARE_MASK = "severity", "share_mix", "share_mask"
+SEVERITY, SHARE_MIX, SHARE_MASK, SHARE_COLOUR = "severity", "share_mix", "share_mask", "share_colour"
 DIGITS = 3  # of a value that a curve gives; chosen: finer than anyone sees
 
 

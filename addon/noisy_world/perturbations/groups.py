@@ -20,7 +20,7 @@ from ..core.node_graph import Graph, GroupInput, Kind, Panel, Socket, Value
 from ..core.schema import label_of
 from ..core.streams import stream
 from .kinds import SEVERITIES, ColourPerturbation, Nodes, Perturbation, Temporal
-from .shares import has_share
+from .shares import has_colour, has_share
 
 # The camera in node groups: the scene's own, by drivers, or sockets in its place; and how it moves, by sockets.
 #
@@ -182,6 +182,9 @@ IMAGE_INPUT = GroupInput("Image", "color", (0.5, 0.5, 0.5, 1.0), "The frame")
 DEPTH_INPUT = GroupInput("Depth", "float", 1.0, "Planar depth: the Depth pass", 0.0, subtype="DISTANCE")
 MASK_INPUT = GroupInput("Mask", "float", 1.0, "Where the effect shows: 0 nowhere, 1 wholly", 0.0, 1.0, "FACTOR")
 MIX_INPUT = GroupInput("Mix", "float", 1.0, "How much of the effect shows: 0 nothing, 1 all", 0.0, 1.0, "FACTOR")
+COLOUR_INPUT = GroupInput(
+    "Color", "color", (1.0, 1.0, 1.0, 1.0), "How much of the effect shows in red, green and blue; white: all"
+)
 SEVERITY_INPUT = GroupInput(
     "Severity", "float", 3.0, "How strong: 1 to 5 as in presets, less than 1 fades it out, 0 is off", 0.0, MOST_SEVERE
 )
@@ -399,7 +402,11 @@ class Light:
         return lit if self.clip is False else graph.choose(self.clip, graph.clamp(value), lit)
 
     def _mixed(self, result: Socket, share: Socket | None) -> Socket:
-        return result if share is None else result.graph.blend(self.image, result, share)
+        if share is None:
+            return result
+        if share.kind == "float":
+            return result.graph.blend(self.image, result, share)
+        return self.image * (1.0 - share) + result * share
 
     def _with_alpha(self, graph: Graph, result: Socket) -> Socket:
         alpha = graph.node("CompositorNodeSeparateColor", {"Image": self.image}, {"mode": "RGB"}).out("Alpha", "float")
@@ -623,8 +630,9 @@ def _share(graph: Graph, perturbation: ColourPerturbation) -> Socket:
     if not has_share(perturbation):
         return mask
     mix = graph.input(MIX_INPUT)
+    colour = graph.input(COLOUR_INPUT) if has_colour(perturbation) else None
     with graph.section("Share"):
-        return mask * mix
+        return mask * mix if colour is None else colour * (mask * mix)
 
 
 def _is_there(depth_m: Socket) -> Socket:

@@ -635,7 +635,8 @@ class ColourPerturbation(Perturbation):
     pixel has noise of its own, which files of images hardly compress; estimates of sizes ask for it. limits:
     parameters, camera -> what `apply` draws less of there than they ask for, to be said in the plan after its name; ""
     where nothing. breaks_depth: it moves what colour shows, so that depth no longer fits, which is said in the plan.
-    overlay: it lays something light over the whole frame, so that several of them add up to white.
+    overlay: it lays something light over the whole frame, so that several of them add up to white. tinted: it lays
+    light or matter over the image, to which a step may give a colour.
 
     Raises ValueError for another stage, for temporals of what is repeatable, and where it decides and is repeatable.
     """
@@ -657,6 +658,7 @@ class ColourPerturbation(Perturbation):
     limits: Callable[[Any, Intrinsics], str] | None = None
     breaks_depth: bool = False
     overlay: bool = False
+    tinted: bool = False
 
     @property
     def has_parameter_sockets(self) -> bool:

@@ -11,7 +11,7 @@ from ..core.schema import ConfigPath, deciding_values, describe, parse, quoted, 
 from ..preset.camera_devices import device_named
 from ..preset.names import PLACEHOLDER, format_same_folder, safe_name, stream_name
 from .kinds import SEQUENCE_KINDS, SEVERITIES, ColourPerturbation, DepthPerturbation, Perturbation, propagation_key
-from .shares import MASK, MIX, has_share, parse_share
+from .shares import COLOUR, MASK, MIX, has_colour, has_share, parse_share
 from .steps import DEFAULT_SEVERITY, SENSOR_STREAM, Backend, Setting, Step, with_files
 
 # `{device: NAME}` among a setting's steps stands for a real camera's shutter, lens and electronics.
@@ -346,7 +346,9 @@ def _parse_step(perturbation: Perturbation, values: object, place: ConfigPath, s
     known = [item.name for item in fields(perturbation.parameters)]
     own = ["severity", "mode", "levels"] if perturbation.severities else []
     own += ["temporal"] if perturbation.temporals else []
-    own += [MIX, MASK] if has_share(perturbation) else []
+    of_share = [MIX, MASK] if has_share(perturbation) else []
+    of_share += [COLOUR] if has_colour(perturbation) else []
+    own += of_share
     for name in values:
         if name not in (*own, *known):
             raise unknown_name(place.at(str(name)), "key", str(name), [*own, *known])
@@ -366,7 +368,7 @@ def _parse_step(perturbation: Perturbation, values: object, place: ConfigPath, s
         choices = ", ".join(perturbation.temporals)
         raise place.at("temporal").error(f"is {describe(temporal)}, but has to be one of {choices}")
     keyed = levels is not None and mode == "keyed"
-    share = parse_share({name: values.get(name) for name in (MIX, MASK)}, place) if has_share(perturbation) else None
+    share = parse_share({name: values.get(name) for name in of_share}, place)
     step = Step(perturbation, same, severity, levels, temporal, given, keyed=keyed, share=share)
     _check_values(step, place)
     return step

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""How much of a step's effect shows, in which frame and where: `mix` and `mask` of a step of colour."""
+"""How much of a step's effect shows, when, where and in which colours: `mix`, `mask` and `colour` of a step."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -19,7 +19,8 @@ from ..images.image_header import UnfitImageError
 from ..images.pixels import read_only
 from .kinds import ColourPerturbation, Perturbation
 
-MIX, MASK = "mix", "mask"
+MIX, MASK, COLOUR = "mix", "mask", "colour"
+WHITE = (1.0, 1.0, 1.0)
 IMAGES = (".png", ".jpg", ".jpeg")
 MOST_KEPT = 8  # masks in memory; chosen: a few steps' own, each 3 MB at 1200 x 680
 
@@ -30,16 +31,24 @@ def has_share(perturbation: Perturbation) -> bool:
     return isinstance(perturbation, ColourPerturbation) and not names.keys() & {MIX, MASK}
 
 
+def has_colour(perturbation: Perturbation) -> bool:
+    """Tell whether a step of a perturbation may have `colour`, too."""
+    own = COLOUR in perturbation.parameters.__dataclass_fields__
+    return isinstance(perturbation, ColourPerturbation) and perturbation.tinted and has_share(perturbation) and not own
+
+
 @dataclass(frozen=True)
 class Share:
     """The share of a step's effect that shows; the rest is the image before it.
 
     mix: of the sequence's frames one after another, of which the last one holds, each in [0, 1]. masks: likewise, image
-    files whose white shows the effect and whose black does not; () for everywhere.
+    files whose white shows the effect and whose black does not; () for everywhere. colour: how much of it shows in red,
+    green and blue.
     """
 
     mix: tuple[float, ...] = (1.0,)
     masks: tuple[Path, ...] = ()
+    colour: tuple[float, float, float] = WHITE
 
     def mix_of(self, index: int) -> float:
         """Return the mix of a frame of the sequence."""
@@ -49,26 +58,34 @@ class Share:
         """Return the mask of a frame of the sequence; None for everywhere."""
         return self.masks[min(index, len(self.masks) - 1)] if self.masks else None
 
-    def key(self, index: int) -> tuple[float, str | None]:
+    def key(self, index: int) -> tuple[float, str | None, tuple[float, ...]]:
         """Return what is equal for equal shares of two frames. Raises OSError where a mask is gone."""
         mask = self.mask_of(index)
-        return self.mix_of(index), None if mask is None else sha256_of(mask)
+        return self.mix_of(index), None if mask is None else sha256_of(mask), self.colour
 
     def note(self, index: int) -> dict[str, Any]:
         """Return a record of a frame's share, for frames.jsonl; only what is given."""
         mask = self.mask_of(index)
-        mix = {} if self.mix == WHOLE.mix else {MIX: self.mix_of(index)}
+        mix = ({} if self.mix == WHOLE.mix else {MIX: self.mix_of(index)}) | self._coloured
         return mix if mask is None else mix | {MASK: {"name": mask.name, "sha256": sha256_of(mask)}}
 
     def deciding(self) -> dict[str, Any]:
         """Return it as an identity has it: a mask by its SHA-256. Raises OSError where one is gone."""
         mix = {} if self.mix == WHOLE.mix else {MIX: list(self.mix)}
-        return mix | ({MASK: [sha256_of(mask) for mask in self.masks]} if self.masks else {})
+        return mix | self._coloured | ({MASK: [sha256_of(mask) for mask in self.masks]} if self.masks else {})
+
+    @property
+    def _coloured(self) -> dict[str, Any]:
+        return {} if self.colour == WHITE else {COLOUR: list(self.colour)}
 
     def at(self, index: int, size_px: tuple[int, int]) -> NDArray[np.float32] | np.float32:
-        """Return what shows of the effect in a frame: one number, or (H, W, 1), in [0, 1]. size_px: width, height."""
+        """Return what shows of the effect in a frame, in [0, 1]: one number, (H, W, 1), (3,) or (H, W, 3).
+
+        size_px: width, height.
+        """
         mask, mix = self.mask_of(index), np.float32(self.mix_of(index))
-        return mix if mask is None else read_mask(mask, size_px)[..., None] * mix
+        share = mix if mask is None else read_mask(mask, size_px)[..., None] * mix
+        return share if self.colour == WHITE else share * np.array(self.colour, np.float32)
 
 
 WHOLE = Share()
@@ -139,7 +156,8 @@ def parse_share(values: dict[str, Any], place: ConfigPath) -> Share | None:
     """
     mix = _mix(values[MIX], place.at(MIX)) if values.get(MIX) is not None else WHOLE.mix
     masks = _masks(values[MASK], place.at(MASK)) if values.get(MASK) is not None else ()
-    share = Share(mix, masks)
+    colour = _colour(values[COLOUR], place.at(COLOUR)) if values.get(COLOUR) is not None else WHITE
+    share = Share(mix, masks, colour)
     return None if share == WHOLE else share
 
 
@@ -162,6 +180,13 @@ def _number(value: object, place: ConfigPath) -> float:
     if not 0 <= value <= 1:
         raise place.error(f"is {quoted(value)}, out of range", "allowed: 0 to 1")
     return float(value)
+
+
+def _colour(value: object, place: ConfigPath) -> tuple[float, float, float]:
+    if not isinstance(value, Sequence) or isinstance(value, (str, bytes)) or len(value) != len(WHITE):
+        raise place.error(f"is {describe(value)}, but has to be red, green and blue, each from 0 to 1", "[1, 0.8, 0.6]")
+    red, green, blue = (_number(one, place.at(k)) for k, one in enumerate(value))
+    return red, green, blue
 
 
 def _masks(value: object, place: ConfigPath) -> tuple[Path, ...]:

@@ -210,13 +210,13 @@ def test_what_people_see_goes_by_the_severity_where_that_decides_all(given, by_s
     assert ("Thickness" in shown) is not by_severity
     assert shown.get("Severity") == (given["severity"] if by_severity else None)
     assert {name: bare[name] for name in shown if name in bare} == {
-        name: value for name, value in shown.items() if name not in ("Severity", "Override Severity", "Mix")
+        name: value for name, value in shown.items() if name not in ("Severity", "Override Severity", "Mix", "Color")
     }
 
 
 def test_a_step_that_does_nothing_leaves_its_severity_and_one_without_a_table_has_none():
     (off,) = steps_of({"fog": {"severity": 0}})
-    assert shown_values(off, 0, WHERE).keys() == {"Enabled", "Mix", "Pattern", "Seed", "Frame Offset"}
+    assert shown_values(off, 0, WHERE).keys() == {"Enabled", "Mix", "Color", "Pattern", "Seed", "Frame Offset"}
     untabled = replace(off, perturbation=replace(COLOUR["fog"], severities={}), severity=None, given={})
     assert "Override Severity" not in shown_values(untabled, 0, WHERE)
     assert "Severity" not in [item.name for item in build_group(untabled.perturbation).inputs]

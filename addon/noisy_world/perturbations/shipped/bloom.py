@@ -104,4 +104,5 @@ PERTURBATION = ColourPerturbation(
     apply=apply,
     repeatable=True,
     nodes=Nodes(build, linear=True),
+    tinted=True,
 )

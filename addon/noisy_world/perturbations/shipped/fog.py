@@ -253,4 +253,5 @@ PERTURBATION = ColourPerturbation(
     apply_bytes=apply,
     nodes=Nodes(build, draws_lit=True),
     temporals=("fresh", "fixed", "drift"),
+    tinted=True,
 )

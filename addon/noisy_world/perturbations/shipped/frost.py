@@ -290,4 +290,5 @@ PERTURBATION = ColourPerturbation(
     apply_bytes=apply_bytes,
     nodes=Nodes(build),
     temporals=("fresh", "fixed", "drift"),
+    tinted=True,
 )

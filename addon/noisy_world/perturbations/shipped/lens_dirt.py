@@ -442,4 +442,5 @@ PERTURBATION = ColourPerturbation(
     apply=apply,
     nodes=Nodes(build, linear=True, draws_lit=True),
     temporals=("fixed", "fresh"),
+    tinted=True,
 )

@@ -550,4 +550,5 @@ PERTURBATION = ColourPerturbation(
     version=2,  # ice comes in patches, and takes more of the light behind it
     nodes=Nodes(build, linear=True, draws_lit=True),
     temporals=("fresh", "fixed", "drift"),
+    tinted=True,
 )

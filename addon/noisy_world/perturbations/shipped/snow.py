@@ -344,4 +344,5 @@ PERTURBATION = ColourPerturbation(
     nodes=Nodes(build, capacity={"blur_radius_px": 12}, draws_lit=True),
     temporals=("fresh", "fixed", "drift"),
     counts=frozenset({"blur_radius_px"}),
+    tinted=True,
 )

@@ -366,4 +366,5 @@ PERTURBATION = ColourPerturbation(
     nodes=Nodes(build, draws_lit=True),
     temporals=("fresh", "fixed", "drift"),
     counts=frozenset({"complexity"}),
+    tinted=True,
 )
