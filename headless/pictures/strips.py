@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Draw strips of eight frames of a place, at severities 1, 3 and 5 below one another, on which a look is judged.
 
-    python headless/pictures/strips.py PLACES OUT [--only rain_depth ...] [--places harbour ...] [--severities 1 3 5]
-        [--given '{caustic: 1}'] [--frames 8] [--size 384]
+    python headless/pictures/strips.py PLACES OUT [--only rain_depth ...] [--place harbour ...] [--severities 1 3 5]
+        [--given '{caustic: 1}'] [--frames 8]
 
 PLACES: a folder of `places.py`. OUT: gets PLACE_NAME.png. Arrays carry out the node groups, so what is seen is what the
 compositor shows. given: parameters beside the severity, as YAML.
@@ -82,7 +82,8 @@ def strip(folder: Path, name: str, values: dict[str, Any], most: int) -> NDArray
             motion=motion,
             read_depth_m=lambda depth_m=frame.depth_m: depth_m,
         )
-        made = perturb_light(step, frame.rgb, step.severity, step.context(replace(where, lit=True)))
+        lit = step.context(replace(where, lit=True))
+        made = frame.rgb if step.severity == 0 else perturb_light(step, frame.rgb, step.severity, lit)
         shown.append(as_picture(made))
     return np.hstack(shown)
 
