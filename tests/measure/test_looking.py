@@ -88,6 +88,14 @@ def with_frames(source, colour, depth):
     return replace(source, stored=shown)
 
 
+def losing(source, late):
+    """The recording with depth that is so many frames late, of which frames were lost; their stamps tell."""
+    kept = [frame for frame in range(late, 100) if frame not in (20, 41, 42, 77)]
+    shown = with_frames(source, kept, [frame - late for frame in kept])
+    stamps = FrameStamps.of(source.stored.stamps.rgb.seconds[kept])
+    return replace(shown, stored=replace(shown.stored, stamps=stamps))
+
+
 def with_imu_later(source, seconds):
     imu = source.stored.imu
     samples = replace(imu.samples, stamps_ns=imu.samples.stamps_ns + round(seconds * 1e9))
@@ -124,7 +132,7 @@ def test_rows_of_a_lidar_are_no_edges(walk):
 
 FAULTS = {
     "scale": (lambda source: scaled(source, 5), "farther_than_depth_says", 0.2),
-    "late": (lambda source: with_frames(source, range(3, 100), range(97)), "depth_late_frames", 3.0),
+    "late": (lambda source: losing(source, 3), "depth_late_frames", 3.0),
     "early": (lambda source: with_frames(source, range(97), range(3, 100)), "depth_late_frames", -3.0),
     "imu": (lambda source: with_imu_later(source, 0.02), "imu_clock_by_poses_s", 0.02),
     "doubled": (doubled, "doubled_share", 1 / 7),

@@ -22,7 +22,7 @@ from .motion import Steps, steps_of
 from .parallax import AS_READ, Parallax, parallax
 from .readout import readout
 from .recorded_light import light_figures, light_of
-from .timing import Doubled, depth_stamps_later_s, doubled, runs_of, stamp_figures, void_figures
+from .timing import Doubled, depth_stamps_later_s, doubled, per_frame, runs_of, stamp_figures, void_figures
 
 # Chosen, as all below: sound recordings stay below, and what breaks a system is above.
 LOOKED_AT = 240  # frames in a row, at most, in three runs
@@ -210,11 +210,12 @@ def _late(heap: _Heap, footage: RecordingView, steps: Steps, runs: Sequence[rang
     """Add how late depth is; return by how many frames, where it is a fault."""
     if not footage.has_depth:
         return 0
-    late = depth_lateness(steps)
+    stamps_s = footage.stamps.rgb.seconds
+    late = depth_lateness(per_frame(steps, stamps_s))
     shifted = round(late.value) if late.value is not None and late.sure_beyond(LATE_FRAMES) else 0
     if shifted:  # again with the depth that belongs to each frame, as motion by colour is measured with depth too
         steps = steps_of(footage, runs, fine=fine, depth_later=shifted)
-        more = depth_lateness(steps)
+        more = depth_lateness(per_frame(steps, stamps_s))
         late = late if more.value is None else more.plus(shifted)
     # Stamps that say the same are no fault.
     rate_hz = footage.rate_hz or 1.0

@@ -2,7 +2,7 @@
 """What stamps and equal images say of time: rate, jitter, gaps, dropped and doubled frames."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -124,6 +124,23 @@ def void_figures(void: dict[int, float]) -> tuple[Figure, Figure]:
     return (
         Figure.within(names[0], float(shares.mean()), error, len(shares)),
         Figure.exact(names[1], float(np.mean(shares >= 1)), len(shares)),
+    )
+
+
+def per_frame(steps: Steps, stamps_s: Float64) -> Steps:
+    """Return steps as if each led from one frame to the next. stamps_s: (N,) of the recording's frames.
+
+    Where frames are lost all that is seen moves further at once: depth and colour alike, however late one of them is.
+    """
+    gaps_s = np.diff(stamps_s)
+    if not len(gaps_s) or not len(steps):
+        return steps
+    passed = np.maximum(np.rint(gaps_s / float(np.median(gaps_s))), 1.0)[steps.frames[:, 0]]
+    return replace(
+        steps,
+        move=steps.move / passed[:, None],
+        normal=steps.normal * (passed**2)[:, None, None],
+        right=steps.right * passed[:, None],
     )
 
 
