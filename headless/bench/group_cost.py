@@ -2,7 +2,7 @@
 """Processor time of each node group over a pass-through, in turns with it: a table on standard output.
 
     python headless/bench/group_cost.py PICTURE [--size 1920x1080] [--severity 3] [--turns 5] [--reference WIDTH]
-        [--only NAME ...]
+        [--newly] [--only NAME ...]
 
 PICTURE: any picture, or a lit frame of `street_frames.py`, an EXR with depth, on which groups are as on the shelf and
 clip nothing; it is resized. Processor time counts all threads and, unlike the clock, little of what else the machine
@@ -44,6 +44,7 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("picture", type=Path, help="any picture")
     parser.add_argument("--size", default="1920x1080", help="of the frame, in pixels (default 1920x1080)")
     parser.add_argument("--reference", type=int, metavar="WIDTH", help="of the frame of which this size is a preview")
+    parser.add_argument("--newly", action="store_true", help="as steps begin that are newly added")
     parser.add_argument("--severity", type=float, default=3, help="of the perturbations (default 3)")
     parser.add_argument("--turns", type=int, default=5, help="the figures are the median of so many (default 5)")
     parser.add_argument("--only", nargs="+", choices=names, default=names, metavar="NAME", help="perturbations")
@@ -61,7 +62,7 @@ def main(arguments: list[str]) -> int:
         if picture is None:
             parser.error(f"{options.picture}: OpenCV cannot read it")
         frame = np.asarray(cv2.resize(picture[..., ::-1], (width, height), interpolation=cv2.INTER_CUBIC), np.uint8)
-        measure = partial(measured, rgb=frame)
+        measure = partial(measured, rgb=frame, newly=options.newly)
     reference = options.reference or width
     rows = [
         (name, *measure(name, options.severity, turns=options.turns, reference_width_px=reference))
@@ -74,14 +75,19 @@ def main(arguments: list[str]) -> int:
 
 
 def measured(
-    name: str, severity: float, rgb: NDArray[np.uint8], turns: int, reference_width_px: int
+    name: str, severity: float, rgb: NDArray[np.uint8], turns: int, reference_width_px: int, *, newly: bool
 ) -> tuple[float, float, str]:
-    """Return the milliseconds of processor time of a group over those of a pass-through, these, and a hash."""
+    """Return the milliseconds of processor time of a group over those of a pass-through, these, and a hash.
+
+    newly: it has what a step has that is newly added; without, what presets of before have.
+    """
+    given = registry()[name].newly if newly else {}
     size_px = rgb.shape[1], rgb.shape[0]
     depth_m = slope(size_px)
     took_s: dict[str, list[float]] = {"none": [], "group": []}
     digest = ""
-    with Compositor(size_px, {"none": (), "group": (step_of(name, severity),)}, reference_width_px) as compositor:
+    chains = {"none": (), "group": (step_of(name, severity, **given),)}
+    with Compositor(size_px, chains, reference_width_px) as compositor:
         for turn in range(turns + 1):
             for chain, taken in took_s.items():
                 start_s = time.process_time()

@@ -215,9 +215,9 @@ EXACT = (
 GIVEN = {"motion_blur": {"max_angle_deg": 0.0, "angle_deg": 30.0}}  # a fixed angle, so that nothing is random
 
 
-def step_of(name: str, severity: float) -> Step:
-    """Return a step of one severity."""
-    (step,) = parse_steps([{name: {"severity": severity}}], ConfigPath("report"), registry())
+def step_of(name: str, severity: float, **given: Any) -> Step:
+    """Return a step of one severity. given: other parameters."""
+    (step,) = parse_steps([{name: {"severity": severity, **given}}], ConfigPath("report"), registry())
     return step
 
 
