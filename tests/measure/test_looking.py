@@ -21,7 +21,8 @@ from noisy_world.core.schema import ConfigPath
 from noisy_world.core.trajectory import FrameStamps, Stamps
 from noisy_world.measure.figure import Figure, jackknifed
 from noisy_world.measure.looking import look_at, measured, remarks_on
-from noisy_world.measure.timing import stamp_figures
+from noisy_world.measure.motion import Steps
+from noisy_world.measure.timing import per_frame, stamp_figures, without_gaps
 from noisy_world.sources.recording import Recording, read_recording
 
 GL = np.diag([1.0, -1.0, -1.0, 1.0])
@@ -211,6 +212,26 @@ def test_jitter_is_what_stamps_have_beside_an_even_clock():
     assert jitter_s(even_s) < 1e-9
     # A clock that goes ever slower does not jitter; its stamps do so by what is beside it.
     assert jitter_s(even_s + off_s + 1e-5 * frames**2) == pytest.approx(0.003, rel=0.25)
+
+
+def test_steps_over_lost_frames_are_longer_and_no_faster():
+    moves = np.array([[1.0], [2.0], [1.0]]) * np.arange(1.0, 7.0)
+    steps = Steps(
+        np.array([[0, 1], [1, 2], [2, 3]]),
+        np.zeros(3, int),
+        moves,
+        np.ones((3, 6, 6)),
+        np.ones((3, 6)),
+        *np.zeros((2, 3), bool),
+        np.zeros(3),
+        {},
+    )
+    stamps_s = np.array([0.0, 0.1, 0.3, 0.4])  # a frame is lost between the second and the third
+    made = per_frame(steps, stamps_s)
+    assert made.move == pytest.approx(np.tile(moves[0], (3, 1)))
+    # Of normal x = right with x twice as long: 4 normal (x / 2) = 2 right.
+    assert [made.normal[1, 0, 0], made.right[1, 0]] == [4.0, 2.0]
+    assert np.isnan(without_gaps(steps, stamps_s).move).all(axis=1).tolist() == [False, True, False]
 
 
 def checked(capsys, *words):

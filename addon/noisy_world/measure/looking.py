@@ -22,7 +22,16 @@ from .motion import Steps, steps_of
 from .parallax import AS_READ, Parallax, parallax
 from .readout import readout
 from .recorded_light import light_figures, light_of
-from .timing import Doubled, depth_stamps_later_s, doubled, per_frame, runs_of, stamp_figures, void_figures
+from .timing import (
+    Doubled,
+    depth_stamps_later_s,
+    doubled,
+    per_frame,
+    runs_of,
+    stamp_figures,
+    void_figures,
+    without_gaps,
+)
 
 # Chosen, as all below: sound recordings stay below, and what breaks a system is above.
 LOOKED_AT = 240  # frames in a row, at most, in three runs
@@ -139,7 +148,9 @@ def measured(name: str, source: Source, camera: Intrinsics) -> RecordingFigures:
         compressed = coding(footage, frames)
         figures = [*colour.figures, *fixed_noise(footage, frames), *compressed.figures, *inertial]
         figures += blur_figures(footage, np.unique(np.clip(frames, 1, len(footage) - 2)).tolist())
-        figures += readout(steps, footage.rate_hz) if steps is not None else ()
+        figures += (
+            readout(without_gaps(steps, footage.stamps.rgb.seconds), footage.rate_hz) if steps is not None else ()
+        )
         figures += light_figures(light_of(footage, runs_of(len(footage), LIGHT_FRAMES, parts=2)))
         if footage.has_depth:
             figures += depth_noise(footage, frames).figures

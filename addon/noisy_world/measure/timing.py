@@ -132,16 +132,26 @@ def per_frame(steps: Steps, stamps_s: Float64) -> Steps:
 
     Where frames are lost all that is seen moves further at once: depth and colour alike, however late one of them is.
     """
-    gaps_s = np.diff(stamps_s)
-    if not len(gaps_s) or not len(steps):
-        return steps
-    passed = np.maximum(np.rint(gaps_s / float(np.median(gaps_s))), 1.0)[steps.frames[:, 0]]
+    passed = _passed(steps, stamps_s)
     return replace(
         steps,
         move=steps.move / passed[:, None],
         normal=steps.normal * (passed**2)[:, None, None],
         right=steps.right * passed[:, None],
     )
+
+
+def without_gaps(steps: Steps, stamps_s: Float64) -> Steps:
+    """Return steps of which those over lost frames tell no motion. stamps_s: (N,) of the recording's frames."""
+    return replace(steps, move=np.where(_passed(steps, stamps_s)[:, None] > 1, np.nan, steps.move))
+
+
+def _passed(steps: Steps, stamps_s: Float64) -> Float64:
+    """Return (M,) how many frames later a step ends than it begins, by the stamps."""
+    if not len(steps):
+        return np.ones(0)
+    gaps_s = np.diff(stamps_s)
+    return np.maximum(np.rint(gaps_s / float(np.median(gaps_s))), 1.0)[steps.frames[:, 0]]
 
 
 def depth_stamps_later_s(rgb_s: Float64, depth_s: Float64) -> float:
