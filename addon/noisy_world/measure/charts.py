@@ -28,12 +28,14 @@ CURVES = {  # title, what is to the right, what is upwards
     "holes_at_m": ("Void by distance", "distance, m", "share of pixels"),
     "holes_at_grey": ("Void by grey", "grey, of 255", "share of pixels"),
     "holes_at_contrast": ("Void by contrast", "deviation of grey over 7 x 7 pixels, of 255", "share of pixels"),
+    "shake_turn_deg": ("How the camera shakes: turns by octaves", "frequency, Hz", "root mean square, deg"),
+    "shake_shift_m": ("How the camera shakes: shifts by octaves", "frequency, Hz", "root mean square, m"),
     "gyro_spectrum": ("Spectrum of the gyroscope", "frequency, Hz", "rad/s/sqrt(Hz)"),
     "accel_spectrum": ("Spectrum of the accelerometer", "frequency, Hz", "m/s^2/sqrt(Hz)"),
 }
 ALWAYS = ("colour_noise", "depth_noise_m", "depth_correlation")  # spoken of where nobody tells them, too
 SEQUENCE = ": "  # between the name of a sequence and that of its curve, where several are compared
-IN_POWERS = ("gyro_spectrum", "accel_spectrum")  # drawn with logarithmic axes
+IN_POWERS = ("gyro_spectrum", "accel_spectrum", "shake_turn_deg", "shake_shift_m")  # drawn with logarithmic axes
 STYLE = """
 body { font: 16px/1.45 system-ui, sans-serif; max-width: 70rem; margin: 2rem auto; padding: 0 1rem; color: #1d2b36; }
 table { border-collapse: collapse; font-size: .9rem; } .scroll { overflow-x: auto; }
