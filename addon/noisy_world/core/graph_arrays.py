@@ -552,6 +552,10 @@ def _of_node(node: Node, values: Values, frame: int) -> Any:
 def _mix(properties: Values, values: Values) -> Held:
     if properties.get("blend_type") != "MULTIPLY":
         first, second = (values[f"{end}_{properties['data_type'].capitalize()}"] for end in "AB")
+        if properties.get("factor_mode") == "NON_UNIFORM":
+            parts = zip(triple(first), triple(second), triple(values["Factor_Vector"]), strict=True)
+            x, y, z = (number(mixed(*part)) for part in parts)
+            return x, y, z
         return mixed(first, second, number(values["Factor_Float"]))
     ends = zip(triple(values["A_Color"]), triple(values["B_Color"]), strict=True)
     x, y, z = (np.clip(first * second, np.float32(0), np.float32(1)) for first, second in ends)

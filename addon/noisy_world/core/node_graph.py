@@ -286,11 +286,19 @@ class Graph:
         return self.math("MULTIPLY_ADD", self.math("SUBTRACT", second, first), share, first)
 
     def blend(self, first: Value, second: Value, share: Value) -> Socket:
-        """Return first x (1 - share) + second x share: exactly one of the two where the share, clamped, is 0 or 1."""
+        """Return first x (1 - share) + second x share: exactly one of the two where the share, clamped, is 0 or 1.
+
+        share: one number a pixel or, between images, three.
+        """
         wide = any(_kind(item) in IMAGE_KINDS for item in (first, second))
         suffix, kind = ("Vector", "vector") if wide else ("Float", "float")
-        ends = {f"A_{suffix}": _as(kind, first), f"B_{suffix}": _as(kind, second)}
-        node = self.node("ShaderNodeMix", {"Factor_Float": share} | ends, {"data_type": suffix.upper()})
+        inputs = {f"A_{suffix}": _as(kind, first), f"B_{suffix}": _as(kind, second)}
+        properties = {"data_type": suffix.upper()}
+        if _kind(share) in IMAGE_KINDS:
+            inputs, properties = {"Factor_Vector": share} | inputs, properties | {"factor_mode": "NON_UNIFORM"}
+        else:
+            inputs = {"Factor_Float": share} | inputs
+        node = self.node("ShaderNodeMix", inputs, properties)
         return node.out(f"Result_{suffix}", kind)
 
     def vector(self, x: Value, y: Value, z: Value = 0.0) -> Socket:

@@ -402,11 +402,7 @@ class Light:
         return lit if self.clip is False else graph.choose(self.clip, graph.clamp(value), lit)
 
     def _mixed(self, result: Socket, share: Socket | None) -> Socket:
-        if share is None:
-            return result
-        if share.kind == "float":
-            return result.graph.blend(self.image, result, share)
-        return self.image * (1.0 - share) + result * share
+        return result if share is None else result.graph.blend(self.image, result, share)
 
     def _with_alpha(self, graph: Graph, result: Socket) -> Socket:
         alpha = graph.node("CompositorNodeSeparateColor", {"Image": self.image}, {"mode": "RGB"}).out("Alpha", "float")

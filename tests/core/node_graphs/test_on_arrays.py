@@ -35,6 +35,12 @@ def test_arithmetic_is_numpys(image):
     assert np.allclose(found[..., 0], np.linalg.norm(image, axis=2), rtol=1e-6)
 
 
+def test_images_are_mixed_by_one_share_or_by_one_for_each_channel(image):
+    for share in (0.25, (0.0, 0.25, 1.5)):  # a share is clamped
+        found = made(lambda graph, item, share=share: graph.blend(item, item * 3.0, share), image)
+        assert np.allclose(found, image * (1 + 2 * np.clip(share, 0, 1)), rtol=1e-6)
+
+
 def test_division_by_zero_is_zero_and_a_choice_takes_one_branch(image):
     found = made(lambda graph, item: graph.math("DIVIDE", item, item * 0.0), image)
     assert not found.any()
