@@ -151,3 +151,19 @@ def test_a_pipe_is_not_waited_for(tmp_path):
     preset = world(tmp_path / "world", {"redwood": {"warp": "pipe"}})
     os.mkfifo(tmp_path / "world/pipe")
     refused(lambda: make_plan(read_preset(preset)), names=["settings.1.perturb.0.redwood.warp: ", "pipe"])
+
+
+def test_another_mask_is_another_dataset_and_a_recipe_asks_for_the_same(tmp_path):
+    step = {"contrast": {"severity": 3, "mask": "tables/mask.png"}}
+    preset = world(tmp_path / "world", step)
+    mask = tmp_path / "world/tables/mask.png"
+    cv2.imwrite(str(mask), np.full((6, 8), 128, np.uint8))
+    run(preset, tmp_path / "out")
+    recipe = tmp_path / "world/recipe.json"
+    recipe.write_text(recipe_of(tmp_path / "out", PlainProgress(sys.stderr)).text())
+    assert plan_of(read_recipe(recipe)).settings[1].rgb[0].share.masks == (mask,)
+    cv2.imwrite(str(mask), np.full((6, 8), 200, np.uint8))
+    refused(run, preset, tmp_path / "out", names="settings: warped (mask) was", error=StorageError)
+    refused(
+        lambda: plan_of(read_recipe(recipe)), names=["mask.png is not what the recipe was made from", "contrast.mask"]
+    )
