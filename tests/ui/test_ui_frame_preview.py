@@ -67,6 +67,18 @@ def test_colour_is_shown_as_the_generator_writes_it(room, backend):
     assert np.array_equal(picture[:, SIZE[0] // 2 :], expected[:, SIZE[0] // 2 :])
 
 
+def test_a_picture_that_is_white_says_which_step_made_it_so(room):
+    room.noisy_world.render.backend = "reference"
+    for name in ("frost", "snow"):
+        add(room, name, severity=5.0)
+    room.frame_set(0)
+    picture, about = frame_preview.draw_colour(room)
+    white = (picture == 255).all(axis=2).mean()
+    assert white > 0.4
+    assert about.startswith(f"Frame 0: {white:.0%} of a frame's pixels are white")
+    assert "snow makes most" in about
+
+
 def test_grey_is_shown_as_it_is_written(room):
     room.noisy_world.output.colour = "grey"
     room.frame_set(2)

@@ -29,6 +29,7 @@ from ..images.pixels import as_bytes, grey_bytes
 from ..nodes.chain import decided_by
 from ..nodes.chain_scene import DecidedAt
 from ..nodes.datablocks import override, set_pixels, size_px
+from ..perturbations.clipping import clipping
 from ..perturbations.execution import split_motion
 from ..perturbations.kinds import FrameContext
 from ..perturbations.steps import Setting
@@ -426,6 +427,7 @@ def _perturbed(scene: bpy.types.Scene, index: int | None, *, half: bool) -> _Dra
     assert size is not None
     full = size.shape[:2]
     notes: list[dict[str, Any]] = []
+    found = None
     if sequence.setting.rgb:
         height, width = before.shape[:2]
         only = replace(sequence, frames=range(index, index + 1))
@@ -435,10 +437,12 @@ def _perturbed(scene: bpy.types.Scene, index: int | None, *, half: bool) -> _Dra
         with colour_of([only], cameras, (width, height), **options) as colour:
             frame = colour.frames_of(clean)(only, index)
             made, notes = frame.changed("rgb"), frame.steps("rgb")
-        after = before if made is None else _as_stored(made, stored)
+            after = before if made is None else _as_stored(made, stored)
+            found = clipping(frame.colour.active, as_bytes(before), as_bytes(after))
     if half:
         before, after = (each.repeat(2, 0).repeat(2, 1)[: full[0], : full[1]] for each in (before, after))
-    return _Drawn(index, half, before, after, f"Frame {index}: {_listed(notes)}")
+    about = f"Frame {index}: {_listed(notes)}" if found is None else found.note(f"Frame {index}")
+    return _Drawn(index, half, before, after, about)
 
 
 def _halved(still: RenderedFrame) -> RenderedFrame:

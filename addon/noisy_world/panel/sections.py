@@ -17,6 +17,7 @@ from ..nodes.datablocks import layout_of
 from ..perturbations import registry
 from ..perturbations.execution import move
 from ..perturbations.kinds import MotionPerturbation, Stage
+from ..perturbations.new_steps import is_overlay
 from ..perturbations.parsing import parse_steps
 from ..perturbations.steps import steps_of_kind
 from ..preset.keys import OutputSpec, PresetSpec, RenderSpec, RigSpec, SettingSpec
@@ -363,7 +364,8 @@ class NOISYWORLD_UL_steps(bpy.types.UIList):
             return
         row = layout.row(align=True)
         row.active = item.enabled
-        row.label(text=short_label(perturbation), icon=STAGE_LABELS[perturbation.stage][1])
+        said = f"{short_label(perturbation)} (overlay)" if is_overlay(perturbation) else short_label(perturbation)
+        row.label(text=said, icon=STAGE_LABELS[perturbation.stage][1])
         if perturbation.severities and item.use_severity:
             part = row.row(align=True)
             part.alignment = "RIGHT"

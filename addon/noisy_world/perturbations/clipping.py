@@ -29,7 +29,7 @@ class Clipping:
         """Return a line for people. where: the setting, or what else was perturbed."""
         what = "white" if self.white else "black"
         by = f"{self.step} makes most of them so ({self.own:.0%} of the frame); lower its "
-        text = f"{where}: {self.share:.0%} of the first frame's pixels are {what} after all steps; {by}"
+        text = f"{where}: {self.share:.0%} of a frame's pixels are {what} after all steps; {by}"
         return Message(text, PresetKey("severity"))
 
 
