@@ -4,12 +4,13 @@
     blender --factory-startup -P headless/pictures/screenshots.py -- docs [NAME ...]
 
 Needs ImageMagick's `import`. Writes compositor.jpg: the embedded room in the viewport through a chain of three groups,
-above the compositor that holds it; node_group.jpg: a group, opened; and of the add-on add_on_panel.jpg, the sidebar
-beside the room; add_on_paths.jpg, the planned and the deviated path; add_on_preview.jpg, the perturbations live, half
-before and half after; add_on_nodes.jpg, the groups that the preview made; and add_on_frame.jpg, a frame as it will be
-written, beside the sliders; add_on_body.jpg, a walker that carries the camera, and what shakes it; add_on_pictures.jpg
-and add_on_shots.jpg, the lists of pictures and of shots; and example.jpg, the file of `make example`. With names, which
-are "groups", "add_on", "body", "tracking", "shots" and "example", only those.
+above the compositor that holds it; node_group.jpg: a group, opened; and of the add-on add_on_panel.jpg and
+add_on_dataset.jpg, the sidebar's two tabs beside the room; add_on_paths.jpg, the planned and the deviated path;
+add_on_preview.jpg, the perturbations live, half before and half after; add_on_nodes.jpg, the groups that the preview
+made; and add_on_frame.jpg, a frame as it will be written, beside the sliders; add_on_body.jpg, a walker that carries
+the camera, and what shakes it; add_on_pictures.jpg and add_on_shots.jpg, the lists of pictures and of shots; and
+example.jpg, the file of `make example`. With names, which are "groups", "add_on", "body", "tracking", "shots" and
+"example", only those.
 """
 
 import itertools
@@ -63,6 +64,7 @@ CARRIED = {
 SHOT_STEPS = (("rain_depth", 3), ("lens_drops", 2))
 SHOTS = (("arrival", 1, 24, 1), ("lamps", 25, 48, 2), ("corner", 49, 72, 3))  # name, first and last frame, seed
 EXAMPLE_PART = "1314x789+0+26"  # what is left of the outliner and above the timeline
+TAB, DATASET = "Noisy World", "Noisy Dataset"
 SETTLE_S = 1.5  # after a change, for Blender to draw; chosen for software GL
 
 
@@ -126,10 +128,12 @@ def photograph_add_on(folder: Path) -> Iterator[float]:
     scene, view = bpy.context.scene, emptied_view()
     fill_panel(scene, view)
     yield from open_tab(view)
-    show_camera(view)
-    shading_of(space_of(view)).type = "SOLID"
     yield from until_drawn()
     photograph(folder / "add_on_panel.jpg", part_of(view))
+    yield from open_tab(view, DATASET)
+    yield from until_drawn()
+    photograph(folder / "add_on_dataset.jpg", part_of(view))
+    yield from open_tab(view)
     look_from_above(view)
     yield from until_drawn()
     photograph(folder / "add_on_paths.jpg", part_of(view))
@@ -138,8 +142,6 @@ def photograph_add_on(folder: Path) -> Iterator[float]:
     scene.frame_set(FRAME)
     yield SETTLE_S
     show_camera(view)
-    yield from until_drawn()
-    yield from scroll_to_end(view, steps=12)  # to what is previewed
     yield from until_drawn()
     photograph(folder / "add_on_preview.jpg", part_of(view))
     shading_of(space_of(view)).type = "SOLID"
@@ -188,7 +190,6 @@ def photograph_body(folder: Path) -> Iterator[float]:
     yield from open_tab(view)
     look_from_above(view, distance_m=3.5)
     space_of(view).overlay.show_extras = False  # the camera's own symbol stands in the way
-    yield from scroll_to_end(view, steps=22)  # down to the plot
     yield from until_drawn()
     photograph(folder / "add_on_body.jpg", part_of(view))
     noisy_world.unregister()
@@ -209,10 +210,9 @@ def photograph_tracking(folder: Path) -> Iterator[float]:
         operators().add_step(perturbation=TRACKED_IN)
         operators().generate("EXEC_DEFAULT")
         operators().track("EXEC_DEFAULT")
-        yield from open_tab(view)
+        yield from open_tab(view, DATASET)
         look_from_above(view, distance_m=4.5)
         space_of(view).overlay.show_extras = False  # the camera and its path's beginning stand in the way
-        yield from scroll_to_end(view)
         yield from until_drawn()
         photograph(folder / "add_on_tracking.jpg", part_of(view))
     noisy_world.unregister()
@@ -237,11 +237,10 @@ def photograph_shots(folder: Path) -> Iterator[float]:
         shot = panel.shots[-1]
         shot.name, shot.frame_start, shot.frame_end, shot.seed = name, first, last, seed
         shot.output_folder = f"//{name}"
-    yield from open_tab(view)
+    yield from open_tab(view, DATASET)
     show_camera(view)
     shading = shading_of(space_of(view))
     shading.type, shading.use_compositor, shading.light, shading.color_type = "SOLID", "DISABLED", "STUDIO", "MATERIAL"
-    yield from scroll_to_end(view)
     yield from until_drawn()
     photograph(folder / "add_on_shots.jpg", part_of(view))
     with override(window=window(), area=view, region=sidebar(view)):
@@ -254,45 +253,32 @@ def photograph_shots(folder: Path) -> Iterator[float]:
 def fill_panel(scene: bpy.types.Scene, view: bpy.types.Area) -> None:
     """Load the room and a deviated path, and add perturbations, by the buttons of the panel."""
     panel = panel_of(scene)
-    use_standard_view(scene)
-    assert scene.eevee is not None
-    scene.eevee.taa_samples = 4
     fill(panel, PATH)
-    in_area(view, operators().load_scene)
-    in_area(view, operators().load_trajectory)
+    in_area(view, operators().load_all)
     panel.deviation_rotation = math.radians(2.0)
     panel.deviation_translation_m = 0.04
     for name, severity in PREVIEWED:
         operators().add_step(perturbation=name)
         panel.steps[panel.active_step].severity = severity
-    use_standard_view(scene)  # again: now that there is a mesh, the world is taken away
+    use_standard_view(scene)
     for item in scene.objects:
         item.select_set(False)  # no outlines
 
 
-def open_tab(view: bpy.types.Area) -> Iterator[float]:
-    """Show the sidebar's tab beside the view, not over it; yields the seconds to wait."""
+def open_tab(view: bpy.types.Area, tab: Any = TAB) -> Iterator[float]:
+    """Show a tab of the sidebar beside the view, not over it; yields the seconds to wait. tab: the stubs know none."""
     bpy.context.preferences.system.use_region_overlap = False
     space_of(view).show_region_ui = True
     shading_of(space_of(view)).light, shading_of(space_of(view)).color_type = "FLAT", "VERTEX"
     window().cursor_warp(0, 0)  # no tooltips
     yield SETTLE_S
-    name: Any = "Noisy World"  # the stubs know the categories of no add-on
-    sidebar(view).active_panel_category = name
+    sidebar(view).active_panel_category = tab
     yield SETTLE_S
 
 
 def sidebar(area: bpy.types.Area) -> bpy.types.Region:
     """Return an area's sidebar."""
     return next(region for region in area.regions if region.type == "UI")
-
-
-def scroll_to_end(view: bpy.types.Area, *, steps: int = 100) -> Iterator[float]:
-    """Scroll the sidebar, as a rule to the sections that close the tab; yields the seconds to wait."""
-    with override(window=window(), area=view, region=sidebar(view)):
-        for _ in range(steps):
-            bpy.ops.view2d.scroll_down()
-    yield SETTLE_S
 
 
 def look_from_above(view: bpy.types.Area, *, distance_m: float = 6.5) -> None:

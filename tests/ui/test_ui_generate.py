@@ -8,9 +8,12 @@ import subprocess
 import time
 from types import SimpleNamespace
 
+import cv2
+import numpy as np
 import pytest
 from refusals import refused
-from worlds import ROOT, content, generate, path_poses, write_box_ply, write_replica
+from recorded_layouts import WRITERS
+from worlds import ROOT, content, generate, generate_here, path_poses, write_box_ply, write_replica
 
 bpy = pytest.importorskip("bpy", reason="bpy is not installed")
 
@@ -19,7 +22,7 @@ from noisy_world.core.progress import MARK
 from noisy_world.panel import generating
 from noisy_world.panel import runs
 from noisy_world.panel.background import BackgroundRun
-from noisy_world.panel.document import to_document
+from noisy_world.panel.document import open_preset, to_document
 
 
 @pytest.fixture
@@ -229,3 +232,66 @@ def test_a_script_is_told_what_is_not_in_the_dataset_and_goes_on(scene, tmp_path
     assert bpy.ops.noisy_world.generate() == {"FINISHED"}
     told = "Warning: Not in the dataset: Chair and Table. The dataset shows mesh.ply"
     assert told in capfd.readouterr().out.splitlines()
+
+
+SETTINGS = (
+    [{"fog": {"severity": 2, "temporal": "drift"}}],
+    [{"gaussian_noise": {"severity": 3, "mode": "dynamic"}}, {"contrast": {"severity": 1}}],
+)
+RIG = {"depth": {"sensor": {"axial_noise": {"offset_m": 0.01}}}, "imu": {"device": "ideal", "rate_hz": 100.0}}
+
+
+HOLD_PATHS = {"manifest.json", "preset.yaml"}  # which the panel gives as absolute ones
+
+
+def documents(folder):
+    """Ten presets of the sources that need no other Blender: meshes, recordings and videos, alone and beside others."""
+    write_box_ply(folder / "mesh.ply")
+    write_replica(folder / "traj.txt", path_poses(2))
+    scan = folder / "scan"
+    scan.mkdir()
+    WRITERS["scannet"](scan)
+    writer = cv2.VideoWriter(str(folder / "film.avi"), cv2.VideoWriter.fourcc(*"MJPG"), 10.0, (32, 24))
+    for level in (60, 200):
+        writer.write(np.full((24, 32, 3), level, np.uint8))
+    writer.release()
+    mesh = {"name": "box", "mesh": "mesh.ply", "trajectory": {"file": "traj.txt"}}
+    walked = mesh | {"name": "walked", "trajectory": {"handheld": {"frames": 2, "clearance_m": 0.1}}}
+    read, video = {"name": "read", "sequence": "scan"}, {"name": "seen", "video": "film.avi"}
+    camera = {"width": 24, "height": 18, "fx": 12, "fy": 12, "cx": 11.5, "cy": 8.5}
+    lens = camera | {"fx": 24, "fy": 24, "distortion": {"k1": -0.1}}
+    same = camera | {"width": 32, "height": 24}  # as the film
+    first, second = ({"name": f"s{number}", "perturb": perturb} for number, perturb in enumerate(SETTINGS))
+    moved = {"name": "moved", "perturb": [{"motion_deviation": {"rotation_deg": 1.0}}, {"desync": {"offset": 1}}]}
+    sweep = {"sweep": {"perturb": ["contrast", "jpeg_compression"], "severities": [1, 4]}}
+    clean, colour = {"name": "clean"}, {"output": {"modalities": ["rgb"]}}
+    own = {"camera": camera, "seed": 2**61 + 1}
+    return (
+        own | {"scenes": [mesh], "settings": [clean, first]},
+        own | {"scenes": [mesh], "settings": [moved, second], "output": {"layout": "tum", "image": "png"}},
+        own | {"scenes": [mesh], "settings": [clean, sweep], "render": {"backend": "reference"}},
+        own | {"scenes": [walked], "settings": [first], "rig": RIG, "output": {"layout": "euroc", "image": "png"}},
+        {"scenes": [mesh, walked], "camera": lens, "settings": [second], "only": {"scenes": ["walked"]}},
+        {"scenes": [read], "settings": [clean, first]},
+        {"scenes": [read], "settings": [{"name": "late", "perturb": [{"desync": {"offset": 1}}]}]},
+        {"scenes": [video], "settings": [second], **colour},
+        {"scenes": [video, read], "settings": [clean, second], "data": str(folder), **colour},
+        {"scenes": [video | {"name": "a"}, mesh | {"name": "b"}], "settings": [first], "camera": same, **colour},
+    )
+
+
+def test_of_ten_presets_of_all_sources_the_panel_makes_the_same_bytes(scene, tmp_path):
+    pairs = []
+    for number, document in enumerate(documents(tmp_path)):
+        file = tmp_path / f"{number}.yaml"
+        file.write_text(json.dumps(document))
+        open_preset(scene.noisy_world, file)
+        pairs.append((file, runs.temporary_preset(to_document(scene.noisy_world), tmp_path, f"panel{number}")))
+    for preset, told in pairs:  # generating here leaves no scene
+        made = {}
+        for name, file in (("command", preset), ("panel", told)):
+            generate_here(file, "--out", tmp_path / f"{preset.stem}_{name}")
+            found = content(tmp_path / f"{preset.stem}_{name}")
+            made[name] = {name: digest for name, digest in found.items() if name not in HOLD_PATHS}
+        assert made["panel"] == made["command"], preset
+        assert len(made["panel"]) >= 4

@@ -482,9 +482,11 @@ def _draw_state(layout: bpy.types.UILayout, context: bpy.types.Context, *, loade
         write(layout, context, error, "ERROR")
     space = context.space_data
     if space is not None and space.type == "VIEW_3D" and not views.is_shaded(space):
-        write(layout, context, "This view shows it in Material Preview and Rendered shading", "INFO")
+        has_material = scene.render.engine != views.WORKBENCH  # which has no such shading
+        shadings = "Material Preview and Rendered" if has_material else "Rendered"
+        write(layout, context, f"This view shows it in {shadings} shading", "INFO")
         row = layout.row(align=True)
-        if scene.render.engine != views.WORKBENCH:  # which has no such shading
+        if has_material:
             row.prop_enum(space.shading, "type", "MATERIAL", text="Material")
         row.prop_enum(space.shading, "type", "RENDERED")
     views.draw(layout, context)

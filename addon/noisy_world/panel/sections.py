@@ -482,19 +482,18 @@ class NOISYWORLD_PT_output(DatasetSection, bpy.types.Panel):
         source, render, output = shown(panel), panel.render, panel.output
         column = layout.column(align=True)
         column.prop(output, "layout")
-        row = column.row(align=True)
-        row.enabled = len(LAYOUTS[output.layout].images) > 1
-        row.prop(output, "image")
+        if len(LAYOUTS[output.layout].images) > 1:
+            column.prop(output, "image")
         column.prop(output, "colour")
         column = layout.column(align=True)
         column.prop(output, "modalities")
         draw_given(column, output, OutputSpec, leave=OUTPUT_DRAWN)
-        column = layout.column(align=True)
-        column.enabled = "depth" in output.modalities
-        column.prop(output, "depth_range")
-        if output.depth_range == "layout" or output.use_depth_scale_per_m:
-            column.prop(output, "depth_scale_per_m")
-        column.prop(output, "depth_beyond")
+        if "depth" in output.modalities:
+            column = layout.column(align=True)
+            column.prop(output, "depth_range")
+            if output.depth_range == "layout" or output.use_depth_scale_per_m:
+                column.prop(output, "depth_scale_per_m")
+            column.prop(output, "depth_beyond")
         column = layout.column(align=True)
         if source.own_render:
             draw_keys(column, render, RenderSpec, only=("engine", "samples"), ticked=True)

@@ -303,7 +303,7 @@ class _ThisScene(ShownSource):
         )
 
     def draw(self, layout: bpy.types.UILayout, panel: Any) -> None:
-        layout.row().prop(panel, "compositing", expand=True)
+        layout.prop(panel, "compositing")
         layout.prop(self.group(panel), "depth_alpha", slider=True)
 
 
