@@ -21,7 +21,7 @@ test -n "$(PYTHON)" || { echo "make: Python 3.13 is needed; get it, with 'uv pyt
 endef
 
 .DEFAULT_GOAL := help
-.PHONY: help venv demo picture gallery thumbnails pages rooms screenshots assets example film extension ice wheel docs test test-all test-below test-above test-lowest test-bare fuzz bench benchmark lint format lock slam-env blender-env peer-env corruptions-env clean
+.PHONY: release-check help venv demo picture gallery thumbnails pages rooms screenshots assets example film extension ice wheel docs test test-all test-below test-above test-lowest test-bare fuzz bench benchmark lint format lock slam-env blender-env peer-env corruptions-env clean
 
 help: ## list the targets
 	@grep -hE '^[a-z0-9-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 16
@@ -70,6 +70,9 @@ film: venv ## render the street's path and write docs/street.mp4 and .webp anew:
 
 extension: venv ## build and validate the extension's zips for every platform into dist; BLENDER=... uses its tool
 	$(PY) headless/tools/package.py $(if $(filter file,$(origin BLENDER)),,--blender $(BLENDER))
+
+release-check: wheel extension ## install what was built, under each Python 3.11 to 3.14 here and in BLENDER=..., and run it
+	$(PY) headless/tools/release_check.py $(if $(filter file,$(origin BLENDER)),,--blender $(BLENDER))
 
 wheel: venv ## build the Python package's wheel into dist
 	$(PY) -m pip wheel --quiet --disable-pip-version-check --no-build-isolation --no-deps --wheel-dir dist .

@@ -74,6 +74,9 @@ def made_files(root: Path) -> Iterator[tuple[Path, str]]:
             yield page, with_parts(text, PARTS, page.name)
     for name, (before, line) in ADDRESSED.items():
         yield root / name, with_address((root / name).read_text(encoding="utf-8"), before, line, project_address())
+    notebook = (root / NOTEBOOK).read_text(encoding="utf-8")
+    address = re.sub(r'(REPOSITORY = \\")[^\\]*', rf"\g<1>{project_address()}", notebook)
+    yield root / NOTEBOOK, address
     for item in own_perturbations().values():
         yield root / f"presets/perturbations/{item.name}.yaml", example_preset(item)
 
@@ -100,6 +103,7 @@ ADDRESSED = {
     "mkdocs.yml": ("site_description:", """copyright: '<a href="{0}">{0}</a>'"""),
 }
 """Files that are not pages, with the beginning of a line, and the line below it that has the address."""
+NOTEBOOK = "docs/examples/own_images.ipynb"  # whose first cell fetches the project from there
 
 
 def with_address(text: str, before: str, line: str, address: str) -> str:
