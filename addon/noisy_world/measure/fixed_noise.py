@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .figure import BLOCKS, Figure, blocks_of, jackknifed
-from .footage import Float32, Float64, RecordingView
+from .footage import Float64, RecordingView
 
 # Chosen, as all below.
 LEAST_FRAMES = 8
@@ -40,23 +40,33 @@ def _hot(images: Sequence[NDArray[np.uint8]]) -> Figure:
     moved = [float(np.mean(np.abs(one[::4, ::4].astype(int) - other[::4, ::4]))) for one, other in pairwise(images)]
     if np.median(moved) < MOVED:
         return Figure.none(HOT, "the camera stands still: what stays may be what it sees")
-    median = np.median(np.stack([_over_neighbours(image) for image in images]), axis=0)
-    limit = max(BRIGHTER, SURE * 1.4826 * float(np.median(np.abs(median))))
-    hot = (median > limit).any(axis=2)
+    over = [_over_neighbours(image) for image in images]
+    some = np.median(np.stack([each[::4, ::4] for each in over]), axis=0)
+    limit = max(BRIGHTER, SURE * 1.4826 * float(np.median(np.abs(some))))
+    # Where the median is over the limit, half of the frames are.
+    often = np.sum([each > limit for each in over], axis=0, dtype=np.uint8) >= len(over) // 2
+    chosen = np.nonzero(often)
+    hot = np.zeros(often.shape, np.bool_)
+    hot[chosen] = np.median(np.stack([each[chosen] for each in over]), axis=0) > limit
+    hot = hot.any(axis=2)
     count = int(hot.sum())
     # Poisson's interval of so many that were found, by the normal approximation of its root.
     low, high = (max(count**0.5 + side * 0.98, 0.0) ** 2 / hot.size for side in (-1, 1))
     return Figure(HOT, count / hot.size, low if count else 0.0, max(high, 3.0 / hot.size), hot.size, "pixels")
 
 
-def _over_neighbours(image: NDArray[np.uint8]) -> Float32:
+def _over_neighbours(image: NDArray[np.uint8]) -> NDArray[np.int16]:
     """Return by how much each value of an image is over the second largest of the four beside it, (H, W, 3), of 255.
 
     So edges and lines in what is seen do not count.
     """
-    padded = np.pad(image, ((1, 1), (1, 1), (0, 0)), mode="reflect").astype(np.int16)
-    beside = np.stack([padded[:-2, 1:-1], padded[2:, 1:-1], padded[1:-1, :-2], padded[1:-1, 2:]])
-    return np.asarray(image - np.partition(beside, 2, axis=0)[2], np.float32)
+    import cv2
+
+    padded = cv2.copyMakeBorder(image, 1, 1, 1, 1, cv2.BORDER_REFLECT_101)
+    up, down, left, right = padded[:-2, 1:-1], padded[2:, 1:-1], padded[1:-1, :-2], padded[1:-1, 2:]
+    between = cv2.min(cv2.max(up, down), cv2.max(left, right))
+    second = cv2.max(between, cv2.max(cv2.min(up, down), cv2.min(left, right)))
+    return np.asarray(cv2.subtract(image, second, dtype=cv2.CV_16S), np.int16)
 
 
 def _lines(images: Sequence[NDArray[np.uint8]], name: str) -> Figure:
@@ -78,9 +88,8 @@ def _of_rows(image: NDArray[np.uint8]) -> float:
     """Return the variance of rows' own brightness, of 255^2: second differences of rows less what pixels make."""
     values = image.astype(np.float32)
     bent = values[1:-1] - (values[:-2] + values[2:]) / 2
-    order = np.sort(bent, axis=1)
     cut = int(bent.shape[1] * (1 - SMOOTH) / 2)
-    middle = order[:, cut : bent.shape[1] - cut]
+    middle = np.partition(bent, (cut, bent.shape[1] - cut - 1), axis=1)[:, cut : bent.shape[1] - cut]
     shared = middle.mean(axis=1)
     spread = 1.4826 * np.median(np.abs(bent - shared[:, None]), axis=1)
     by_pixels = float(np.median(spread) ** 2) * 1.2 / bent.shape[1]

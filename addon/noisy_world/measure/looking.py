@@ -22,6 +22,7 @@ from .motion import Steps, steps_of
 from .parallax import AS_READ, Parallax, parallax
 from .readout import readout
 from .recorded_light import light_figures, light_of
+from .shaking import shaking
 from .timing import (
     Doubled,
     depth_stamps_later_s,
@@ -151,6 +152,7 @@ def measured(name: str, source: Source, camera: Intrinsics) -> RecordingFigures:
         figures += (
             readout(without_gaps(steps, footage.stamps.rgb.seconds), footage.rate_hz) if steps is not None else ()
         )
+        figures += shaking(footage, steps)
         figures += light_figures(light_of(footage, runs_of(len(footage), LIGHT_FRAMES, parts=2)))
         if footage.has_depth:
             figures += depth_noise(footage, frames).figures

@@ -119,9 +119,11 @@ def _seen(colour: NDArray[np.uint8]) -> tuple[float, _Seen]:
     light = decoded(np.asarray(small, np.float32) / np.float32(255))
     mean = float(light.mean(axis=(0, 1)) @ np.array(LUMINANCE))
     # What was cut off says nothing, nor what lies beside it.
-    light[(small.min(axis=2) < 255 * DARKEST) | (small.max(axis=2) > 255 * LIGHTEST)] = np.nan
+    cut = ((small.min(axis=2) < 255 * DARKEST) | (small.max(axis=2) > 255 * LIGHTEST)).astype(np.uint8)
+    light = np.array(cv2.blur(light, (PATCH_PX, PATCH_PX)), np.float32)
+    light[cv2.dilate(cut, np.ones((PATCH_PX, PATCH_PX), np.uint8)) > 0] = np.nan
     grey = _even(np.asarray(cv2.cvtColor(small, cv2.COLOR_RGB2GRAY), np.uint8))
-    return mean, (grey, np.asarray(cv2.blur(light, (PATCH_PX, PATCH_PX)), np.float32))
+    return mean, (grey, light)
 
 
 def _even(grey: NDArray[np.uint8]) -> NDArray[np.uint8]:
