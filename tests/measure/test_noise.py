@@ -239,3 +239,25 @@ def test_white_noise_of_an_imu(walk):
     few = SimpleNamespace(samples=replace(imu.samples, stamps_ns=imu.samples.stamps_ns[:50]))
     assert imu_noise(few)[0].value is None
     assert "too few" in imu_noise(few)[0].untold
+
+
+def test_colour_that_was_compressed_in_chroma_is_said_to_be(clean):
+    """Averages of four pixels leave chroma a quarter of its variance: red and green share what luminance has."""
+    rng = np.random.default_rng(9)
+
+    def subsampled(image):
+        noisy = image + rng.normal(0, 0.05, image.shape)
+        luminance = (noisy @ [0.299, 0.587, 0.114])[..., None]
+        chroma = noisy - luminance
+        means = chroma.reshape(high // 2, 2, wide // 2, 2, 3).mean(axis=(1, 3))
+        return luminance + means.repeat(2, axis=0).repeat(2, axis=1)
+
+    high, wide = clean[0].colour.shape[:2]
+    found = colour_noise(with_colour(plain(clean), subsampled), range(COUNT))
+    assert found.between_channels.value > 0.4
+    assert "red and green" in found.remark
+    each = colour_noise(with_colour(plain(clean), lambda x: x + rng.normal(0, 0.05, x.shape)), range(COUNT))
+    assert abs(each.between_channels.value) < 0.15
+    grey = Looks(replace(look, colour=look.colour[..., :1].repeat(3, axis=2)) for look in clean)
+    same = with_colour(plain(grey), lambda x: x + rng.normal(0, 0.05, (*x.shape[:2], 1)))
+    assert "grey" in colour_noise(same, range(COUNT)).between_channels.untold

@@ -11,6 +11,7 @@ from functools import cache
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .figure import BLOCKS, Figure, blocks_of, jackknifed
 from .footage import Float64, RecordingView
@@ -24,6 +25,7 @@ LOW, HIGH = 0.7, 0.88  # times sigma^2: below these the two shares are taken
 LEAST_BLOCKS = 300  # of an intensity, in all frames
 LEAST_BELOW = 30  # of them below HIGH sigma^2
 LEAST_SIGMA, MOST_SIGMA, TRIED = 0.05, 120.0, 400
+SMOOTHER = 0.3  # share of a frame's blocks in which red is looked at
 SMOOTHEST = 0.1  # share of the blocks that are looked at where none is of noise alone
 # Relative error of a deviation by what texture adds to the smoothest blocks, found on known noise: the first over the
 # share of blocks that have none, within the others.
@@ -32,6 +34,7 @@ ROUNDED = 1 / 12  # variance of what rounding to whole numbers adds
 CORRELATED = 0.2  # neighbours' noise: more is no noise of a sensor's own pixels
 
 CURVE = "colour_noise"
+BETWEEN = "colour_noise_between_channels"
 
 
 @dataclass(frozen=True)
@@ -39,40 +42,54 @@ class ColourNoise:
     """The green channel's noise. curve: (intensity of 255, its deviation of 255), a figure for each.
 
     gaussian_std, per_photon: of variance = gaussian_std^2 + per_photon * intensity, both of full scale. correlation:
-    between horizontal neighbours. remark: what has to be said of it; "" for nothing.
+    between horizontal neighbours. between_channels: of red and green in the same pixels. remark: what has to be said of
+    it; "" for nothing.
     """
 
     curve: tuple[tuple[float, Figure], ...]
     gaussian_std: Figure
     per_photon: Figure
     correlation: Figure
+    between_channels: Figure
     remark: str = ""
 
     @property
     def figures(self) -> tuple[Figure, ...]:
         """All of them."""
-        return (self.gaussian_std, self.per_photon, self.correlation, *(figure for _, figure in self.curve))
+        return (
+            self.gaussian_std,
+            self.per_photon,
+            self.correlation,
+            self.between_channels,
+            *(figure for _, figure in self.curve),
+        )
 
 
 @dataclass(frozen=True)
 class _Blocks:
-    """Of blocks: mean, variance that is left and product of horizontal neighbours that are left, (N,); their frame."""
+    """Of blocks: mean, variance that is left and product of horizontal neighbours that are left, (N,); their frame.
+
+    red, together: (N,) variance of red, and its product with green; NaN but for the smoother blocks.
+    """
 
     mean: Float64
     variance: Float64
     beside: Float64
+    red: Float64
+    together: Float64
     frame: Float64
 
 
 def colour_noise(footage: RecordingView, frames: Sequence[int]) -> ColourNoise:
     """Return the noise of colour in some frames. Raises InputError where one of them is damaged."""
-    blocks = _joined(_of_frame(footage.look(frame).colour[..., 1], number) for number, frame in enumerate(frames))
+    blocks = _joined(_of_frame(footage.look(frame).colour, number) for number, frame in enumerate(frames))
     groups = blocks_of(len(frames))[blocks.frame.astype(int)]
     curve: list[tuple[float, Figure]] = []
     whole: list[tuple[float, float, float]] = []
     parted: list[list[tuple[float, float, float]]] = [[] for _ in range(BLOCKS)]
     kept: list[tuple[float, Float64]] = []
     textures: list[tuple[float, float]] = []
+    plainly = np.zeros(len(blocks.mean), np.bool_)
     for low, high in pairwise(LEVELS.tolist()):
         here = (blocks.mean >= low) & (blocks.mean < high)
         if here.sum() < LEAST_BLOCKS or (sigma := _sigma(blocks.variance[here])) is None:
@@ -91,6 +108,7 @@ def colour_noise(footage: RecordingView, frames: Sequence[int]) -> ColourNoise:
         for group, value in enumerate(known.tolist()):
             parted[group].append((level, value, weight))
         noise = here & (np.abs(blocks.variance / (sigma**2 + ROUNDED) - 1) < 0.4)
+        plainly |= noise
         kept.append((float(noise.sum()), np.array([blocks.beside[noise].sum(), blocks.variance[noise].sum()])))
     if not curve:
         return _without_noise(blocks)
@@ -114,13 +132,19 @@ def colour_noise(footage: RecordingView, frames: Sequence[int]) -> ColourNoise:
         law[1] = Figure.none(law[1].name, "too few intensities are seen")
     error = 1 / max(count, 1) ** 0.5
     beside = Figure.within("colour_noise_correlation", correlation, error, count, "blocks")
+    channels = _between_channels(blocks, plainly, groups)
     remark = ""
     if correlation > CORRELATED:
         remark = (
             f"neighbours' noise of colour is correlated by {correlation:.2f}: it was denoised, compressed or resampled "
             "after it arose, and what is left is less than the sensor's own"
         )
-    return ColourNoise(tuple(curve), law[0], law[1], beside, remark)
+    elif channels.sure_beyond(CORRELATED):
+        remark = (
+            f"noise of red and green is correlated by {channels.value:.2f}: colour was compressed, denoised or made of "
+            "a mosaic after noise arose, and each channel has less than the sensor's own"
+        )
+    return ColourNoise(tuple(curve), law[0], law[1], beside, channels, remark)
 
 
 def _without_noise(blocks: _Blocks) -> ColourNoise:
@@ -129,7 +153,7 @@ def _without_noise(blocks: _Blocks) -> ColourNoise:
     if len(blocks.variance) < LEAST_BLOCKS:
         why = "too few blocks are neither black nor white"
         gaussian, slope, beside = (Figure.none(name, why) for name in names)
-        return ColourNoise((), gaussian, slope, beside)
+        return ColourNoise((), gaussian, slope, beside, Figure.none(BETWEEN, why))
     smooth = blocks.variance <= np.quantile(blocks.variance, SMOOTHEST)
     most = float(np.sqrt(np.median(blocks.variance[smooth])))
     count = int(smooth.sum())
@@ -140,7 +164,22 @@ def _without_noise(blocks: _Blocks) -> ColourNoise:
         f"colour has no noise of independent pixels above {most:.2g} of 255: it was denoised or compressed below it, "
         f"or never had any (neighbours in smooth blocks are correlated by {beside:.2f})"
     )
-    return ColourNoise((), gaussian, slope, Figure.exact(names[2], beside, count, "blocks"), remark)
+    beside = Figure.exact(names[2], beside, count, "blocks")
+    return ColourNoise((), gaussian, slope, beside, Figure.none(BETWEEN, why), remark)
+
+
+def _between_channels(blocks: _Blocks, chosen: NDArray[np.bool_], groups: NDArray[np.int64]) -> Figure:
+    """Return how noise of red and green is correlated, in blocks that are of noise alone."""
+    known = chosen & np.isfinite(blocks.red) & (blocks.red > 0)
+    if known.sum() < LEAST_BELOW:
+        return Figure.none(BETWEEN, "too few blocks are smooth in red and green")
+    if np.allclose(blocks.red[known], blocks.variance[known]):
+        return Figure.none(BETWEEN, "images are grey")
+    # Where red is textured and green is not, red's variance is no noise's: the middle block tells.
+    each = blocks.together[known] / np.sqrt(blocks.red[known] * blocks.variance[known])
+    parts = [each[groups[known] != group] for group in range(BLOCKS)]
+    error = jackknifed(np.array([float(np.median(part if len(part) else each)) for part in parts]))
+    return Figure.within(BETWEEN, float(np.median(each)), error, len(each), "blocks")
 
 
 @cache
@@ -155,24 +194,33 @@ def _left() -> tuple[Float64, float]:
     return left, beside / (float(np.trace(left)) / (SIDE * SIDE))
 
 
-def _of_frame(image: np.ndarray, number: int) -> _Blocks:
-    high, wide = image.shape[0] // SIDE, image.shape[1] // SIDE
-    cut = image[: high * SIDE, : wide * SIDE].reshape(high, SIDE, wide, SIDE).swapaxes(1, 2).reshape(-1, SIDE * SIDE)
-    inside = (cut.min(axis=1) > 0) & (cut.max(axis=1) < 255)
-    values = cut[inside].astype(np.float64)
+def _of_frame(image: NDArray[np.uint8], number: int) -> _Blocks:
+    red, green = (_cut(image[..., channel]) for channel in (0, 1))
+    inside = (green.min(axis=1) > 0) & (green.max(axis=1) < 255)
+    values = green[inside].astype(np.float64)
     left = values @ _left()[0]
     square = left.reshape(-1, SIDE, SIDE)
-    return _Blocks(
-        values.mean(axis=1),
-        (left**2).sum(axis=1) / FREE,
-        (square[:, :, 1:] * square[:, :, :-1]).mean(axis=(1, 2)),
-        np.full(len(values), float(number)),
-    )
+    variance = (left**2).sum(axis=1) / FREE
+    of_red, together = np.full((2, len(values)), np.nan)
+    if len(values):
+        smooth = variance <= np.quantile(variance, SMOOTHER)
+        other = red[inside][smooth].astype(np.float64) @ _left()[0]
+        of_red[smooth] = (other**2).sum(axis=1) / FREE
+        together[smooth] = (other * left[smooth]).sum(axis=1) / FREE
+    beside = (square[:, :, 1:] * square[:, :, :-1]).mean(axis=(1, 2))
+    return _Blocks(values.mean(axis=1), variance, beside, of_red, together, np.full(len(values), float(number)))
+
+
+def _cut(channel: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Return the blocks of a channel (H, W), (N, SIDE^2)."""
+    high, wide = channel.shape[0] // SIDE, channel.shape[1] // SIDE
+    cut = channel[: high * SIDE, : wide * SIDE].reshape(high, SIDE, wide, SIDE)
+    return cut.swapaxes(1, 2).reshape(-1, SIDE * SIDE)
 
 
 def _joined(parts: Iterable[_Blocks]) -> _Blocks:
     held = list(parts)
-    names = ("mean", "variance", "beside", "frame")
+    names = ("mean", "variance", "beside", "red", "together", "frame")
     return _Blocks(*(np.concatenate([getattr(part, name) for part in held]) for name in names))
 
 
