@@ -214,7 +214,8 @@ def photograph_tracking(folder: Path) -> Iterator[float]:
         look_from_above(view, distance_m=4.5)
         space_of(view).overlay.show_extras = False  # the camera and its path's beginning stand in the way
         yield from until_drawn()
-        photograph(folder / "add_on_tracking.jpg", part_of(view))
+        # What the run has to say names folders of this machine.
+        photograph(folder / "add_on_tracking.jpg", part_of(view, beside=sidebar(view).width))
     noisy_world.unregister()
 
 
@@ -417,9 +418,11 @@ def largest(kind: str) -> bpy.types.Area:
     return max((area for area in window().screen.areas if area.type == kind), key=lambda area: area.width * area.height)
 
 
-def part_of(area: bpy.types.Area) -> str:
-    """Return the part of the display that an area takes, as `photograph` expects it."""
-    return f"{area.width}x{area.height}+{area.x}+{window().height - area.y - area.height}"
+def part_of(area: bpy.types.Area, *, beside: int = 0) -> str:
+    """Return the part of the display that an area takes, as `photograph` expects it. beside: without so much of it at
+    the right, in pixels.
+    """
+    return f"{area.width - beside}x{area.height}+{area.x}+{window().height - area.y - area.height}"
 
 
 def split_window() -> tuple[bpy.types.Area, bpy.types.Area]:
