@@ -113,7 +113,8 @@ def test_where_nothing_is_or_what_is_not_ours(tmp_path, capsys):
     code, said = status(capsys, "memory://nothing")
     assert (code, said.err) == (
         1,
-        "noisy-world status: memory://nothing: holds no dataset of Noisy World, nor one that was begun\n",
+        "noisy-world status: memory://nothing: holds no dataset of Noisy World, nor one that was begun; "
+        "name the folder that generate wrote\n",
     )
     (tmp_path / "manifest.json").write_text('{"other": 1}')
     code, said = status(capsys, f"file://{tmp_path}")

@@ -513,6 +513,7 @@ def read_yaml(content: str | bytes, file: str | Path, where: str = "") -> Any:
         ours = isinstance(error, yaml.constructor.ConstructorError)
         message = problem if ours else f"is not valid YAML: {_short(problem)}"
         remedy = error.note or ("indent with blanks, not with tabs" if "'\\t'" in problem else "")
+        remedy = remedy or ("" if ours else "mend this line, or the one before it")
         raise _error(file, where, mark and (mark.line + 1, mark.column + 1), message, remedy) from error
 
 

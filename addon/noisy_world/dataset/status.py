@@ -213,6 +213,7 @@ def _stored(store: Store, names: list[str]) -> Iterator[tuple[str, StoredShard |
 
 
 NOTHING = "holds no dataset of Noisy World, nor one that was begun"
+NAME_ONE = "name the folder that generate wrote"
 
 
 @dataclass(frozen=True)
@@ -369,7 +370,7 @@ def _look(place: Path | str, chosen: slice | None, progress: Progress, *, check:
         return _Seen(PackedDataset(store, state), chosen, ended=True)
     begun = claimed(store)
     if begun is None:
-        raise StorageError(NOTHING, file=store.text)
+        raise StorageError(NOTHING, file=store.text, remedy=NAME_ONE)
     identity = begun["identity"]
     if problem := identity_problem(identity):
         raise StorageError(problem, file=store.of(CLAIM))
@@ -383,7 +384,8 @@ def _look(place: Path | str, chosen: slice | None, progress: Progress, *, check:
 def _look_into(out: Path, chosen: slice | None) -> _Seen:
     """Look into a folder, in which the dataset is finished or under way."""
     if not out.is_dir():
-        raise StorageError("is not a folder" if out.exists() else "there is no such folder", file=out)
+        problem = "is not a folder" if out.exists() else "there is no such folder"
+        raise StorageError(problem, file=out, remedy=NAME_ONE)
     shards = read_shards(out)
     state = _state(out, shards)
     check_no_links(out, state.sequences)
@@ -403,7 +405,7 @@ def _state(out: Path, shards: Shards) -> DatasetState:
         note = "only the shards that were begun are known, as no run has begun to merge; the preset may have more"
         return DatasetState(identity, None, frozenset(identity["sequences"]), holds_frames=True, note=note)
     if state is None:
-        raise StorageError(NOTHING, file=out)
+        raise StorageError(NOTHING, file=out, remedy=NAME_ONE)
     if state.problem:
         raise StorageError(state.problem, file=out)
     return state

@@ -239,7 +239,8 @@ def parse_settings(
     for setting, where in found:
         if (other := names.get(setting.name.casefold())) is not None:
             same = other == setting.name
-            raise where.error(f"{other!r} is given twice" if same else format_same_folder(setting.name, other))
+            problem = f"{other!r} is given twice" if same else format_same_folder(setting.name, other)
+            raise where.error(problem, "give one another name")
         names[setting.name.casefold()] = setting.name
     return tuple(setting for setting, _ in found)
 

@@ -694,7 +694,8 @@ def _load(path: Path) -> dict[str, Any]:
             path, "no such preset", remedy=f"presets there: {near}" if near else "check the path"
         ) from error
     except OSError as error:
-        raise InputError(path, f"cannot be read: {error.strerror or error}") from error
+        remedy = "name a YAML file; 'noisy-world list presets' names those that are shipped"
+        raise InputError(path, f"cannot be read: {error.strerror or error}", remedy=remedy) from error
     document = read_yaml(content, path)
     if not isinstance(document, dict):
         problem = "is empty" if document is None else "is not a mapping of keys"

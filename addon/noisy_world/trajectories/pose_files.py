@@ -421,7 +421,7 @@ def read_text(path: Path) -> str:
     try:
         data = read_bytes(path)
     except FileNotFoundError:
-        raise InputError(path, "does not exist") from None
+        raise InputError(path, "does not exist", remedy="name a file of poses that is there") from None
     except OSError as error:
         raise InputError(path, f"cannot be read: {error.strerror or error}") from None
     try:
