@@ -6,6 +6,7 @@ python headless/pictures/docs_pictures.py cameras addon/noisy_world/panel/camera
 python headless/pictures/docs_pictures.py weather FOLDER --frame FRAME.exr
 python headless/pictures/docs_pictures.py lens docs/lens.jpg
 python headless/pictures/docs_pictures.py depth docs/depth_noise.jpg
+python headless/pictures/docs_pictures.py depth docs/twin.jpg --device measured.yaml
 """
 
 import argparse
@@ -14,13 +15,14 @@ import sys
 import tempfile
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT / "addon"), str(ROOT / "headless")]
 
 import cv2
 import numpy as np
+import yaml
 from numpy.typing import NDArray
 
 from noisy_world.core.schema import ConfigPath
@@ -79,6 +81,7 @@ def main(arguments: list[str]) -> int:
     lens.set_defaults(draw=draw_lenses)
     depth = kinds.add_parser("depth", help="slopes of depth that is clean, noisy pixel by pixel, and noisy in patches")
     depth.add_argument("file", type=Path, help="the picture to write")
+    depth.add_argument("--device", type=Path, help="a measured device's file, drawn in place of the last model")
     depth.set_defaults(draw=draw_depth)
     options = parser.parse_args(arguments)
     options.draw(options)
@@ -351,7 +354,14 @@ def draw_depth(options: argparse.Namespace) -> None:
     with render.scene.source.prepare(render.camera, print) as prepared:
         frame = prepared.open(paths, render_options(plan, render), print).frame(paths.request(DEPTH_FRAME))
     clean_m = CleanFrame(DEPTH_FRAME, frame).depth_m
-    depths = [apply(clean_m, "structured_light", seed=1, device=each, intrinsics=render.camera) for each in KINECTS]
+    models: list[dict[str, dict[str, Any]]] = [{"structured_light": {"device": each}} for each in KINECTS]
+    if options.device is not None:
+        models[-1] = yaml.safe_load(options.device.read_text())["depth"]
+    depths = [
+        apply(clean_m, name, seed=1, intrinsics=render.camera, **given)
+        for model in models
+        for name, given in model.items()
+    ]
     gallery.save(options.file, np.hstack([sloping(each) for each in (clean_m, *depths)]), gallery.QUALITY)
 
 

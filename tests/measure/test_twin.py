@@ -136,7 +136,11 @@ def test_shutter_lens_light_files_and_clocks_become_steps():
         Figure.exact("jpeg_quality", 80, 9),
         Figure.exact("jpeg_420_share", 0.0, 9),
         Figure("depth_late_frames", 1.4, 1.3, 1.5),
-        Figure.exact("gyro_noise_density", 0.002, 9),
+        Figure.exact("gyro_noise_density", 0.001, 9),
+        Figure.exact("gyro_rest_noise_density", 0.002, 9),
+        Figure.exact("gyro_bandwidth_hz", 64.0, 9),
+        Figure.exact("accel_bandwidth_hz", 120.0, 9),
+        Figure("imu_clock_drift_ppm", 50.0, 40.0, 60.0),
         Figure("imu_clock_s", 0.02, 0.015, 0.025),
         Figure("imu_clock_by_poses_s", 0.021, 0.02, 0.022),
         Figure.exact("jitter_s", 0.001, 9),
@@ -159,7 +163,9 @@ def test_shutter_lens_light_files_and_clocks_become_steps():
     ]
     assert twin.delay_ms == -70.0
     assert twin.pairing == []
-    assert twin.imu == {"gyro_noise_density": 0.002, "time_offset_s": 0.021}
+    clock = {"time_offset_s": 0.021, "clock_drift_ppm": 50.0}
+    assert twin.imu == {"gyro_noise_density": 0.002, "bandwidth_hz": 64.0} | clock
+    assert any("accel_bandwidth_hz" in line for line in twin.untold)
     for name in ("white_balance_range_stops", "column_noise_std", "jpeg_420_share", "jitter_s", "missing_frames"):
         assert any(line.startswith(name) for line in twin.untold)
     (setting,) = (

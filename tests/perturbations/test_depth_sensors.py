@@ -443,18 +443,33 @@ def test_the_measured_kinect_is_as_its_frames_say():
 # --- holes in clumps ---
 
 
-@cases(("z_m", "angle_deg"), [(1.0, 0), (3.5, 0), (2.0, 75)])
-def test_too_little_light_comes_back_from_far_and_glancing_surfaces(z_m, angle_deg):
+@cases(
+    ("name", "z_m", "angle_deg"),
+    [
+        ("structured_light", 1.0, 0),
+        ("structured_light", 3.5, 0),
+        ("structured_light", 2.0, 75),
+        ("axial_noise", 2.0, 75),
+    ],
+)
+def test_too_little_light_comes_back_from_far_and_glancing_surfaces(name, z_m, angle_deg):
     camera, tilt = camera_of((120, 160), 5e3), math.radians(angle_deg)
     depth, _ = plane((math.sin(tilt), 0, math.cos(tilt)), z_m * math.cos(tilt), camera)
     values = {"least_light": 0.02, "reflectance_spread": 1.5, "clump_px": 0.5, "noise": 0}
-    lost = [
-        apply(depth, "structured_light", seed=2, frame=frame, intrinsics=camera, baseline_m=0.001, step_px=0, **values)
-        == 0
-        for frame in range(20)
-    ]
+    values |= {"baseline_m": 0.001, "step_px": 0} if name == "structured_light" else {}
+    lost = [apply(depth, name, seed=2, frame=frame, intrinsics=camera, **values) == 0 for frame in range(20)]
     light = math.cos(tilt) / z_m**2
     assert np.mean(lost) == pytest.approx(normal_share(math.log(0.02 / light) / 1.5), abs=0.02)
+
+
+@cases("name", ["structured_light", "axial_noise"])
+def test_strips_at_the_sides_give_nothing(name):
+    strips = {"blind_px": 3, "blind_left_px": 2, "blind_top_px": 1, "blind_bottom_px": 4}
+    found = measured(name, np.full((20, 30), 1.5), 585.5, noise=0, **strips) > 0
+    inside = np.zeros((20, 30), np.bool_)
+    inside[1:16, 2:27] = True
+    assert not found[~inside].any()
+    assert found[8, 12]
 
 
 def clumps_of(lost):

@@ -29,17 +29,23 @@ LEAST_SURE_S = 0.02  # standard error of a clock that tells nothing
 FITS = 0.5  # share of the turns' variance that an IMU has to explain
 
 LATE = "depth_late_frames"
+LATE_DRIFT = "depth_drift_ms_per_min"
 CLOCK = "imu_clock_s"
 CLOCK_BY_POSES = "imu_clock_by_poses_s"
+CLOCK_DRIFT = {CLOCK: "imu_clock_drift_ppm", CLOCK_BY_POSES: "imu_clock_by_poses_drift_ppm"}
+LEAST_SPAN_S = 20.0  # from the first to the last part of a recording, before a drift is told
 
 
-def depth_lateness(steps: Steps) -> Figure:
-    """Return by how many frames depth is late: how much earlier colour shows what a frame's depth shows."""
+def depth_lateness(steps: Steps, stamps_s: Float64) -> tuple[Figure, Figure]:
+    """Return by how many frames depth is late: how much earlier colour shows what a frame's depth shows; and its drift.
+
+    stamps_s: (N,) of colour. The drift is in milliseconds a minute.
+    """
     moves, good = _colour_moves(steps)
     told = good & (np.abs(steps.normal).sum(axis=(1, 2)) > 0) & ~beside(steps.same_depth, steps.run)
     if told.sum() < LEAST_STEPS:
         why = "too few frames in a row show depth and features that move"
-        return Figure.none(LATE, why)
+        return _untold(LATE, LATE_DRIFT, why)
     normal, right = steps.normal * told[:, None, None], steps.right * told[:, None]
     scale = np.trace(normal, axis1=1, axis2=2)
     middle = float(np.median(scale[told]))
@@ -71,7 +77,7 @@ def depth_lateness(steps: Steps) -> Figure:
 
     lags = np.arange(-most, most + 1)
     if len(_rows_within(steps.run, lags)) < LEAST_STEPS // 2:
-        return Figure.none(LATE, "runs of frames are too short")
+        return _untold(LATE, LATE_DRIFT, "runs of frames are too short")
     scores, _ = explained(lags, blocks)
     best = int(lags[int(scores.argmax())])
     near, at, gains = lags, 0, np.zeros(1)
@@ -83,13 +89,38 @@ def depth_lateness(steps: Steps) -> Figure:
             break
         best = int(near[at])
     if scores.max() <= 0 or at in (0, 4) or not GAIN[0] < gains[at] < GAIN[1]:
-        return Figure.none(LATE, "motion of depth fits that of colour nowhere")
+        return _untold(LATE, LATE_DRIFT, "motion of depth fits that of colour nowhere")
     value = _top(near, scores)
     left_out = np.array([_top(near, explained(near, blocks[blocks != block])[0]) for block in blocks])
     error = jackknifed(left_out)
     if not error < 1.0:
-        return Figure.none(LATE, "the motion is too even")
-    return Figure.within(LATE, value, error, int(told.sum()), "steps")
+        return _untold(LATE, LATE_DRIFT, "the motion is too even")
+    rows = _rows_within(steps.run, near)
+    rate_hz = 1 / float(np.median(np.diff(stamps_s)))
+    each = np.array([_top(near, explained(near, blocks[blocks == block])[0]) for block in blocks])
+    drift = _drift(LATE_DRIFT, each, stamps_s[steps.frames[rows, 0]], 6e4 / rate_hz)
+    return Figure.within(LATE, value, error, int(told.sum()), "steps"), drift
+
+
+def _untold(name: str, drift: str, why: str) -> tuple[Figure, Figure]:
+    return Figure.none(name, why), Figure.none(drift, why)
+
+
+def _drift(name: str, each: Float64, at_s: Float64, scale: float) -> Figure:
+    """Return how fast a value changes, times `scale` a second. each: (BLOCKS,) of the blocks. at_s: (N,) of samples."""
+    blocks = blocks_of(len(at_s))
+    middle_s = np.array(
+        [at_s[blocks == block].mean() if (blocks == block).any() else np.nan for block in range(BLOCKS)]
+    )
+    if not np.isfinite(middle_s).all() or np.ptp(middle_s) < LEAST_SPAN_S:
+        return Figure.none(name, f"parts of the recording are less than {LEAST_SPAN_S:g} s apart")
+    if not np.isfinite(each).all():
+        return Figure.none(name, "some parts of the recording do not tell it")
+    off_s = middle_s - middle_s.mean()
+    slope = float(off_s @ each / (off_s @ off_s))
+    rest = each - each.mean() - slope * off_s
+    error = float(np.sqrt(rest @ rest / (BLOCKS - 2) / (off_s @ off_s)))
+    return Figure.within(name, scale * slope, scale * error, len(at_s), "steps")
 
 
 def _colour_moves(steps: Steps) -> tuple[Float64, NDArray[np.bool_]]:
@@ -126,10 +157,10 @@ def _top(places: NDArray[np.int64], scores: Float64) -> float:
 # --- the clock of an IMU ---
 
 
-def imu_clock(footage: RecordingView, steps: Steps) -> Figure:
-    """Return the IMU's clock minus the images', in seconds."""
+def imu_clock(footage: RecordingView, steps: Steps) -> tuple[Figure, Figure]:
+    """Return the IMU's clock minus the images', in seconds, and how much faster it goes, in millionths."""
     if footage.imu is None:
-        return Figure.none(CLOCK, "there is no IMU")
+        return _untold(CLOCK, CLOCK_DRIFT[CLOCK], "there is no IMU")
     stamps_s = footage.stamps.rgb.seconds
     turns = -steps.move[:, :3]  # of the camera, not of the world before it
     good = np.isfinite(turns).all(axis=1) & ~beside(steps.same, steps.run)
@@ -137,35 +168,43 @@ def imu_clock(footage: RecordingView, steps: Steps) -> Figure:
     return _clock(CLOCK, footage.imu, turns[good], one_s, other_s)
 
 
-def imu_clock_by_poses(imu: RecordedImu | None, path: Trajectory, stamps_s: Float64) -> Figure:
-    """Return the IMU's clock minus that of the poses, in seconds. stamps_s: (N,) of the poses; no image is read."""
+def imu_clock_by_poses(imu: RecordedImu | None, path: Trajectory, stamps_s: Float64) -> tuple[Figure, Figure]:
+    """Return the IMU's clock minus that of the poses, in seconds, and how much faster it goes, in millionths.
+
+    stamps_s: (N,) of the poses. No image is read.
+    """
     if imu is None:
-        return Figure.none(CLOCK_BY_POSES, "there is no IMU")
+        return _untold(CLOCK_BY_POSES, CLOCK_DRIFT[CLOCK_BY_POSES], "there is no IMU")
     known = np.flatnonzero(path.known)
     known = known[np.concatenate([[True], np.diff(stamps_s[known]) > 0])] if len(known) else known
     if len(known) < LEAST_STEPS:
-        return Figure.none(CLOCK_BY_POSES, "few poses are known")
+        return _untold(CLOCK_BY_POSES, CLOCK_DRIFT[CLOCK_BY_POSES], "few poses are known")
     turned = path.c2w[known, :3, :3]
     turns = rotvec_from_rotation(np.swapaxes(turned[:-1], 1, 2) @ turned[1:])
     return _clock(CLOCK_BY_POSES, imu, turns, stamps_s[known][:-1], stamps_s[known][1:])
 
 
-def _clock(name: str, imu: RecordedImu, turns: Float64, one_s: Float64, other_s: Float64) -> Figure:
-    """Return a figure of the IMU's clock. turns: (N, 3) of the camera in its axes, radians, between two times each."""
+def _clock(name: str, imu: RecordedImu, turns: Float64, one_s: Float64, other_s: Float64) -> tuple[Figure, Figure]:
+    """Return figures of the IMU's clock and of its drift.
+
+    turns: (N, 3) of the camera in its axes, radians, between two times each.
+    """
     turned = _Gyro(imu)
     measured = (one_s - MOST_S > turned.first_s) & (other_s + MOST_S < turned.last_s)
     if measured.sum() < LEAST_STEPS:
-        return Figure.none(name, "too few frames in a row show how the camera turns while the IMU measures")
+        return _untold(
+            name, CLOCK_DRIFT[name], "too few frames in a row show how the camera turns while the IMU measures"
+        )
     turns, one_s, other_s = turns[measured], one_s[measured], other_s[measured]
     said = (imu.rig.rgb.robot_from_sensor[:3, :3].T @ imu.samples.imu.robot_from_sensor[:3, :3]).T
-    figure = _clock_with(name, turns, turned, (one_s, other_s), said)
+    found = _clock_with(name, turns, turned, (one_s, other_s), said)
     # Where the files' axes do not fit, those that fit best.
-    return figure if figure.value is not None else _clock_with(name, turns, turned, (one_s, other_s), None)
+    return found if found[0].value is not None else _clock_with(name, turns, turned, (one_s, other_s), None)
 
 
 def _clock_with(
     name: str, turns: Float64, turned: "_Gyro", times_s: tuple[Float64, Float64], axes: Float64 | None
-) -> Figure:
+) -> tuple[Figure, Figure]:
     weights = np.ones(len(turns))
     share, best_s = 0.0, 0.0
 
@@ -180,9 +219,9 @@ def _clock_with(
         spread = 1.4826 * float(np.median(off)) + 1e-9
         weights = np.clip(1 - (off / (TUKEY * spread)) ** 2, 0, None) ** 2
     if share < FITS:
-        return Figure.none(name, "its turns fit those of the images nowhere")
+        return _untold(name, CLOCK_DRIFT[name], "its turns fit those of the images nowhere")
     if abs(best_s) > MOST_S - 2 * COARSE_S:
-        return Figure.none(name, f"it is more than {MOST_S:g} s away, if it is of these images")
+        return _untold(name, CLOCK_DRIFT[name], f"it is more than {MOST_S:g} s away, if it is of these images")
     fine_s = np.asarray(best_s + np.arange(-6, 7) * FINE_S, np.float64)
     blocks = blocks_of(len(turns))
     value = _bottom(fine_s, [left(later_s)[0] for later_s in fine_s])
@@ -190,8 +229,16 @@ def _clock_with(
     left_out = np.array([_bottom(fine_s, [left(later_s, rows)[0] for later_s in fine_s]) for rows in kept])
     error = jackknifed(left_out)
     if not error < LEAST_SURE_S:
-        return Figure.none(name, "the camera turns too evenly")
-    return Figure.within(name, value, error, len(turns), "steps")
+        return _untold(name, CLOCK_DRIFT[name], "the camera turns too evenly")
+    each: list[float] = []
+    for block in range(BLOCKS):
+        rows, at_s = np.flatnonzero(blocks == block), value
+        for _ in range(2):  # again around where the part itself has it
+            near_s = np.asarray(at_s + np.arange(-6, 7) * FINE_S, np.float64)
+            at_s = _bottom(near_s, [left(later_s, rows)[0] for later_s in near_s])
+        each.append(at_s)
+    drift = _drift(CLOCK_DRIFT[name], np.array(each), times_s[0], 1e6)
+    return Figure.within(name, value, error, len(turns), "steps"), drift
 
 
 class _Gyro:

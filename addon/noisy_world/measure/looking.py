@@ -105,16 +105,16 @@ def _looked(
         fine = fine or footage.imu is not None
         stamps_s = footage.stamps.rgb.seconds
         _stamps(heap, footage)
-        by_poses = imu_clock_by_poses(footage.imu, footage.path, footage.stamps.pose.seconds)
-        heap.add(by_poses)
+        by_poses, drift = imu_clock_by_poses(footage.imu, footage.path, footage.stamps.pose.seconds)
+        heap.add(by_poses, drift)
         later, steps = 0, None
         if looked_at >= 2:
             runs = runs_of(len(footage), looked_at, busy=_busy(footage))
             steps = steps_of(footage, runs, fine=fine)
             _steps(heap, footage, steps)
             later = _late(heap, footage, steps, runs, fine=fine)
-            clock = imu_clock(footage, steps)
-            heap.add(clock)
+            clock, drift = imu_clock(footage, steps)
+            heap.add(clock, drift)
             _clock(heap, clock, by_poses)
         else:
             _clock(heap, Figure.none(CLOCK, "no images are looked at"), by_poses)
@@ -224,17 +224,17 @@ def _late(heap: _Heap, footage: RecordingView, steps: Steps, runs: Sequence[rang
     if not footage.has_depth:
         return 0
     stamps_s = footage.stamps.rgb.seconds
-    late = depth_lateness(per_frame(steps, stamps_s))
+    late, drift = depth_lateness(per_frame(steps, stamps_s), stamps_s)
     shifted = round(late.value) if late.value is not None and late.sure_beyond(LATE_FRAMES) else 0
     if shifted:  # again with the depth that belongs to each frame, as motion by colour is measured with depth too
         steps = steps_of(footage, runs, fine=fine, depth_later=shifted)
-        more = depth_lateness(per_frame(steps, stamps_s))
-        late = late if more.value is None else more.plus(shifted)
+        more, again = depth_lateness(per_frame(steps, stamps_s), stamps_s)
+        late, drift = (late, drift) if more.value is None else (more.plus(shifted), again)
     # Stamps that say the same are no fault.
     rate_hz = footage.rate_hz or 1.0
     stamped = rate_hz * depth_stamps_later_s(footage.stamps.rgb.seconds, footage.stamps.depth.seconds)
     late = late.plus(-stamped)
-    heap.add(late)
+    heap.add(late, drift)
     if late.value is not None and late.sure_beyond(LATE_FRAMES):
         way, shown = ("late", "earlier") if late.value > 0 else ("early", "later")
         heap.fault(

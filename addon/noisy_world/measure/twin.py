@@ -22,6 +22,7 @@ from .depth_holes import LAW as HOLES
 from .depth_noise import HEAD_ON, LAGS_PX, SHIFT, WIDE_SIDE
 from .depth_noise import SIDE as DEPTH_SIDE
 from .figure import Figure
+from .imu_noise import AT_REST, BANDWIDTHS
 from .looking import RecordingFigures
 
 # Chosen, as all below.
@@ -40,6 +41,7 @@ WHITE_ELECTRONS, MOST_ELECTRONS = 1e6, 1000.0  # of white, so that photons' nois
 HOT_LIGHT, HOT_SEEN = 0.2, 0.86  # of white, on average; share of such pixels that stand out as measured ones do
 DARK_S = 0.01  # default of sensor_noise
 LEAST_JITTER_S = 1e-6  # less is the rounding of stamps
+BANDWIDTH_APART = 1.2
 IMU_KEYS = ("gyro_noise_density", "accel_noise_density")
 
 Values = dict[str, Any]
@@ -418,9 +420,15 @@ def _pairing(twin: Twin, found: RecordingFigures) -> None:
 
 
 def _imu(twin: Twin, found: RecordingFigures) -> None:
-    for name in IMU_KEYS:
-        if (value := _value(found, name)) is not None:
+    for name, at_rest in zip(IMU_KEYS, AT_REST, strict=True):
+        resting = _value(found, at_rest)
+        if (value := _value(found, name) if resting is None else resting) is not None:
             twin.imu[name] = _plain(value)
+    bandwidths = [value for name in BANDWIDTHS if (value := _value(found, name)) is not None]
+    if bandwidths:
+        twin.imu["bandwidth_hz"] = _plain(bandwidths[0], 3)
+        if max(bandwidths) > BANDWIDTH_APART * min(bandwidths):
+            twin.untold.append("accel_bandwidth_hz: is another than the gyroscope's, and an IMU here has one")
     clocks = [
         figure
         for name in ("imu_clock_s", "imu_clock_by_poses_s")
@@ -428,6 +436,13 @@ def _imu(twin: Twin, found: RecordingFigures) -> None:
     ]
     if clocks and (later_s := min(clocks, key=lambda figure: figure.half_width).value) is not None:
         twin.imu["time_offset_s"] = _plain(later_s)
+    drifts = [
+        figure
+        for name in ("imu_clock_drift_ppm", "imu_clock_by_poses_drift_ppm")
+        if (figure := found.figures.get(name)) is not None and figure.sure_beyond(0)
+    ]
+    if drifts and (ppm := min(drifts, key=lambda figure: figure.half_width).value) is not None:
+        twin.imu["clock_drift_ppm"] = _plain(ppm, 3)
 
 
 def _stamps(twin: Twin, found: RecordingFigures) -> None:
