@@ -24,6 +24,7 @@ from .footage import Float32, Float64, RecordingView
 FINE_PX, COARSE_PX = 1.0, 2.0  # standard deviations of the two scales
 STEP = 1 / 3  # px^2: variance of what a central difference over two pixels adds to both
 LEAST_SLOPE = 4.0 / 255  # a pixel, at the coarse scale, in linear light
+OVER_NOISE = 1.2  # slope over the deviation of noise, whose own fine slopes are a fifth of it
 ALIKE = 0.3  # relative difference of slopes on either side of an edge: lines and corners have more
 BESIDE_PX, BEYOND_PX = 2.3, 4.5  # how far from an edge slopes are compared, and have to be over
 BORDER_PX = 8
@@ -39,7 +40,7 @@ ANGLES, CONTRASTS = 6, 4  # classes of edges within which width is compared
 SHARES = np.linspace(-0.6, 1.3, 39)  # exposures that are tried, of the interval; below 0 wider edges move less
 LEAST_SURE = 0.35  # half an interval of an exposure's share that tells nothing
 OWN_PX2, OWN_ERROR_PX2 = 0.2, 0.12  # variance of edges that are in focus, by texture and pixels, as known ones have it
-LENS, LENS_ERROR = 0.96, 0.05  # of a deviation: a disk's slope is less than a Gaussian's, found on known ones
+LENS, LENS_ERROR = 1.0, 0.06  # of a deviation: a disk's slope is less than a Gaussian's, found on known ones
 EXPOSURE_ERROR = 0.07  # of its square, found on known ones
 WIDTH_ERROR_PX2 = 0.1  # variance by which near and far things, which move differently, are differently sharp
 
@@ -212,7 +213,7 @@ def _edges(light: Float32) -> tuple[Float64, Float64, NDArray[np.int64], Float64
     coarse = np.asarray(cv2.GaussianBlur(fine, (0, 0), math.sqrt(COARSE_PX**2 - FINE_PX**2)), np.float32)
     slopes = [_slopes(image) for image in (fine, coarse)]
     steep = np.hypot(*slopes[1])
-    candidate = steep > LEAST_SLOPE
+    candidate = steep > max(LEAST_SLOPE, OVER_NOISE * _noise(light))  # noise alone looks like sharp edges
     candidate[:BORDER_PX] = candidate[-BORDER_PX:] = False
     candidate[:, :BORDER_PX] = candidate[:, -BORDER_PX:] = False
     y, x = np.nonzero(candidate)
@@ -236,6 +237,14 @@ def _edges(light: Float32) -> tuple[Float64, Float64, NDArray[np.int64], Float64
     alike &= np.minimum(along(1, BEYOND_PX), along(1, -BEYOND_PX)) > -0.1 * slope
     at = np.stack([x, y], axis=1)[alike]
     return ((sharp / slope)[alike].astype(np.float64), slope[alike].astype(np.float64), at, across[alike])
+
+
+def _noise(light: Float32) -> float:
+    """Return the deviation of white noise in an image, by the median of second differences (after Immerkaer, 1996)."""
+    import cv2
+
+    kernel = np.outer((1, -2, 1), (1, -2, 1)).astype(np.float32) / 6
+    return 1.4826 * float(np.median(np.abs(cv2.filter2D(light, -1, kernel)[::3, ::3])))
 
 
 def _slopes(image: Float32) -> tuple[Any, Any]:

@@ -13,7 +13,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from .figure import BLOCKS, Figure, blocks_of, jackknifed
+from .figure import BLOCKS, WITHIN, Figure, blocks_of, jackknifed
 from .footage import Float64, RecordingView
 
 # Chosen, as all below.
@@ -118,15 +118,21 @@ def colour_noise(footage: RecordingView, frames: Sequence[int]) -> ColourNoise:
     variance = float(np.mean([(sigma / 255) ** 2 for _, sigma, _ in whole]))
     by_texture = float(np.average([share for share, _ in textures], weights=[weight for _, weight in textures]))
     apart = by_texture * variance**0.5, 2 * by_texture * variance
+    constant_error, slope_error = _law_errors(curve, count=len(whole))
+    gaussian = float(fitted[0])
+    # An error of the constant part is one of its root; what one part takes, the other lacks.
+    even = constant_error / max(2 * gaussian, constant_error**0.5) if constant_error > 0 else 0.0
     law = [
         Figure.within(
             name,
             float(fitted[place]),
-            float(np.hypot(jackknifed(left_out[:, place]), apart[place])),
+            float(np.sqrt(jackknifed(left_out[:, place]) ** 2 + apart[place] ** 2 + joint**2)),
             len(curve),
             "intensities",
         )
-        for place, name in enumerate(("colour_gaussian_std", "colour_variance_per_intensity"))
+        for place, (name, joint) in enumerate(
+            (("colour_gaussian_std", even), ("colour_variance_per_intensity", slope_error))
+        )
     ]
     if len(curve) < 3:
         law[1] = Figure.none(law[1].name, "too few intensities are seen")
@@ -266,6 +272,21 @@ def _law(points: list[tuple[float, float, float]]) -> Float64:
     elif constant < 0:
         constant, slope = 0.0, np.sum(scaled**2 * x * y) / np.sum(scaled**2 * x * x)
     return np.array([float(np.sqrt(constant)), float(slope)])
+
+
+def _law_errors(curve: Sequence[tuple[float, Figure]], count: int) -> tuple[float, float]:
+    """Return the errors of both parts of the law, together, by those of its points; 0 of fewer than three."""
+    if count < 3:
+        return 0.0, 0.0
+    level, sigma, error = (
+        np.array(column)
+        for column in zip(*((at, figure.value, figure.half_width / WITHIN) for at, figure in curve), strict=True)
+    )
+    terms = np.stack([np.ones_like(level), level / 255], axis=1)
+    of_variance = 2 * sigma * np.maximum(error, LEAST_ERROR * sigma) / 255**2
+    weighted = terms / of_variance[:, None]
+    constant, slope = np.sqrt(np.diag(np.linalg.pinv(weighted.T @ weighted))).tolist()
+    return float(constant), float(slope)
 
 
 def _correlation(kept: list[tuple[float, Float64]]) -> float:
