@@ -522,7 +522,8 @@ class NOISYWORLD_PT_shots(DatasetSection, bpy.types.Panel):
         buttons.separator()
         buttons.operator(NoisyWorldMoveShot.bl_idname, text="", icon="TRIA_UP").by = -1
         buttons.operator(NoisyWorldMoveShot.bl_idname, text="", icon="TRIA_DOWN").by = 1
-        layout.operator(NoisyWorldShotsFromMarkers.bl_idname, icon="MARKER_HLT")
+        if len(context.scene.timeline_markers):
+            layout.operator(NoisyWorldShotsFromMarkers.bl_idname, icon="MARKER_HLT")
         if (shot := active_shot(panel)) is not None:
             _draw_shot(layout, shot)
         _draw_run(layout, context)
