@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.special import ndtr
 
-from noisy_world.measure.blur import NAMES, blur_figures
+from noisy_world.measure.blur import NAMES, blur_figures, evenly_between
 from noisy_world.measure.motion import Followed, Steps, moved_by
 from noisy_world.measure.readout import readout
 
@@ -66,6 +66,13 @@ def test_wide_blur_is_seen_in_smaller_images_and_a_still_camera_tells_no_exposur
 def test_an_image_without_edges_tells_nothing():
     flat = SimpleNamespace(colour=lambda frame: np.full((HIGH, WIDE, 3), 128, np.uint8), rate_hz=RATE_HZ)
     assert all("too few edges" in figure.untold for figure in blur_figures(flat, range(1, 9)))
+
+
+def test_frames_beside_lost_ones_tell_no_way():
+    stamps_s = np.array([0, 1, 2, 3, 5, 6, 7, 8]) / RATE_HZ
+    assert evenly_between([0, 2, 3, 4, 6, 7], stamps_s) == [1, 2, 6]
+    still = SimpleNamespace(colour=lambda frame: np.zeros((HIGH, WIDE, 3), np.uint8), rate_hz=RATE_HZ)
+    assert all("too few frames" in figure.untold for figure in blur_figures(still, [1, 2]))
 
 
 # --- points that are seen by lines, one after another ---

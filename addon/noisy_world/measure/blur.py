@@ -28,6 +28,7 @@ OVER_NOISE = 1.2  # slope over the deviation of noise, whose own fine slopes are
 ALIKE = 0.3  # relative difference of slopes on either side of an edge: lines and corners have more
 BESIDE_PX, BEYOND_PX = 2.3, 4.5  # how far from an edge slopes are compared, and have to be over
 BORDER_PX = 8
+LOST = 1.5  # times the usual gap: longer ones have lost a frame
 MOST_EDGES = 5000  # of a frame
 FLOW_PX = 400  # the width at which motion is followed, at most
 LEAST_EDGES = 2000
@@ -72,6 +73,8 @@ def blur_figures(footage: RecordingView, frames: Sequence[int]) -> tuple[Figure,
 
     Raises InputError where one of them is damaged.
     """
+    if len(frames) < BLOCKS:
+        return tuple(Figure.none(name, "too few frames follow one another") for name in NAMES)
     seen = [_Frame(footage, frame) for frame in frames]
     found: list[_Widths] = []
     for level in range(LEVELS):
@@ -87,6 +90,17 @@ def blur_figures(footage: RecordingView, frames: Sequence[int]) -> tuple[Figure,
     near = [each for each in found if each.way_px <= FARTHEST_PX] or found[-1:]
     exposure = min(near, key=lambda each: each.error)
     return (*_exposure(exposure, ways_px, len(seen), footage.rate_hz), _defocus(near, len(seen)))
+
+
+def evenly_between(frames: Sequence[int], stamps_s: Float64) -> list[int]:
+    """Return those of some frames that have one before and one after them, with no frame lost between, by stamps (N,).
+
+    Each frame is moved inwards to the nearest that has both neighbours.
+    """
+    inner = np.unique(np.clip(frames, 1, len(stamps_s) - 2))
+    gaps_s = np.diff(stamps_s)
+    whole = gaps_s < LOST * float(np.median(gaps_s))
+    return inner[whole[inner - 1] & whole[inner]].tolist()
 
 
 @dataclass(frozen=True)

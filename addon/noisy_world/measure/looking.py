@@ -8,7 +8,7 @@ import numpy as np
 
 from ..core.geometry import Intrinsics
 from ..render.source import Source
-from .blur import blur_figures
+from .blur import blur_figures, evenly_between
 from .calibration import ANGLE, ZOOM, Calibration, calibration
 from .coding import coding
 from .colour_noise import colour_noise
@@ -148,7 +148,7 @@ def measured(name: str, source: Source, camera: Intrinsics) -> RecordingFigures:
         colour = colour_noise(footage, frames)
         compressed = coding(footage, frames)
         figures = [*colour.figures, *fixed_noise(footage, frames), *compressed.figures, *inertial]
-        figures += blur_figures(footage, np.unique(np.clip(frames, 1, len(footage) - 2)).tolist())
+        figures += blur_figures(footage, evenly_between(frames, footage.stamps.rgb.seconds))
         figures += (
             readout(without_gaps(steps, footage.stamps.rgb.seconds), footage.rate_hz) if steps is not None else ()
         )
