@@ -48,7 +48,7 @@ def test_defaults(write):
         (MINIMAL + "render: {samples: 2.5}\n", ["render.samples", "the number 2.5", "whole number"]),
         (MINIMAL + "render: {samples: true}\n", ["render.samples", "the truth value true"]),
         (MINIMAL + "render: {samples: -1}\n", ["render.samples", "out of range", "1 to 65536"]),
-        (MINIMAL + "render: [1]\n", ["render", "a list", "mapping of engine, backend, device, samples"]),
+        (MINIMAL + "render: [1]\n", ["render", "a list", "mapping of engine, backend, device, "]),
         (MINIMAL + "seed: -1\n", ["seed", "out of range"]),
         (MINIMAL + "seed: .nan\n", ["seed", "whole number"]),
         (MINIMAL + "camera: {width: 10}\n", ["camera.height", "is missing"]),
