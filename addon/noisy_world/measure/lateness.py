@@ -281,7 +281,9 @@ def _misfit(turns: Float64, by_imu: Float64, weights: Float64, axes: Float64 | N
 
 
 def _bottom(places: Float64, misfits: Sequence[float]) -> float:
-    """Return the lowest place of a parabola that is fitted to misfits."""
+    """Return the lowest place of a parabola that is fitted to misfits; NaN where there is none."""
+    if not (np.isfinite(places).all() and np.isfinite(misfits).all()):
+        return np.nan
     middle = places[len(places) // 2]
     bend, slope, _ = np.polyfit(places - middle, misfits, 2)
     return float(middle + np.clip(-slope / (2 * bend), places[0] - middle, places[-1] - middle)) if bend > 0 else np.nan
