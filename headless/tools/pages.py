@@ -13,6 +13,7 @@ import re
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import fields
+from itertools import takewhile
 from pathlib import Path
 from textwrap import fill
 from typing import TypeVar
@@ -130,9 +131,11 @@ def table(columns: tuple[str, ...], rows: Iterator[tuple[str, ...]]) -> str:
 
 
 def command_table() -> str:
-    """Return the table of subcommands, ours alone, in the order of --help."""
-    ours = (command for name, command in COMMANDS.items() if COMMANDS.distribution(name) is None)
-    return table(("subcommand", "what it does", "for"), ((f"`{c.name}`", c.help, c.group) for c in ours))
+    """Return the table of subcommands, ours alone, by what they are for; --help says what each does."""
+    groups: dict[str, list[str]] = {}
+    for command in ours(COMMANDS):
+        groups.setdefault(command.group, []).append(command.name)
+    return table(("to", "subcommands"), ((group, listed(names)) for group, names in groups.items()))
 
 
 # --- perturbations ---
@@ -181,7 +184,7 @@ def parameters_of(item: Perturbation) -> str:
 
 
 def gallery() -> str:
-    """Return the pictures of all of them, by stage."""
+    """Return the pictures of all of them, by stage; what each does stands in the table, and is not said again."""
     parts: list[str] = []
     every = own_perturbations().values()
     for stage in STAGES:
@@ -189,10 +192,11 @@ def gallery() -> str:
         parts += [STAGE_NOTES[stage]] if stage in STAGE_NOTES else []
         for item in (item for item in every if item.stage == stage):
             about = item.about
-            caption = (about.caption or f"{item.sentence[:1].lower()}{item.sentence[1:]}").removesuffix(".")
             picture = f"![{about.picture or f'{item.label} at severities 1, 3 and 5'}](gallery/{item.name}.jpg)"
             whose = f", {origin}" if (origin := origin_of(item, "ours")) else ""
-            parts.append(f"### {item.label}\n{picture}\n" + wrapped(f"`{item.name}`{whose}: {caption}."))
+            caption = f"{about.caption[:1].upper()}{about.caption[1:].removesuffix('.')}." if about.caption else ""
+            lines = (f"### {item.label}: `{item.name}`{whose}", picture, wrapped(caption))
+            parts.append("\n".join(filter(None, lines)))
     return re.sub(r"\n\n(?=### )", "\n", "\n\n".join(parts))
 
 
@@ -275,12 +279,16 @@ def recorded_layout_table() -> str:
 
 
 def key_tables() -> str:
-    """Return the keys of a preset: a table for each branch. Keys of a branch that say the same share a row."""
+    """Return the keys of a preset: a table for each branch. Keys of a branch that say the same share a row.
+
+    A lens has one branch, wherever it stands.
+    """
     branches: dict[str, dict[str, list[str]]] = {}
     for name, said in preset_keys():
         parts = name.removeprefix("scenes[].").split(".")
         inside = name.startswith("scenes[].")
         branch = f"a scene's {parts[0]}" if inside and len(parts) > 1 else "a scene" if inside else parts[0]
+        branch = "a lens" if "distortion" in parts[:-1] else branch
         branches.setdefault(branch, {}).setdefault(said.replace("|", "\\|"), []).append(name)
     several = {branch: rows for branch, rows in branches.items() if len(rows) > 1}
     alone = {said: names for rows in branches.values() if len(rows) == 1 for said, names in rows.items()}
@@ -326,11 +334,39 @@ def map_metric_table() -> str:
 
 
 def metrics_in(items: Iterable[Metric]) -> str:
-    """Return a table of metrics."""
-    rows = (
-        (quoted(item.name), item.unit, item.better, item.meaning.removesuffix("."), item.misleads) for item in items
+    """Return a table of metrics. Neighbours that say the same but for a word or two share a row."""
+    rows: list[tuple[list[str], list[str], tuple[str, str, str]]] = []
+    for item in items:
+        meaning, rest = item.meaning.removesuffix("."), (item.unit, item.better, item.misleads)
+        if rows and rows[-1][2] == rest and one_meaning([*rows[-1][1], meaning]):
+            rows[-1][0].append(item.name)
+            rows[-1][1].append(meaning)
+        else:
+            rows.append(([item.name], [meaning], rest))
+    return table(
+        ("name", "unit", "better", "what it is", "when it misleads"),
+        (
+            (listed(names), unit, better, one_meaning(meanings), misleads)
+            for names, meanings, (unit, better, misleads) in rows
+        ),
     )
-    return table(("name", "unit", "better", "what it is", "when it misleads"), rows)
+
+
+def one_meaning(meanings: list[str]) -> str:
+    """Return what texts say that differ in one place, by at most two words, with these beside; "" for others."""
+    words = [meaning.split() for meaning in meanings]
+    begin = len(common_beginning(words))
+    end = len(common_beginning([one[begin:][::-1] for one in words]))
+    apart = [" ".join(one[begin : len(one) - end]) for one in words]
+    if len(meanings) > 1 and (begin + end < 5 or any(not 0 < len(text.split()) <= 2 for text in apart)):
+        return ""
+    first = words[0]
+    return " ".join([*first[:begin], ", ".join(filter(None, apart)), *first[len(first) - end :]]).strip()
+
+
+def common_beginning(texts: list[list[str]]) -> list[str]:
+    """Return the words that all of some texts begin with."""
+    return [same[0] for same in takewhile(lambda same: len(set(same)) == 1, zip(*texts, strict=False))]
 
 
 def system_table() -> str:
