@@ -37,9 +37,9 @@ class Work:
     start_s: what each takes before its first frame: a process, Blender, a scene from the shared disk.
     """
 
-    core_s: float = 35.6 * 3600.0  # docs/cost.md: Cycles, reference
+    core_s: float = 35.6 * 3600.0  # docs/speed_against_error.md: Cycles, reference
     files: float = 4e6
-    size_bytes: float = 1.13e12  # docs/cost.md
+    size_bytes: float = 1.13e12  # docs/speed_against_error.md
     shards: int = 0
     spread: float = 0.15
     start_s: float = 8.0

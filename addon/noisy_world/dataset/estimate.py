@@ -24,7 +24,7 @@ from .identity import Described, RecordedSetting, RecordedStep
 from .plan import Plan, Render
 from .sequence import Numbers, PlannedSequence, array_of, lay_out, spread
 
-# Measured on two cores at 1200 x 680 (docs/cost.md), and rounded.
+# Measured on two cores at 1200 x 680 (docs/speed_against_error.md), and rounded.
 SECONDS_PER_SAMPLE = 2.4e-7  # a ray in Cycles: 0.20 s for a frame of one sample
 SECONDS_PER_PIXEL = 2e-8  # reading or encoding and writing a frame's two images: 0.016 s
 SECONDS_PER_RAY = 6.5e-8  # engine embree: 0.05 s a frame
