@@ -35,7 +35,7 @@ def about_example(files: list[Path]) -> str:
     if first.is_dir():
         first = first / "pyproject.toml"
     for line in read_text(first).splitlines():
-        if found := re.match(r'(?:# (?!SPDX)|"""| +"# )(.+?)(?:\\n",|""")?$', line):
+        if found := re.match(r'(?:(?:#|//) (?!SPDX)|"""| +"# )(.+?)(?:\\n",|""")?$', line):
             return found[1]
     return ""
 
