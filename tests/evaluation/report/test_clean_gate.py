@@ -110,7 +110,7 @@ def test_runs_through_60_degrees_of_320_x_240_are_flagged_and_those_of_the_study
     wrong = {scene.scene: scene.wrong for scene in gate.scenes if scene.wrong}
     assert wrong == {"room1": "ATE 13.5 mm, scale 1.017", "room5": "ATE 13 mm"}
     assert len(gate.scenes) == 6
-    assert len(wrong) > 1  # docs/study_plan.md: in more than one of the six rooms nothing is concluded
+    assert len(wrong) > 1  # docs/results.md: in more than one of the six rooms nothing is concluded
     assert gate.name("orb_slam3") == f"orb_slam3 {MARK}"
     assert camera_of(study)["width"] / camera_of(study)["fx"] == 2.0  # 90 degrees
     wide = clean_gate(read_results(study))
