@@ -88,6 +88,9 @@ CHANGES = {
     "scenes[].frames": ("blend", "scenes.0.frames='1:3'"),
     "scenes[].compositor": ("blend", "scenes.0.compositor=keep"),
     "scenes[].depth_alpha": ("blend", "scenes.0.depth_alpha=0.3"),
+    "scenes[].air.soften_sun": ("sunny", "scenes.0.air.soften_sun=false"),
+    "scenes[].air.visibility_m": ("sunny", "scenes.0.air.visibility_m=150"),
+    "scenes[].air.path_m": ("sunny", "scenes.0.air.path_m=50"),
     "scenes[].trajectory.file": ("mesh", "scenes.0.trajectory.file=other.txt"),
     "scenes[].trajectory.handheld.frames": ("handheld", "scenes.0.trajectory.handheld.frames=4"),
     "scenes[].trajectory.handheld.rate_hz": ("handheld", "scenes.0.trajectory.handheld.rate_hz=10"),
@@ -352,6 +355,10 @@ def presets(tmp_path_factory):
         },
         "video": {**bare, "scenes": [{"name": "box", "video": "walk.avi", "depth": "depth"}]},
         "blend": {**bare, "scenes": [{"name": "box", "blend": "hall.blend", "frames": "1:2"}]},
+        "sunny": {
+            **bare,
+            "scenes": [{"name": "box", "blend": "sunny.blend", "frames": "1:2", "air": {"soften_sun": True}}],
+        },
     }
     for name, content in made.items():
         (folder / f"preset_{name}.yaml").write_text(json.dumps(content))
@@ -369,6 +376,8 @@ def hall(presets):
     save(presets)
     bpy.data.objects["Ball"].location.z += 0.1
     save(presets, "other")
+    scene.collection.objects.link(bpy.data.objects.new("Sun", bpy.data.lights.new("Sun", "SUN")))
+    save(presets, "sunny")
     return presets
 
 
@@ -381,18 +390,22 @@ def identities():
     return {}
 
 
+OWN_SCENES = ("blend", "sunny")
+"""Bases whose plans look at a file in a Blender of its own."""
+
+
 def test_every_key_is_here():
     assert sorted(CHANGES) == sorted(leaves())
     assert set(leaves()) < {name for name, _ in preset_keys()}
 
 
-@cases("name", [name for name, (base, *_) in CHANGES.items() if base != "blend"])
+@cases("name", [name for name, (base, *_) in CHANGES.items() if base not in OWN_SCENES])
 def test_what_decides_bytes_is_in_the_identity(presets, identities, name):
     check(presets, identities, name)
 
 
 @pytest.mark.long  # each plan looks at the file in a Blender of its own
-@cases("name", [name for name, (base, *_) in CHANGES.items() if base == "blend"])
+@cases("name", [name for name, (base, *_) in CHANGES.items() if base in OWN_SCENES])
 def test_what_decides_bytes_of_a_blend_is_in_the_identity(hall, identities, name):
     check(hall, identities, name)
 

@@ -23,6 +23,10 @@ from noisy_world.dataset.plan import make_plan
         ({"trajectory": {"file": "traj.txt", "body": "walker"}}, ("trajectory.body: ", "needs a mesh")),
         ({"compositor": "on"}, ("scenes.0.compositor: ", "'on'")),
         ({"depth_alpha": 2}, ("scenes.0.depth_alpha: ", "is 2", "0 to 1")),
+        ({"air": {"soften_sun": "yes"}}, "scenes.0.air.soften_sun: "),
+        ({"air": {"visibility_m": 0}}, ("scenes.0.air.visibility_m: ", "is 0")),
+        ({"air": {"path_m": -1}}, ("scenes.0.air.path_m: ", "is -1")),
+        ({"blend": None, "mesh": "a.ply", "frames": None, "air": {}}, ("scenes.0.air: ", "goes with blend")),
         ({"blend": "none.blend"}, ("scenes.0.blend: no such file: ", "none.blend")),
     ],
 )

@@ -85,6 +85,7 @@ def opened(
     keep=False,
     through_glass=False,
     camera=None,
+    sun_air=None,
 ):
     """The session of a .blend along its own camera's path, or a named one's; also the path and the intrinsics.
 
@@ -118,6 +119,7 @@ def opened(
         sampled=False,
         keep_compositor=keep,
         depth_alpha=depth_alpha,
+        sun_air=sun_air,
     )
     with closing(OwnSceneSession(file, paths, parameters.intrinsics, options)) as session:
         yield session, paths, parameters.intrinsics

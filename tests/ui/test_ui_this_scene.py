@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 import pytest
 from refusals import refused
-from panel_tools import settings, straight, use_files
+from panel_tools import Drawn, settings, straight, use_files
 
 from noisy_world.nodes.chain_scene import shown_chain
 from noisy_world.render.own_stills import read_frames
@@ -27,6 +27,7 @@ from noisy_world.panel import (
     loading,
 )
 from noisy_world.panel.generating import run_of
+from noisy_world.panel.source_views import shown
 
 pytestmark = pytest.mark.usefixtures("add_on")
 
@@ -143,6 +144,34 @@ def test_a_saved_file_is_itself_the_source_and_its_preset_comes_back(hall, tmp_p
     said = document.to_document(item)
     assert "camera" not in said
     assert "render" not in said
+
+
+def test_air_softens_the_sun_of_the_scene_in_its_preset_and_preview_alone(hall, tmp_path):
+    item, (lamp,) = settings(), bpy.data.lights
+    item.of_blend.air.soften_sun, item.of_blend.air.visibility_m = True, 50.0
+    lamp.type = "POINT"
+    refused(lambda: open_scene.check(hall), names=("This Scene: ", "no sun lamp"))
+    lamp.type = "SUN"
+    bpy.context.view_layer.update()
+    assert bpy.ops.noisy_world.load_trajectory() == {"FINISHED"}
+    assert "copy was saved" in open_scene.ensure(hall)
+    own = bpy.data.lights[0].angle
+    softened = frame_preview.still_of(hall, 0).rgb
+    bpy.context.view_layer.update()
+    assert bpy.data.lights[0].angle == own
+    assert open_scene.ensure(hall) == ""  # nothing has changed that a render shows
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "hall.blend"))
+    said = document.to_document(item := settings())
+    assert said["scenes"][0]["air"] == {"soften_sun": True, "visibility_m": 50.0}
+    assert document.save_preset(item, tmp_path / "hall.yaml") == ""
+    item.mesh_source = "ROOM"
+    document.open_preset(item, tmp_path / "hall.yaml")
+    assert item.mesh_source == "SCENE"
+    assert document.to_document(item) == said
+    shown(item).draw(layout := Drawn(), item)
+    assert layout.names[-3:] == ["soften_sun", "visibility_m", "path_m"]
+    item.of_blend.air.soften_sun = False
+    assert not np.array_equal(frame_preview.still_of(bpy.context.scene, 0).rgb, softened)
 
 
 def darkened():

@@ -131,10 +131,15 @@ def new_action(item: bpy.types.ID, name: str) -> bpy.types.Action:
 
 def fcurves_of(data: bpy.types.AnimData) -> list[bpy.types.FCurve]:
     """Return the curves that animate what this data belongs to; other users of its action are left out."""
-    if data.action is None or data.action_slot is None:
+    return curves_in(data.action, data.action_slot)
+
+
+def curves_in(action: bpy.types.Action | None, slot: bpy.types.ActionSlot | None) -> list[bpy.types.FCurve]:
+    """Return the curves of one user of an action; none where there is none."""
+    if action is None or slot is None:
         return []
-    strips = (strip for layer in data.action.layers for strip in layer.strips)
-    bags = (strip.channelbag(data.action_slot) for strip in strips if isinstance(strip, bpy.types.ActionKeyframeStrip))
+    strips = (strip for layer in action.layers for strip in layer.strips)
+    bags = (strip.channelbag(slot) for strip in strips if isinstance(strip, bpy.types.ActionKeyframeStrip))
     return [curve for bag in bags if bag is not None for curve in bag.fcurves]
 
 

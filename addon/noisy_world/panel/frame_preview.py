@@ -4,6 +4,7 @@
 import time
 from collections import OrderedDict
 from collections.abc import Callable, Collection, Iterable, Mapping
+from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, Literal, TypeAlias
@@ -77,7 +78,9 @@ def rendered(scene: bpy.types.Scene, frame: int) -> RenderedFrame:
     if not open_scene.is_shown(panel):
         (still,) = render_stills(scene, [frame], empty=exclusions.shows_dataset(scene))
         return still
-    return render_own_still(scene, own_still(scene, frame))
+    still = own_still(scene, frame)
+    with open_scene.as_it_was() if still.sun_air is not None else nullcontext():
+        return render_own_still(scene, still)
 
 
 def request_of(scene: bpy.types.Scene, indices: Iterable[int]) -> StillRequest:
@@ -143,6 +146,7 @@ def own_still(scene: bpy.types.Scene, index: int) -> OwnStill:
         keep_compositor=keeps_compositing(scene),
         depth_alpha=panel.of_blend.depth_alpha,
         lens=_lens(panel),
+        sun_air=open_scene.sun_air(panel),
     )
 
 
@@ -708,7 +712,7 @@ def outdated(scene: bpy.types.Scene) -> set[Kind]:
 def _on_change(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
     """Drop the rendered frames of a scene in which something was moved, edited or lit differently."""
     uid = scene.session_uid
-    if uid not in _stills and uid not in _followed and runs.active_still() is None:
+    if open_scene.is_given_back() or (uid not in _stills and uid not in _followed and runs.active_still() is None):
         return
     if any(_makes_stale(item, scene) for item in depsgraph.updates):
         forget(scene)

@@ -2,6 +2,8 @@
 """The open scene itself as what the dataset shows, and the file that a dataset of it is made from."""
 
 import json
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -21,10 +23,12 @@ from ..nodes.chain_scene import LEFT_AT, SHOWN, hide_chain, own_compositing, sho
 from ..preset.names import FrameRange
 from ..render.own_view import bound_cameras, camera_parameters, sampled_camera
 from ..render.scene_inspection import camera_problems, inspect_scene, scale_note, uncomposed
+from ..scenes.sun_air import SunAir
+from ..sources.blend import AirSpec
 from .fields import Handlers, tell
 from .own_objects import OURS, keys_state
 from .properties import panel_of
-from .tree import value_of
+from .tree import is_given, to_document, value_of
 
 # Paths of the panel's files and of its dataset.
 
@@ -91,6 +95,7 @@ class _Copy:
 
 _copies: dict[int, _Copy] = {}  # by scene
 _changes = [0]  # how often something was changed that a render may show
+_given_back: list[bool] = []  # not empty while what changes is given back
 
 
 def blend_file(scene: bpy.types.Scene) -> Path:
@@ -195,6 +200,25 @@ def _write(path: Path) -> None:
 # --- what has changed ---
 
 
+@contextmanager
+def as_it_was() -> Iterator[None]:
+    """Hear of no changes inside, where lamps are changed for a while and given back; those before are heard of."""
+    layer = bpy.context.view_layer
+    assert layer is not None
+    layer.update()
+    _given_back.append(True)
+    try:
+        yield
+    finally:
+        layer.update()
+        _given_back.pop()
+
+
+def is_given_back() -> bool:
+    """Tell whether what changes now is given back."""
+    return bool(_given_back)
+
+
 def _state(scene: bpy.types.Scene) -> tuple[int, str]:
     """Return what is another after each change that a render of the scene may show.
 
@@ -243,8 +267,8 @@ def _is_our_camera(item: bpy.types.ID) -> bool:
 @persistent
 def _on_change(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
     """Count a change of anything that a render may show, but for what `_state` looks at itself."""
-    if all(window.scene != scene for window in bpy.context.window_manager.windows):
-        return  # a copy of a scene that a still is rendered from
+    if is_given_back() or all(window.scene != scene for window in bpy.context.window_manager.windows):
+        return  # the latter in a copy of a scene that a still is rendered from
     if any(_counts(scene, update) for update in depsgraph.updates if update.id is not None):
         _changes[0] += 1
 
@@ -383,7 +407,8 @@ def check(scene: bpy.types.Scene) -> None:
     """Raise InputError where the scene, as it is open, can be no source: what is missing, scripted or not baked."""
     panel = panel_of(scene)
     given = panel.use_camera
-    found = inspect_scene(scene, None, frame_range(scene), path=False, lens_given=given)
+    softened = sun_air(panel) is not None
+    found = inspect_scene(scene, None, frame_range(scene), path=False, lens_given=given, softened=softened)
     needed = follows(panel) or not given
     for item in found.problems:
         if needed or item.key != "camera":
@@ -405,7 +430,18 @@ def entry(panel: Any, place: Any) -> dict[str, Any]:
         said["compositor"] = "keep"
     if panel.of_blend.use_depth_alpha:
         said["depth_alpha"] = value_of(panel.of_blend, "depth_alpha")
+    if is_given(panel.of_blend, "air"):
+        said["air"] = _air_said(panel)
     return said
+
+
+def _air_said(panel: Any) -> dict[str, Any]:
+    return to_document(panel.of_blend.air, AirSpec)
+
+
+def sun_air(panel: Any) -> SunAir | None:
+    """Return what softens the sun lamps of the open scene; None where nothing does."""
+    return AirSpec(**_air_said(panel)).sun_air
 
 
 def motion_state(scene: bpy.types.Scene) -> list[Any]:

@@ -305,6 +305,11 @@ class _ThisScene(ShownSource):
     def draw(self, layout: bpy.types.UILayout, panel: Any) -> None:
         layout.prop(panel, "compositing")
         layout.prop(self.group(panel), "depth_alpha", slider=True)
+        air = self.group(panel).air
+        layout.prop(air, "soften_sun")
+        if air.soften_sun:
+            layout.prop(air, "visibility_m")
+            layout.prop(air, "path_m")
 
 
 # --- frames from elsewhere ---

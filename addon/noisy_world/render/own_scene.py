@@ -26,6 +26,7 @@ from ..core.lens import Bending, Distortion, overscanned
 from ..nodes.datablocks import camera_of, get_value, inputs
 from ..nodes.datablocks import cycles as cycles_of
 from ..perturbations.groups import BRIGHTEST
+from ..scenes.sun_air import SunAir
 from .engines import (
     BYTES_PER_PIXEL,
     CENTRE_FILTER_PX,
@@ -54,6 +55,7 @@ from .own_view import (
 from .scene_dependencies import blocks_of
 from .scene_inspection import open_file, show_scene
 from .source import Motion, RenderedFrame, RenderOptions, SceneLight, surfaces_bent
+from .sun_lamps import softened, suns_of
 
 # Depth of a scene of one's own, rendered apart from colour: one ray through each pixel's centre, whatever the engine.
 #
@@ -377,7 +379,7 @@ class OwnSceneFile:
     camera, and one for all where frames between these are asked for. follows: whether the path is these cameras' own,
     so that motion blur shows their motion. lens_given: whether the preset gives the intrinsics. sampled: whether it
     gives the samples. keep_compositor: whether the scene's compositor is used. depth_alpha: what is less opaque does
-    not stop depth.
+    not stop depth. sun_air: what softens its sun lamps, in memory alone; None where nothing does.
     """
 
     path: Path
@@ -391,6 +393,7 @@ class OwnSceneFile:
     sampled: bool
     keep_compositor: bool
     depth_alpha: float
+    sun_air: SunAir | None = None
 
     def at(self, time_s: float) -> tuple[float, str | None]:
         """Return the scene's frame at a time on the path's clock, and the camera that sees it."""
@@ -461,6 +464,9 @@ class OwnSceneSession:
             else None
         )
         self._passes = passes
+        self._softened = ExitStack()
+        if file.sun_air is not None:
+            self._softened.enter_context(softened(suns_of(blocks), file.sun_air))
 
     def serves(self, paths: SensorPaths, options: RenderOptions) -> bool:
         """Tell whether frames along other paths, with other options, would be those of a session of their own."""
@@ -542,7 +548,8 @@ class OwnSceneSession:
         return (moved, back) if self._bending is None else (self._bending.motion(moved), self._bending.motion(back))
 
     def close(self) -> None:
-        """Remove the scratch files."""
+        """Remove the scratch files, and give sun lamps their own light back."""
+        self._softened.close()
         glance = None if self._glance is self._depth else self._glance
         for part in (self._colour, self._depth, self._motion, self._seen, glance):
             if part is not None:

@@ -31,6 +31,7 @@ from ..core.trajectory import Trajectory
 from ..nodes.chain_scene import hide_chain, shown_chain
 from ..nodes.datablocks import override_scene
 from ..preset.keys import EngineName
+from ..scenes.sun_air import SunAir
 from .engines import ENGINES, NAMES_IN_BLENDER, FrameRenderer, configure
 from .own_scene import OwnSceneFile, OwnSceneSession
 from .own_view import ShownColour, sampled_camera, show_frame
@@ -49,7 +50,7 @@ class OwnStill:
 
     follows: whether the path is that camera's own. clip_m: nearest and farthest, where they are not the camera's.
     engine, samples: where they are not the scene's own. depth_alpha: what is less opaque does not stop depth.
-    lens: that distorts what the camera sees.
+    lens: that distorts what the camera sees. sun_air: what softens sun lamps while it is rendered.
     """
 
     frame: float
@@ -63,6 +64,7 @@ class OwnStill:
     keep_compositor: bool
     depth_alpha: float
     lens: Distortion | None = None
+    sun_air: SunAir | None = None
 
 
 def render_own_still(scene: bpy.types.Scene, still: OwnStill) -> RenderedFrame:
@@ -103,6 +105,7 @@ def _rendered(scene: bpy.types.Scene, still: OwnStill) -> RenderedFrame:
         sampled=still.samples is not None,
         keep_compositor=still.keep_compositor,
         depth_alpha=still.depth_alpha,
+        sun_air=still.sun_air,
     )
     c2w = still.c2w
     if c2w is None:
@@ -236,12 +239,13 @@ def _content_of(still: OwnStill) -> dict[str, Any]:
 
 
 def _still_of(content: dict[str, Any]) -> OwnStill:
-    c2w, clip_m, lens = content["c2w"], content["clip_m"], content["lens"]
+    c2w, clip_m, lens, air = (content[name] for name in ("c2w", "clip_m", "lens", "sun_air"))
     given = {
         "c2w": None if c2w is None else np.array(c2w, dtype=np.float64),
         "clip_m": None if clip_m is None else tuple(clip_m),
         "intrinsics": Intrinsics(**content["intrinsics"]),
         "lens": None if lens is None else Distortion(lens["model"], tuple(lens["coefficients"])),
+        "sun_air": None if air is None else SunAir(**air),
     }
     return OwnStill(**(content | given))
 

@@ -2,7 +2,7 @@
 """Inspection of a .blend in a process of its own: what one of its scenes holds, as JSON on standard output.
 
 Its request comes as JSON on standard input: file, limit_s (of a processor), scene, camera, frames (first, last, step),
-path, lens_given, composited.
+path, lens_given, composited, softened.
 """
 
 import json
@@ -24,6 +24,7 @@ from ..scenes.blend_scene import OwnScene, Problem, SampledCamera
 from .engines import NAMES_IN_BLENDER
 from .own_view import bound_cameras, camera_alone, lacks_denoiser, numbered_objects, rendered_layer, sampled_camera
 from .scene_dependencies import SceneFiles, files_of
+from .sun_lamps import not_softened
 
 # Why a scene of one's own cannot become a dataset: what another process would render differently, or not at all.
 
@@ -243,6 +244,7 @@ def _answer(asked: dict[str, Any]) -> dict[str, Any]:
         path=asked["path"],
         lens_given=asked["lens_given"],
         composited=asked["composited"],
+        softened=asked["softened"],
         alone=True,
     )
     return {"found": found.content()}
@@ -290,17 +292,20 @@ def inspect_scene(
     path: bool = True,
     lens_given: bool = False,
     composited: bool = False,
+    softened: bool = False,
     alone: bool = False,
 ) -> OwnScene:
     """Return what the window's scene says of itself.
 
     camera_name: None for the scene's own. chosen: the frames; None for the scene's. path: whether the camera's path is
     asked for, and not only how it sees at the first frame. lens_given: whether the preset gives the intrinsics.
-    composited: whether its own compositor is kept.
+    composited: whether its own compositor is kept. softened: whether its sun lamps are.
     alone: whether the file is open for this alone, so that what the camera does not depend on may be taken out.
     """
     files = files_of(scene)
     problems = list(problems_of(scene, files, composited=composited))
+    if softened and (problem := not_softened(scene, files.blocks)):
+        problems.append(problem)
     render = scene.render
     frames = chosen or FrameRange(scene.frame_start, max(scene.frame_start, scene.frame_end), scene.frame_step)
     camera = None if camera_name is None else scene.objects.get(camera_name)

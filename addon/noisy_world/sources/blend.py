@@ -11,11 +11,53 @@ from ..preset.keys import CameraSpec, Preset
 from ..preset.names import LAST_POSSIBLE, FrameRange, frame_range_problem
 from ..preset.scene_keys import PathKeys, check_trajectory
 from ..render.source import OwnRendering, Source
+from ..scenes.sun_air import SunAir
 from .renderers import check_light_lens
 from .scene_kinds import FileSource, SceneEntry, path_file_of, read_path
 
 if TYPE_CHECKING:
     from ..scenes.blend_scene import OwnScene
+
+
+@dataclass(frozen=True)
+class AirSpec:
+    """The air that a scene's sun shines through."""
+
+    TOOLTIPS: ClassVar[dict[str, str]] = {
+        "soften_sun": "On: sun lamps shine as through heavy air: shadows are softer, and the sun is weaker",
+        "visibility_m": "Lower: the sun's shadows are softer",
+        "path_m": "Higher: the sun's shadows are softer",
+    }
+
+    soften_sun: bool = key(
+        "whether the scene's sun lamps get the wide disc and the light of a sun behind that air, in every setting",
+        default=False,
+        identity="meaning",
+    )
+    visibility_m: float = key(
+        "distance at which 5 % of the contrast is left, as of fog_depth",
+        unit="m",
+        default=200.0,
+        above=0,
+        maximum=100_000,
+        identity="meaning",
+        slider=(10, 5000),
+    )
+    path_m: float = key(
+        "way of the sun's light through that air: its layer's height divided by the sine of the sun's",
+        unit="m",
+        default=100.0,
+        above=0,
+        maximum=100_000,
+        identity="meaning",
+        slider=(1, 1000),
+        label="Sunlight's Way",
+    )
+
+    @property
+    def sun_air(self) -> SunAir | None:
+        """What softens the scene's sun; None where nothing does."""
+        return SunAir(self.visibility_m, self.path_m) if self.soften_sun else None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,6 +100,12 @@ class BlendKeys(PathKeys):
         maximum=1,
         identity="meaning",
     )
+    air: AirSpec | None = key("the air that the scene's sun shines through; default clear air", default=None)
+
+    @property
+    def sun_air(self) -> SunAir | None:
+        """What softens the scene's sun; None where nothing does."""
+        return None if self.air is None else self.air.sun_air
 
     @property
     def frame_range(self) -> FrameRange | None:
@@ -124,8 +172,12 @@ def blend_scene(entry: SceneEntry[BlendKeys], path: Path, parts: tuple[str, ...]
         needs_path=spec.trajectory is None,
         lens_given=given is not None,
         composited=spec.compositor == "keep",
+        softened=spec.sun_air is not None,
     )
     rendering, sampled = _rendering(preset, place, found, given)
+    if spec.sun_air is not None and rendering.engine == "workbench":
+        problem = "is true, but workbench shows no lamps"
+        raise place.at("air").at("soften_sun").error(problem, Message("set ", PresetKey("render.engine", "cycles")))
     path_file, known, axes = None, None, None
     if spec.trajectory is not None:
         where = place.at("trajectory")
@@ -146,6 +198,7 @@ def blend_scene(entry: SceneEntry[BlendKeys], path: Path, parts: tuple[str, ...]
         rendering,
         sampled,
         preset.place("camera").at("distortion"),
+        spec.sun_air,
     )
     if max(abs(source.scene_frames[0]), abs(source.scene_frames[-1])) > LAST_POSSIBLE:
         span_s = float(source.stamps_s[-1] - source.stamps_s[0])

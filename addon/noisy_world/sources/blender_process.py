@@ -345,11 +345,13 @@ def inspect_blend(
     needs_path: bool,
     lens_given: bool,
     composited: bool = False,
+    softened: bool = False,
 ) -> OwnScene:
     """Return what a scene of a .blend says of itself; a look is remembered until a file of the scene changes.
 
     needs_path: whether its camera's path is asked for. lens_given: whether the preset gives the intrinsics. composited:
-    whether the .blend's own compositor is kept. Raises InputError naming the preset's key where it cannot be a source.
+    whether the .blend's own compositor is kept. softened: whether its sun lamps are. Raises InputError
+    naming the preset's key where it cannot be a source.
     """
     chosen = None if frames is None else (frames.first, frames.last, frames.step)
     request = {
@@ -359,6 +361,7 @@ def inspect_blend(
         "path": needs_path,
         "lens_given": lens_given,
         "composited": composited,
+        "softened": softened,
     }
     answer = _inspected(path.absolute(), json.dumps(request))
     if "unreadable" in answer:

@@ -6,7 +6,7 @@ import hashlib
 from collections.abc import Callable, Iterator
 from collections.abc import Sequence as Many
 from contextlib import contextmanager
-from dataclasses import dataclass, fields, replace
+from dataclasses import asdict, dataclass, fields, replace
 from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
@@ -37,6 +37,7 @@ from ..render.source import (
 from ..scenes.blend_scene import OwnScene
 from ..scenes.mesh_files import imported_format
 from ..scenes.polygon_mesh import SceneObject
+from ..scenes.sun_air import SunAir
 from .blender_process import last_words, write_lit_file
 from .rendered_mesh import MeshSource
 from .renderers import Beginning, beginning_of, check_beginning, check_light_lens, lens_of
@@ -59,7 +60,7 @@ class BlendSource(SimpleSource):
     compositor, depth_alpha: as the preset has them. found: what the scene says of itself. given: the preset's camera;
     None where the scene's own holds. path_file: of the poses, None where the scene's camera moves by itself.
     known_path, axes: what was read of it. rendering: how it is rendered. sampled: whether the preset gives the samples.
-    lens_place: where the preset says the lens.
+    lens_place: where the preset says the lens. sun_air: what softens its sun lamps; None where nothing does.
     """
 
     place: ConfigPath
@@ -74,6 +75,7 @@ class BlendSource(SimpleSource):
     rendering: OwnRendering
     sampled: bool
     lens_place: ConfigPath
+    sun_air: SunAir | None = None
 
     @property
     def location(self) -> str:
@@ -156,6 +158,7 @@ class BlendSource(SimpleSource):
         listed = "".join(f"{sha256_of_file(file)} {file.name}\n" for file in files)
         seen_by = "" if self.found.camera is None else ", ".join(sorted(set(self._cameras)))
         own_path = f"{seen_by} from frame {self.found.first} by {self.found.step}"
+        air = {} if self.sun_air is None else {"sun_air": 1, **asdict(self.sun_air)}  # 1: the version of the law
         return {
             "blend": self.path.name,
             "blend_sha256": sha256_of_file(self.path),
@@ -170,6 +173,7 @@ class BlendSource(SimpleSource):
             "near_m": self.rendering.near_m,
             "far_m": self.rendering.far_m,
             "first_frame": self.found.first,
+            **air,
             **PERTURBED_LIGHT,
             "trajectory": own_path if self.path_file is None else self.path_file.name,
             "trajectory_sha256": None if self.path_file is None else sha256_of_path(self.path_file),
@@ -202,6 +206,7 @@ class BlendSource(SimpleSource):
             sampled=self.sampled,
             keep_compositor=self.compositor == "keep",
             depth_alpha=self.depth_alpha,
+            sun_air=self.sun_air,
         )
 
     @contextmanager

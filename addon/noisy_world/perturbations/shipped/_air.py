@@ -27,9 +27,6 @@ from ._sizes import extra_of, halved, with_extra
 Float32: TypeAlias = NDArray[np.float32]
 Float64: TypeAlias = NDArray[np.float64]
 
-# The contrast of a black object that is left at the distance called visibility (WMO's meteorological optical range).
-CONTRAST_THRESHOLD = 0.05
-EXTINCTION = -math.log(CONTRAST_THRESHOLD)
 GIVEN_AIR = {f"air_{name}": ("air", "colour") for name in ("red", "green", "blue")} | {"airlight": ("air", "grey")}
 """What giving a grey or a colour implies."""
 AIR_TOOLTIPS = {

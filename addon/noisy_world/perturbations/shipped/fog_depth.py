@@ -16,13 +16,13 @@ from ...core.node_graph import Graph, GroupInput, Socket, Value
 from ...core.schema import Choice, key
 from ...core.srgb import LUMINANCE, decoded, encoded
 from ...core.streams import stream
+from ...core.visibility import EXTINCTION
 from ..groups import Canvas, convert, seed_of
 from ..kinds import About, ColourPerturbation, FrameContext, Nodes
 from ._air import (
     AIR_TOOLTIPS,
     BLOCK_PX,
     DROP,
-    EXTINCTION,
     GIVEN_AIR,
     MARGIN,
     air_colour_key,

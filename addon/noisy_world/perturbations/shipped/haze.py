@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 from ...core.node_graph import Socket
 from ...core.schema import Choice, key
 from ...core.srgb import LUMINANCE, decoded, encoded
+from ...core.visibility import EXTINCTION
 from ..groups import Canvas, convert
 from ..kinds import About, ColourPerturbation, FrameContext, Nodes
 from ._air import (
     AIR_TOOLTIPS,
     DROP,
-    EXTINCTION,
     GIVEN_AIR,
     air_colour_key,
     air_key,
