@@ -111,6 +111,22 @@ def test_what_cannot_be_loaded_leaves_the_users_scene_and_makes_none(tmp_path):
     assert (bpy.context.scene, len(bpy.data.scenes), state(own)) == (own, scenes, before)
 
 
+def test_what_fails_after_a_change_can_be_undone_and_the_camera_keeps_its_action(tmp_path):
+    # An undone file that points to an action which was removed between two steps ends Blender.
+    document.open_preset(settings(), small_preset(tmp_path))
+    bpy.ops.noisy_world.load_trajectory()
+    bpy.ops.ed.undo_push(message="Load Trajectory")
+    (action,), mesh, none = bpy.data.actions, settings().of_mesh.mesh, str(tmp_path / "none.ply")
+    left = action.session_uid
+    refused(bpy.ops.noisy_world.drop_mesh, filepath=none, names="none.ply", error=RuntimeError)
+    for step, shown in ((None, none), (bpy.ops.ed.undo, mesh), (bpy.ops.ed.redo, none)):
+        assert step is None or step() == {"FINISHED"}
+        assert settings().of_mesh.mesh == shown
+        (action,) = bpy.data.actions
+        assert (action.session_uid, action.users) == (left, 1)
+        assert bpy.context.scene.camera.animation_data.action == action
+
+
 def test_files_that_are_dropped_on_a_view_are_loaded(tmp_path):
     mesh, path = square(tmp_path / "dropped.ply", size_m=4.0), small_preset(tmp_path, seed=3)
     handlers = {cls.bl_label: cls for cls in own_classes(bpy.types.FileHandler)}

@@ -150,11 +150,13 @@ def test_a_group_that_takes_the_camera_follows_a_slider(scene):
 
 def test_following_in_place_costs_little(scene):
     steps = [steps_of({"fog": {"severity": s, "mode": "dynamic"}}, {"gaussian_noise": {"severity": s}}) for s in (3, 4)]
-    costs = {}
+    costs, actions = {}, set()
     for scene.frame_end in (99, 399):
         refresh_chain(scene, steps[0], IDENTIFIERS)
         costs[scene.frame_end] = calls_made(refresh_chain, scene, steps[1], IDENTIFIERS)
         assert len(bpy.data.actions) == 1
+        actions.add(bpy.data.actions[0].session_uid)  # replaced, undo would find what points to one that is gone
+    assert len(actions) == 1
     assert (costs[399] - costs[99]) / 300 < 60  # the keys of a frame more
     hide_chain(scene)
     assert costs[399] < calls_made(refresh_chain, scene, steps[1], IDENTIFIERS)  # the groups are read again

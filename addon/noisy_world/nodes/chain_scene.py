@@ -103,6 +103,7 @@ def set_values(
             if changes:
                 key_socket(tree, socket, known)
                 keyed.append(path)
+    drop_empty_action(tree)
     _remember(tree, LEFT_AT, left_at)
     _remember(tree, KEYED, keyed)
 
@@ -160,16 +161,24 @@ def _keyed_paths(tree: bpy.types.NodeTree) -> set[str]:
 
 
 def clear_keys(tree: bpy.types.NodeTree, ours: Sequence[str]) -> None:
-    """Remove the curves that we made, and the action where nothing is left in it."""
+    """Remove the curves that we made. The action stays, to be keyed anew or dropped: `emptied_action` says why."""
     data = tree.animation_data
     if data is None or data.action is None:
         return
-    action, curves = data.action, fcurves_of(data)
-    if any(curve.data_path not in ours for curve in curves):
+    if any(curve.data_path in ours for curve in fcurves_of(data)):
+        if data.action.users > 1:  # a copy of the tree has it, too
+            data.action = data.action.copy()
         bag = action_bag(tree)
-        for curve in [curve for curve in curves if curve.data_path in ours]:
+        for curve in [curve for curve in bag.fcurves if curve.data_path in ours]:
             bag.fcurves.remove(curve)
+
+
+def drop_empty_action(tree: bpy.types.NodeTree) -> None:
+    """Remove a tree's action where no curve of the tree is left in it."""
+    data = tree.animation_data
+    if data is None or data.action is None or fcurves_of(data):
         return
+    action = data.action
     tree.animation_data_clear() if not (data.drivers or data.nla_tracks) else setattr(data, "action", None)
     if action.users == 0:
         bpy.data.actions.remove(action)

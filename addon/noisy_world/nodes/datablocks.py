@@ -129,6 +129,27 @@ def new_action(item: bpy.types.ID, name: str) -> bpy.types.Action:
     return action
 
 
+def emptied_action(item: bpy.types.ID, name: str) -> bpy.types.Action:
+    """Return the action of an object or a node group without its keyframes, drivers and strips; a new one if it has
+    none, or one that others use, too.
+
+    An action is emptied rather than replaced since Blender keeps, on undo, what looks the same in two steps: what had
+    been given another action in between would point to one that is gone, and Blender would crash.
+    """
+    data = item.animation_data  # pyright: ignore[reportAttributeAccessIssue]  each subclass that is animated has it
+    action = None if data is None else data.action
+    item.animation_data_clear()
+    if action is None or action.users > 0 or action.library is not None:
+        return new_action(item, name)
+    for parts in (action.layers, action.slots):
+        while parts:
+            parts.remove(parts[0])
+    data = item.animation_data_create()
+    assert data is not None
+    data.action = action
+    return action
+
+
 def fcurves_of(data: bpy.types.AnimData) -> list[bpy.types.FCurve]:
     """Return the curves that animate what this data belongs to; other users of its action are left out."""
     return curves_in(data.action, data.action_slot)

@@ -34,7 +34,11 @@ DONE, CANCELLED = {"FINISHED"}, {"CANCELLED"}
 
 
 def guarded(operator: bpy.types.Operator, work: Callable[[], str]) -> set[str]:
-    """Do the work and report its result; a user's mistake becomes an error in the status bar, and cancels."""
+    """Do the work and report its result; a user's mistake becomes an error in the status bar, and cancels.
+
+    What was changed before the error becomes a step of undo, too: Blender makes none where an operator cancels, and
+    would crash on undoing to a state from which data that is gone by now was in use.
+    """
     window = bpy.context.window
     if window is not None:
         window.cursor_set("WAIT")
@@ -43,6 +47,9 @@ def guarded(operator: bpy.types.Operator, work: Callable[[], str]) -> set[str]:
             message = work()
     except NoisyWorldError as error:
         operator.report({"ERROR"}, spoken(error.message))
+        push: Any = bpy.ops.ed.undo_push  # the stubs give its poll an argument
+        if "UNDO" in operator.bl_options and push.poll():
+            push(message=operator.bl_label)
         return CANCELLED
     finally:
         if window is not None:

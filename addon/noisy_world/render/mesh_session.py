@@ -17,9 +17,9 @@ from ..core.trajectory import recentring_m
 from ..nodes.datablocks import (
     camera_of,
     cycles,
+    emptied_action,
     inputs,
     interpolation,
-    new_action,
     new_node,
     node_tree,
     outputs,
@@ -401,8 +401,7 @@ def key_poses(scene: bpy.types.Scene, camera: bpy.types.Object, c2w: NDArray[np.
     blender_c2w = blender_from_opencv_c2w(c2w)
     location_m = blender_c2w[:, :3, 3] - get_origin(scene)
     quat_wxyz = continuous_quats(quat_wxyz_from_rotation(blender_c2w[:, :3, :3]))
-    camera.animation_data_clear()
-    action = new_action(camera, f"{camera.name} trajectory")
+    action = emptied_action(camera, f"{camera.name} trajectory")
     for path, values in (("location", location_m), ("rotation_quaternion", quat_wxyz)):
         for index, column in enumerate(values.T):
             curve = action.fcurve_ensure_for_datablock(camera, path, index=index)

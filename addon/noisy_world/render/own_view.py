@@ -19,7 +19,7 @@ from ..core.errors import StorageError
 from ..core.file_access import utf8_name
 from ..core.geometry import Intrinsics, blender_from_opencv_c2w, rotvec_from_rotation
 from ..images.image_files import read_pixels
-from ..nodes.chain_scene import BUILT_AS, clear_keys, key_socket
+from ..nodes.chain_scene import BUILT_AS, clear_keys, drop_empty_action, key_socket
 from ..nodes.datablocks import camera_of, fcurves_of, muted_output, set_pixels, set_value
 from ..nodes.datablocks import cycles as cycles_of
 from ..nodes.node_trees import STAMP, described_as
@@ -526,6 +526,7 @@ def _key(tree: bpy.types.NodeTree, socket: Any, frames: range, values: NDArray[n
     set_value(socket, rows[0])
     if np.ptp(values, axis=0).max() > STILL:
         key_socket(tree, socket, list(zip(frames, rows, strict=True)))
+    drop_empty_action(tree)
 
 
 # Keys on groups in an artist's own compositor that are told a value for each frame, such as auto-exposure's stops.
@@ -585,6 +586,7 @@ def bake(group: ToldGroup, frames: range, values: Mapping[str, Sequence[float]])
         if np.ptp(numbers) > CONSTANT:
             key_socket(tree, socket, list(zip(frames, numbers.tolist(), strict=True)))
             baked[path] = _keys(tree, path).tolist()
+    drop_empty_action(tree)
     tree[BAKED] = json.dumps(baked)
     return left
 
