@@ -20,7 +20,7 @@ from noisy_world.images.pixels import rgb_bytes
 from noisy_world.perturbations.execution import perturb_depth, perturb_rgb
 from noisy_world.perturbations.kinds import FrameContext
 from noisy_world.dataset.completion import colour_depth
-from noisy_world.panel import frame_preview, operators, presets, preview, loading
+from noisy_world.panel import beginning, frame_preview, operators, presets, preview, loading
 
 
 pytestmark = pytest.mark.usefixtures("registered")
@@ -292,7 +292,7 @@ def test_a_preset_run_without_a_window_writes_what_the_picture_shows(scene, tmp_
     misty = {"name": "misty", "perturb": [{"fog": {"severity": 2}}, {"fog_depth": clumps}, {"desync": {"offset": 1}}]}
     write_world(tmp_path, settings=[misty], render={"backend": "compositor"})
     bpy.context.view_layer.update()
-    for module in (loading, operators, presets):
+    for module in (loading, beginning, operators, presets):
         module.register()
     try:
         assert bpy.ops.noisy_world.use_preset(filepath=str(tmp_path / "preset.yaml"), setting="misty") == {"FINISHED"}
@@ -310,7 +310,7 @@ def test_a_preset_run_without_a_window_writes_what_the_picture_shows(scene, tmp_
         ]
         preview.hide(scene)
     finally:
-        for module in (presets, operators, loading):
+        for module in (presets, operators, beginning, loading):
             module.unregister()
     away_m = np.linalg.norm(path_poses(6)[:, :3, 3] - path_poses(6)[0, :3, 3], axis=1)
     assert np.abs(np.linalg.norm(shown_m, axis=1) - away_m).max() < 1e-5

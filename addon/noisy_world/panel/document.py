@@ -117,8 +117,8 @@ def engine_of(panel: Any) -> EngineName:
 def format_of(panel: Any) -> OutputFormat:
     """Return the format of the dataset that the panel describes."""
     output = panel.output
-    scale_per_m = value_of(output, "depth_scale_per_m")
-    return OutputSpec(output.layout, output.image, output.colour, scale_per_m, output.depth_beyond).format
+    given = {name: getattr(output, name) for name in ("layout", "image", "colour", "depth_beyond")}
+    return OutputSpec(**given, depth_scale_per_m=value_of(output, "depth_scale_per_m")).format
 
 
 def scene_of(panel: Any, folder: Path | None = None) -> dict[str, Any]:
