@@ -290,13 +290,24 @@ def key_tables() -> str:
         branch = f"a scene's {parts[0]}" if inside and len(parts) > 1 else "a scene" if inside else parts[0]
         branch = "a lens" if "distortion" in parts[:-1] else branch
         branches.setdefault(branch, {}).setdefault(said.replace("|", "\\|"), []).append(name)
-    several = {branch: rows for branch, rows in branches.items() if len(rows) > 1}
+    several = {branch: shared(rows) for branch, rows in branches.items() if len(rows) > 1}
     alone = {said: names for rows in branches.values() if len(rows) == 1 for said, names in rows.items()}
     return "\n\n".join(
         f"## {branch[:1].upper()}{branch[1:].removesuffix('[]')}\n\n"
         + table(("key", "what it says"), ((listed(names), said) for said, names in rows.items()))
         for branch, rows in {"the preset": alone, **several}.items()
     )
+
+
+def shared(rows: Mapping[str, list[str]]) -> dict[str, list[str]]:
+    """Return names by what is said of them; neighbours of which the same is said but for a word or two are one."""
+    joined: list[tuple[list[str], list[str]]] = []
+    for said, names in rows.items():
+        if joined and len(names) == len(joined[-1][0]) == 1 and one_meaning([*joined[-1][0], said]):
+            joined[-1] = ([*joined[-1][0], said], [*joined[-1][1], *names])
+        else:
+            joined.append(([said], names))
+    return {one_meaning(said): names for said, names in joined}
 
 
 def camera_table() -> str:
@@ -361,7 +372,8 @@ def one_meaning(meanings: list[str]) -> str:
     if len(meanings) > 1 and (begin + end < 5 or any(not 0 < len(text.split()) <= 2 for text in apart)):
         return ""
     first = words[0]
-    return " ".join([*first[:begin], ", ".join(filter(None, apart)), *first[len(first) - end :]]).strip()
+    several = [*(text.rstrip(";,") for text in apart[:-1]), apart[-1]]
+    return " ".join([*first[:begin], ", ".join(filter(None, several)), *first[len(first) - end :]]).strip()
 
 
 def common_beginning(texts: list[list[str]]) -> list[str]:
