@@ -104,7 +104,7 @@ def test_the_rooms_have_the_same_settings():
     assert list(replica) == list(rooms)
     assert replica == rooms
     said = generate_here(ROOMS, "--list", "scenes", "--settings", "clean").stdout.splitlines()
-    assert [line.split()[:3] for line in said] == [[f"room{k}", "2000", "frames"] for k in range(8)]
+    assert [line.split()[:3] for line in said] == [[f"room{k}", "2,000", "frames"] for k in range(8)]
 
 
 def test_the_mixtures_are_the_papers_six_columns(tree):

@@ -88,7 +88,7 @@ def test_what_is_missing_is_said_before_anything_is_done(tmp_path, monkeypatch, 
         said = capfd.readouterr()
         assert said.err.startswith("noisy-world evaluate: pandas: missing in this Python")
         assert said.err.endswith(f"; run: {packages.install_command('evaluate')}\n")
-        assert ("missing    1 of 1 runs" in said.out) == bool(dry)
+        assert ("missing    1 of 1 run," in said.out) == bool(dry)
     assert evaluate(*command, "--dry-run", report=True) == 0
     assert not (tmp_path / "results").exists()
 

@@ -15,7 +15,7 @@ sys.path.append(str(ROOT / "headless"))
 from tools.random_window import Run, run
 
 BLENDER = os.environ.get("NOISY_WORLD_BLENDER", "")
-ACTIONS = 25  # some seconds
+ACTIONS = 12  # some seconds
 BEGUN = [{"number": 1, "action": "use_operator", "words": ["noisy_world.add_step"]}]
 DONE = {"done": 1, "result": "{'FINISHED'}", "wrong": [], "s": 0.2, "cpu_s": 0.1}
 ENDED = [DONE, {"over": 1}]
