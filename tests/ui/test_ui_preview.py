@@ -340,6 +340,21 @@ def test_the_chain_follows_before_blender_draws(scene):
     assert preview._follow() is None
 
 
+def test_a_copied_scene_has_a_chain_of_its_own_which_undo_leaves_alone(scene):
+    add(scene, "fog")
+    scene.noisy_world.preview = True
+    bpy.ops.scene.new(type="LINK_COPY")
+    copy = bpy.context.scene
+    assert copy != scene
+    assert shown_chain(copy) == shown_chain(scene)
+    add(copy, "gaussian_noise")
+    chains = [shown_chain(item) for item in (scene, copy)]
+    assert ["Gaussian Noise" in chain.nodes for chain in chains] == [False, True]
+    preview._touch_all()
+    preview.flush()
+    assert [shown_chain(item) for item in (scene, copy)] == chains
+
+
 def test_nothing_runs_while_it_is_off_and_nothing_stays_behind(scene):
     preview._resume()
     preview._follow()
@@ -347,6 +362,7 @@ def test_nothing_runs_while_it_is_off_and_nothing_stays_behind(scene):
     add(scene, "fog").severity = 4.0
     assert not bpy.app.timers.is_registered(preview._follow)
     scene.noisy_world.preview = True
+    assert shown_chain(scene) is not None  # at once: made later, it were in no step of undo
     assert bpy.app.timers.is_registered(preview._follow)
     preview.flush()
     preview.unregister()

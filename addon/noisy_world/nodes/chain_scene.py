@@ -501,6 +501,8 @@ def refresh_chain(
     decided for it, if known. lit: the scene is lit. after_own: whether its own compositing stays in effect before.
     """
     chain = shown_chain(scene)
+    if chain is not None and _is_shared(chain):
+        chain = None  # Blender has copied the scene with what shows its chain: now each has a list of its own
     name = adopt(chain) if chain is not None else _free_name(f"Perturbations of {scene.name}")
     frames = range(scene.frame_start, scene.frame_end + 1)
     needed_depth = chain is not None and _takes_depth(chain)
@@ -525,6 +527,12 @@ def refresh_chain(
     _set(tree.nodes[GROUP].inputs["Reference Width"], reference_width_px or scene.render.resolution_x)
     set_split(tree, split)
     return chain
+
+
+def _is_shared(chain: bpy.types.NodeTree) -> bool:
+    """Tell whether the previews of several scenes show a chain: each would rebuild it for its own list."""
+    shown = [tree.nodes.get(GROUP) for tree in bpy.data.node_groups if SHOWN in tree]
+    return sum(getattr(node, "node_tree", None) == chain for node in shown) > 1
 
 
 def _takes_depth(chain: bpy.types.NodeTree) -> bool:

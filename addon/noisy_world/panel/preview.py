@@ -265,11 +265,13 @@ def touch(scene: bpy.types.Scene, what: str = "steps") -> None:
     if what.startswith(RENDERED_BY):
         frame_preview.forget(scene)
     if what == "preview":
-        _changed_s[scene.session_uid] = 0.0
-    elif panel_of(scene).preview and what == "preview_split" and _move_split(scene):
+        apply(scene)  # at once, so that the switch's step of undo has the chain, or has it no more
+        _touch_later(scene)
+        return
+    if panel_of(scene).preview and what == "preview_split" and _move_split(scene):
         draw_pictures(scene)
         return
-    elif panel_of(scene).preview:
+    if panel_of(scene).preview:
         apply(scene)
         if not frame_preview.watching(scene):
             return
@@ -278,8 +280,17 @@ def touch(scene: bpy.types.Scene, what: str = "steps") -> None:
             return
         draw_pictures(scene, coarsely=True)
         _changed_s[scene.session_uid] = time.perf_counter()
-    else:
-        return
+        _wake()
+
+
+def _touch_later(scene: bpy.types.Scene) -> None:
+    """Update a scene's preview once Blender is idle: its data cannot be changed in handlers and while drawing."""
+    frame_preview.forget_drawn(scene)
+    _changed_s[scene.session_uid] = 0.0
+    _wake()
+
+
+def _wake() -> None:
     if not bpy.app.timers.is_registered(_follow):
         bpy.app.timers.register(_follow, first_interval=0.0)
 
@@ -407,7 +418,7 @@ def _prefer_processor(scene: bpy.types.Scene) -> None:
 def _touch_all(*_: Any) -> None:
     """Update all scenes: after undo or loading a file, their previews may not match their properties."""
     for scene in bpy.data.scenes:
-        touch(scene, "preview")
+        _touch_later(scene)
 
 
 @persistent
@@ -417,12 +428,7 @@ def _on_keys(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
     if action is None or not panel_of(scene).preview:
         return
     if any(update.id is not None and update.id.original == action for update in depsgraph.updates):
-        frame_preview.forget_drawn(scene)
-        touch(scene, "preview")
-
-
-def _touch_view(scene: bpy.types.Scene) -> None:
-    touch(scene, "preview")
+        _touch_later(scene)
 
 
 def _resume() -> None:
@@ -536,7 +542,7 @@ _HANDLERS = Handlers(undo_post=_touch_all, redo_post=_touch_all, load_post=_touc
 def register() -> None:
     """Register the listeners to properties, undo and the opening of files."""
     _preview_register_classes()
-    views.register(_touch_view)
+    views.register(_touch_later)
     frame_preview.register()
     register_preview_buttons()
     properties.LISTENERS.append(touch)
