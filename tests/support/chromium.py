@@ -19,6 +19,17 @@ READY = """(async () => {
   }
 })()"""
 
+# Until the window has the width and the page was told so: what a page does about it comes before the next picture.
+SIZED = """(async () => {
+  const picture = () => new Promise((go) => requestAnimationFrame(go));
+  for (let tries = 0; innerWidth !== %d; tries++) {
+    if (tries > 400) throw new Error(`the window is ${innerWidth} px wide`);
+    await picture();
+  }
+  await picture();
+  await picture();
+})()"""
+
 NAMES = ("chromium", "chromium-browser", "google-chrome")
 
 
@@ -54,9 +65,10 @@ class Tab:
         return answer["result"]
 
     def size(self, width_px: int, height_px: int = 900) -> None:
-        """Set the size of the window."""
+        """Set the size of the window, and wait until the page has it."""
         shape = {"width": width_px, "height": height_px, "deviceScaleFactor": 1, "mobile": False}
         self.send("Emulation.setDeviceMetricsOverride", **shape)
+        self.run(SIZED % width_px)
 
     def open(self, url: str) -> None:
         """Open a page and wait until it and what it names are loaded."""
