@@ -91,6 +91,7 @@ CHANGES = {
     "scenes[].air.soften_sun": ("sunny", "scenes.0.air.soften_sun=false"),
     "scenes[].air.visibility_m": ("sunny", "scenes.0.air.visibility_m=150"),
     "scenes[].air.path_m": ("sunny", "scenes.0.air.path_m=50"),
+    "scenes[].air.reflections": ("sunny", "scenes.0.air.reflections=true"),
     "scenes[].trajectory.file": ("mesh", "scenes.0.trajectory.file=other.txt"),
     "scenes[].trajectory.handheld.frames": ("handheld", "scenes.0.trajectory.handheld.frames=4"),
     "scenes[].trajectory.handheld.rate_hz": ("handheld", "scenes.0.trajectory.handheld.rate_hz=10"),

@@ -86,6 +86,7 @@ def opened(
     through_glass=False,
     camera=None,
     sun_air=None,
+    mirrors=False,
 ):
     """The session of a .blend along its own camera's path, or a named one's; also the path and the intrinsics.
 
@@ -120,6 +121,7 @@ def opened(
         keep_compositor=keep,
         depth_alpha=depth_alpha,
         sun_air=sun_air,
+        mirrors=mirrors,
     )
     with closing(OwnSceneSession(file, paths, parameters.intrinsics, options)) as session:
         yield session, paths, parameters.intrinsics

@@ -210,7 +210,7 @@ def test_each_source_draws_fields_that_there_are(recording):
         drawn[name] = layout.names
     assert drawn["ROOM"] == ["room_seed"]
     assert drawn["FILE"] == ["mesh"]
-    assert drawn["SCENE"] == ["compositing", "depth_alpha", "soften_sun"]
+    assert drawn["SCENE"] == ["compositing", "depth_alpha", "soften_sun", "reflections"]
     assert drawn["RECORDING"][0] == "folder"
     assert [name for name in drawn["RECORDING"] if not name.startswith("use_")][-6:] == [
         "undistort", "register", "depth_scale_per_m", "void", "poses", "rate_hz",

@@ -169,9 +169,13 @@ def test_air_softens_the_sun_of_the_scene_in_its_preset_and_preview_alone(hall, 
     assert item.mesh_source == "SCENE"
     assert document.to_document(item) == said
     shown(item).draw(layout := Drawn(), item)
-    assert layout.names[-3:] == ["soften_sun", "visibility_m", "path_m"]
-    item.of_blend.air.soften_sun = False
-    assert not np.array_equal(frame_preview.still_of(bpy.context.scene, 0).rgb, softened)
+    assert layout.names[-4:] == ["soften_sun", "visibility_m", "path_m", "reflections"]
+    item.of_blend.air.soften_sun, item.of_blend.air.reflections = False, True
+    still = frame_preview.still_of(scene := bpy.context.scene, 0)
+    assert not np.array_equal(still.rgb, softened)
+    assert frame_preview._halved(still).light.mirrored.sky.shape == frame_preview._halved(still).depth_m.shape
+    scene.render.engine = "BLENDER_EEVEE"
+    refused(lambda: frame_preview.own_still(scene, 0), names=("Air in Reflections: ", "not eevee"))
 
 
 def darkened():

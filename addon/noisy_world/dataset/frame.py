@@ -395,9 +395,9 @@ class CleanFrame:
 
     def _perturbed_light(self, work: ColourWork, light: SceneLight) -> NDArray[Any] | None:
         if self._of_light:
-            return on_light(work, light.rgb) if work.active else None
+            return on_light(work, light.rgb, light.mirrored) if work.active else None
         if acts_on_light(work):
-            return after_light(work, light.show(on_light(work, light.rgb)))
+            return after_light(work, light.show(on_light(work, light.rgb, light.mirrored)))
         return work.on(self.byte_rgb if work.takes_bytes else self.rgb)
 
     def perturbed_depth(self, work: DepthWork) -> NDArray[np.float32] | None:

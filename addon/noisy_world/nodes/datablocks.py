@@ -171,8 +171,8 @@ def interpolation(name: str) -> int:
     return known.enum_items[name].value
 
 
-def cycles(item: bpy.types.Scene | bpy.types.Material) -> Any:
-    """Return Cycles' properties of a scene or a material; Cycles is an add-on without stubs."""
+def cycles(item: bpy.types.Scene | bpy.types.Material | bpy.types.World) -> Any:
+    """Return Cycles' properties of a scene, a material or a world; Cycles is an add-on without stubs."""
     return item.cycles
 
 

@@ -35,9 +35,11 @@ from ..perturbations.execution import split_motion
 from ..perturbations.kinds import FrameContext
 from ..perturbations.steps import Setting
 from ..preset.keys import EngineName
+from ..render.engines import NAMES_IN_BLENDER
 from ..render.own_stills import OwnStill, StillRequest, render_own_still, render_stills
 from ..render.own_view import sampled_camera, shots_at
-from ..render.source import RenderedFrame
+from ..render.source import RenderedFrame, SceneLight
+from ..sources.blend import reflections_problem
 from ..sources.renderers import lens_of
 from . import exclusions, loading, open_scene, runs, source_views
 from .document import (
@@ -79,7 +81,7 @@ def rendered(scene: bpy.types.Scene, frame: int) -> RenderedFrame:
         (still,) = render_stills(scene, [frame], empty=exclusions.shows_dataset(scene))
         return still
     still = own_still(scene, frame)
-    with open_scene.as_it_was() if still.sun_air is not None else nullcontext():
+    with open_scene.as_it_was() if still.sun_air is not None or still.mirrors else nullcontext():
         return render_own_still(scene, still)
 
 
@@ -134,19 +136,25 @@ def own_still(scene: bpy.types.Scene, index: int) -> OwnStill:
         problem = "the scene's camera moves otherwise than when its path was loaded"
         raise InputError("Preview Frame", problem, remedy="press Load Trajectory")
     keyed = c2w if moved is None else moved
+    engine = _engine(panel) if given else None
+    if mirrors := open_scene.mirrors(panel):
+        rendered_by = engine or NAMES_IN_BLENDER.get(scene.render.engine)
+        if problem := reflections_problem(rendered_by, composited=keeps_compositing(scene)):
+            raise InputError("Scene > Air in Reflections", problem, remedy="switch it off, or render so")
     return OwnStill(
         frame=at,
         c2w=None if keyed is None or (moved is None and follows) else keyed[index],
         follows=follows,
         intrinsics=intrinsics_of(panel),
         clip_m=(panel.camera.near_m, panel.camera.far_m) if panel.use_camera else None,
-        engine=_engine(panel) if given else None,
+        engine=engine,
         samples=panel.render.samples if sampled else None,
         seed=render_seed(value_of(panel, "seed")),
         keep_compositor=keeps_compositing(scene),
         depth_alpha=panel.of_blend.depth_alpha,
         lens=_lens(panel),
         sun_air=open_scene.sun_air(panel),
+        mirrors=mirrors,
     )
 
 
@@ -466,8 +474,18 @@ def _halved(still: RenderedFrame) -> RenderedFrame:
         rgb=mean(still.rgb),
         depth_m=None if still.depth_m is None else np.ascontiguousarray(still.depth_m[::2, ::2]),
         behind_glass_m=None if still.behind_glass_m is None else np.ascontiguousarray(still.behind_glass_m[::2, ::2]),
-        light=None if light is None else replace(light, rgb=mean(light.rgb), alpha=mean(light.alpha)),
+        light=None if light is None else _shrunk_light(light, mean),
     )
+
+
+def _shrunk_light(light: SceneLight, mean: Callable[[NDArray[np.float32]], NDArray[np.float32]]) -> SceneLight:
+    """Return light of half the size. mean: (H, W, ...) -> (h, w, channels)."""
+
+    def alike(image: NDArray[np.float32]) -> NDArray[np.float32]:
+        return mean(image).reshape(*mean(image).shape[:2], *image.shape[2:])
+
+    mirrored = None if light.mirrored is None else light.mirrored.changed(alike)
+    return replace(light, rgb=mean(light.rgb), alpha=mean(light.alpha), mirrored=mirrored)
 
 
 def compositor_device(panel: Any) -> Literal["cpu", "gpu"]:

@@ -444,6 +444,11 @@ def sun_air(panel: Any) -> SunAir | None:
     return AirSpec(**_air_said(panel)).sun_air
 
 
+def mirrors(panel: Any) -> bool:
+    """Tell whether air lies behind surfaces of the open scene that mirror, too."""
+    return AirSpec(**_air_said(panel)).reflections
+
+
 def motion_state(scene: bpy.types.Scene) -> list[Any]:
     """Return what tells whether the scene's own camera still goes as it was sampled: what moves it, and its frames."""
     chosen, moved_by = frame_range(scene), []

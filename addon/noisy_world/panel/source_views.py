@@ -310,6 +310,7 @@ class _ThisScene(ShownSource):
         if air.soften_sun:
             layout.prop(air, "visibility_m")
             layout.prop(air, "path_m")
+        layout.prop(air, "reflections")
 
 
 # --- frames from elsewhere ---

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from ..core.errors import NoisyWorldError
 from ..core.frame_request import AT_ONCE, RequestedRays
 from ..core.geometry import Intrinsics
+from ..core.mirrored import Mirrored
 from ..core.srgb import decoded, encoded
 from ..core.trajectory import Trajectory
 from ..images.pixels import as_bytes, as_float, read_only, rgb_bytes
@@ -556,12 +557,29 @@ def acts_on_light(work: ColourWork) -> bool:
     return any(step.perturbation.acts_on_light for step, _, _ in work.active)
 
 
-def on_light(work: ColourWork, rgb: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Do what acts on light to scene-linear light (H, W, 3), of any brightness; return light."""
+def on_light(work: ColourWork, rgb: NDArray[np.float32], mirrored: Mirrored | None = None) -> NDArray[np.float32]:
+    """Do what acts on light to scene-linear light (H, W, 3), of any brightness; return light.
+
+    mirrored: what its surfaces mirror, which is seen through the air behind them first; None where that counts as near
+    as they are.
+    """
+    if mirrored is not None:
+        rgb = _seen_in_mirrors(work, rgb, mirrored)
     for step, context, severity in work.active:
         if step.perturbation.acts_on_light:
             rgb = perturb_light(step, rgb, severity, context)
     return rgb
+
+
+def _seen_in_mirrors(work: ColourWork, rgb: NDArray[np.float32], mirrored: Mirrored) -> NDArray[np.float32]:
+    """Return light (H, W, 3) whose mirrored part has come through the air that the steps lay behind the mirrors."""
+    own = rgb * mirrored.share
+    rest = rgb - own
+    for step, context, severity in work.active:
+        if step.perturbation.even_air is not None:
+            air = step.perturbation.even_air(rgb, step.parameters(severity), replace(context, lit=True))
+            own = shown_share(step, own, mirrored.through(air, own), context, bright=True)
+    return rest + own
 
 
 def after_light(work: ColourWork, shown: NDArray[np.float32]) -> NDArray[np.uint8]:

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from ..core.camera_motion import CameraMotion
 from ..core.frame_request import RequestedRays, Shutter
 from ..core.geometry import Intrinsics
+from ..core.mirrored import EvenAir
 from ..core.packages import Distribution
 from ..core.srgb import quick_light
 from ..core.streams import Identifiers, integers_of_frames, stream
@@ -636,7 +637,8 @@ class ColourPerturbation(Perturbation):
     parameters, camera -> what `apply` draws less of there than they ask for, to be said in the plan after its name; ""
     where nothing. breaks_depth: it moves what colour shows, so that depth no longer fits, which is said in the plan.
     overlay: it lays something light over the whole frame, so that several of them add up to white. tinted: it lays
-    light or matter over the image, to which a step may give a colour.
+    light or matter over the image, to which a step may give a colour. even_air: (light (H, W, 3), linear; parameters;
+    context) -> the air that it lays before a scene, for what surfaces mirror, which is farther than they are.
 
     Raises ValueError for another stage, for temporals of what is repeatable, and where it decides and is repeatable.
     """
@@ -659,6 +661,7 @@ class ColourPerturbation(Perturbation):
     breaks_depth: bool = False
     overlay: bool = False
     tinted: bool = False
+    even_air: Callable[[NDArray[np.float32], Any, FrameContext], EvenAir] | None = None
 
     @property
     def has_parameter_sockets(self) -> bool:

@@ -41,6 +41,7 @@ from .engines import (
     whole,
     without_void,
 )
+from .mirror_scene import MIRRORED_NAMES, MIRRORED_PASSES, MirrorScene, mirrored_share
 from .own_view import (
     CONTROLLED,
     RenderCamera,
@@ -379,7 +380,8 @@ class OwnSceneFile:
     camera, and one for all where frames between these are asked for. follows: whether the path is these cameras' own,
     so that motion blur shows their motion. lens_given: whether the preset gives the intrinsics. sampled: whether it
     gives the samples. keep_compositor: whether the scene's compositor is used. depth_alpha: what is less opaque does
-    not stop depth. sun_air: what softens its sun lamps, in memory alone; None where nothing does.
+    not stop depth. sun_air: what softens its sun lamps, in memory alone; None where nothing does. mirrors: whether
+    frames tell what their surfaces mirror, where what acts on colour looks at depth.
     """
 
     path: Path
@@ -394,6 +396,7 @@ class OwnSceneFile:
     keep_compositor: bool
     depth_alpha: float
     sun_air: SunAir | None = None
+    mirrors: bool = False
 
     def at(self, time_s: float) -> tuple[float, str | None]:
         """Return the scene's frame at a time on the path's clock, and the camera that sees it."""
@@ -458,8 +461,10 @@ class OwnSceneSession:
         self._seen = None
         if options.through_glass and panes.any:
             self._seen = self._depth_scene(panes=panes)
+        mirrors = file.mirrors and options.through_glass and options.rgb
+        self._mirror = MirrorScene(scene, intrinsics, options, _outputs(blocks), blocks) if mirrors else None
         self._colour = (
-            _Colour(scene, file, intrinsics, options, depth=together, bending=self._bending, passes=passes)
+            _Colour(scene, file, intrinsics, options, together, bending=self._bending, passes=passes, mirrors=mirrors)
             if options.rgb
             else None
         )
@@ -484,6 +489,11 @@ class OwnSceneSession:
             rgb, depth_m, light = self._colour.render(request)
             others |= {PASSES: self._colour.passes} if passes_asked else {}
         at = self._file.at(request.time_s)[0]
+        if self._mirror is not None and self._colour is not None and light is not None:
+            mirrored = self._mirror.render(request.rgb_c2w, at, self._colour.mirrored)
+            light = replace(
+                light, mirrored=mirrored if self._bending is None else mirrored.changed(self._bending.nearest)
+            )
         if self._depth is not None and self._images.needs:
             seen_m, surface = self._depth.render(request.rgb_c2w, at)
             others |= self._images.of(surface)
@@ -551,7 +561,7 @@ class OwnSceneSession:
         """Remove the scratch files, and give sun lamps their own light back."""
         self._softened.close()
         glance = None if self._glance is self._depth else self._glance
-        for part in (self._colour, self._depth, self._motion, self._seen, glance):
+        for part in (self._colour, self._depth, self._motion, self._seen, self._mirror, glance):
             if part is not None:
                 part.close()
 
@@ -571,14 +581,16 @@ class _Colour:
         file: OwnSceneFile,
         intrinsics: Intrinsics,
         options: RenderOptions,
-        *,
         depth: bool,
+        *,
         bending: Bending | None,
         passes: bool = False,
+        mirrors: bool = False,
     ) -> None:
         """Prepare it. depth: whether it gives depth too. bending: of light, whose pinhole the intrinsics are.
 
         passes: whether it tells all passes that the scene's layer has, and Cryptomatte of objects and materials.
+        mirrors: whether it tells how much of its light is mirrored.
         """
         self._bending = bending
         self._scene = scene
@@ -605,27 +617,41 @@ class _Colour:
         layer.use_pass_z = depth or (passes and layer.use_pass_z)
         if passes:
             layer.use_pass_cryptomatte_object = layer.use_pass_cryptomatte_material = True
+        added = [name for name in MIRRORED_PASSES if mirrors and not getattr(layer, name)]
+        for name in added:
+            setattr(layer, name, True)
         self._prefix = f"{layer.name}."
+        unasked = (name for flag, name in zip(MIRRORED_PASSES, MIRRORED_NAMES, strict=True) if flag in added)
+        self._unasked = tuple(f"{self._prefix}{name}." for name in (*unasked, "Render Time"))
+        self._seen: dict[str, NDArray[np.float32]] = {}  # the passes of the last frame, where mirrors are told
+        self._tells_mirrors = mirrors
         self._layer = COMPOSITE if file.keep_compositor else layer.name
         size_px = (intrinsics.width_px, intrinsics.height_px)
-        self._render = RenderFile(scene, size_px, BYTES_WITH_PASSES if passes else BYTES_PER_PIXEL)
+        self._render = RenderFile(scene, size_px, BYTES_WITH_PASSES if passes or mirrors else BYTES_PER_PIXEL)
         self._render.keep_all = passes
         seen_by = intrinsics if bending is None else bending.camera
         self._shown = ShownColour(scene, (seen_by.width_px, seen_by.height_px), self._render.folder)
 
     def render(self, request: FrameRequest) -> tuple[NDArray[np.float32], NDArray[np.float32] | None, SceneLight]:
         """Return colour (H, W, 3), display-encoded; depth (H, W) in metres or None; and colour before the display."""
-        return self._made(self._passes(request))
+        passes = self._passes(request)
+        self._seen = passes if self._tells_mirrors else {}
+        return self._made(passes)
 
     @property
     def passes(self) -> NDArray[np.uint8]:
         """The passes of the frame that was rendered last, as their channel's image."""
         channels, texts = self._render.last
-        timed = f"{self._prefix}Render Time."  # no two renders agree in it
-        own = (name for name in channels if name.startswith(self._prefix) and not name.startswith(timed))
+        # No two renders agree in the time that they took.
+        own = (name for name in channels if name.startswith(self._prefix) and not name.startswith(self._unasked))
         layer = {name: channels[name] for name in own}
         attributes = {name: text for name, text in texts.items() if name.startswith(KEPT_TEXTS)}
         return passes_image(layer, attributes)
+
+    @property
+    def mirrored(self) -> NDArray[np.float32]:
+        """The share (H, W, 3) of the light of the frame that was rendered last that its surfaces mirror."""
+        return mirrored_share(self._seen)
 
     def read(
         self, request: FrameRequest, bands: Sequence[Band]

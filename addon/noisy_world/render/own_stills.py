@@ -12,7 +12,7 @@ import re
 import traceback
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, fields, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -26,6 +26,7 @@ from ..core.file_access import ScratchFolder, open_regular, read_text
 from ..core.frame_request import FrameRequest, SensorPaths
 from ..core.geometry import Intrinsics, nearest_rotation, opencv_from_blender_c2w, pose
 from ..core.lens import Distortion
+from ..core.mirrored import Mirrored
 from ..core.progress import JsonProgress
 from ..core.trajectory import Trajectory
 from ..nodes.chain_scene import hide_chain, shown_chain
@@ -50,7 +51,8 @@ class OwnStill:
 
     follows: whether the path is that camera's own. clip_m: nearest and farthest, where they are not the camera's.
     engine, samples: where they are not the scene's own. depth_alpha: what is less opaque does not stop depth.
-    lens: that distorts what the camera sees. sun_air: what softens sun lamps while it is rendered.
+    lens: that distorts what the camera sees. sun_air: what softens sun lamps while it is rendered. mirrors: whether it
+    tells what surfaces mirror.
     """
 
     frame: float
@@ -65,6 +67,7 @@ class OwnStill:
     depth_alpha: float
     lens: Distortion | None = None
     sun_air: SunAir | None = None
+    mirrors: bool = False
 
 
 def render_own_still(scene: bpy.types.Scene, still: OwnStill) -> RenderedFrame:
@@ -106,6 +109,7 @@ def _rendered(scene: bpy.types.Scene, still: OwnStill) -> RenderedFrame:
         keep_compositor=still.keep_compositor,
         depth_alpha=still.depth_alpha,
         sun_air=still.sun_air,
+        mirrors=still.mirrors,
     )
     c2w = still.c2w
     if c2w is None:
@@ -250,6 +254,9 @@ def _still_of(content: dict[str, Any]) -> OwnStill:
     return OwnStill(**(content | given))
 
 
+MIRRORED_IMAGES = tuple(item.name for item in fields(Mirrored))
+
+
 def write_request(request: StillRequest, folder: Path) -> None:
     """Write the request for `main` into a folder, which holds the copy of the file."""
     (folder / REQUEST).write_text(json.dumps(request.content()), encoding="utf-8")
@@ -285,6 +292,8 @@ def _images_of(index: int, frame: RenderedFrame) -> dict[str, NDArray[np.float32
         "rgb": frame.rgb, "depth_m": frame.depth_m, "behind_glass_m": frame.behind_glass_m,
         "light": None if light is None else light.rgb, "alpha": None if light is None else light.alpha,
     }  # fmt: skip
+    if light is not None and light.mirrored is not None:
+        found |= {name: getattr(light.mirrored, name) for name in MIRRORED_IMAGES}
     return {f"{index}/{name}": image for name, image in found.items() if image is not None}
 
 
@@ -295,7 +304,9 @@ def _frame(
     light = None
     if still is not None and f"{index}/light" in images:
         encode = partial(shown_by, request.scene, still.frame)
-        light = SceneLight(images[f"{index}/light"], images[f"{index}/alpha"], encode)
+        mirrored = [images[f"{index}/{name}"] for name in MIRRORED_IMAGES if f"{index}/{name}" in images]
+        told = Mirrored(*mirrored) if mirrored else None
+        light = SceneLight(images[f"{index}/light"], images[f"{index}/alpha"], encode, told)
     glass_m = images.get(f"{index}/behind_glass_m")
     return RenderedFrame(images[f"{index}/rgb"], images[f"{index}/depth_m"], light=light, behind_glass_m=glass_m)
 

@@ -22,6 +22,7 @@ from ..channels.channel import Fact
 from ..core.frame_request import FrameRequest, SensorPaths
 from ..core.geometry import Intrinsics
 from ..core.lens import PINHOLE, Bending, Optics
+from ..core.mirrored import Mirrored
 from ..core.trajectory import Axes, FrameStamps, Trajectory
 from ..images.image_files import WholeFile
 from ..layouts import Modality, OutputFormat
@@ -85,12 +86,14 @@ class SceneLight:
 
     rgb: (H, W, 3) float32, scene-linear (Rec. 709), at least 0, multiplied by alpha, (H, W, 1). encode: light with
     alpha (H, W, 4) -> display-encoded colour (H, W, 3), float32 in [0, 1], by the scene's view transform. It works in
-    the main thread alone, and until the source gives another frame.
+    the main thread alone, and until the source gives another frame. mirrored: what the frame's surfaces mirror; None
+    where it was not asked for.
     """
 
     rgb: NDArray[np.float32]
     alpha: NDArray[np.float32]
     encode: Callable[[NDArray[np.float32]], NDArray[np.float32]]
+    mirrored: Mirrored | None = None
 
     def show(self, light: NDArray[np.float32]) -> NDArray[np.float32]:
         """Return other light of this shape as the frame's would be shown: (H, W, 3), float32 in [0, 1]."""

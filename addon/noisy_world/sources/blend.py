@@ -21,12 +21,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class AirSpec:
-    """The air that a scene's sun shines through."""
+    """The air of a scene: what the sun shines through, and what lies behind surfaces that mirror."""
 
     TOOLTIPS: ClassVar[dict[str, str]] = {
         "soften_sun": "On: sun lamps shine as through heavy air: shadows are softer, and the sun is weaker",
         "visibility_m": "Lower: the sun's shadows are softer",
         "path_m": "Higher: the sun's shadows are softer",
+        "reflections": "On: fog and haze hide what water, wet floors and mirrors show as far behind them as it is",
     }
 
     soften_sun: bool = key(
@@ -52,6 +53,12 @@ class AirSpec:
         identity="meaning",
         slider=(1, 1000),
         label="Sunlight's Way",
+    )
+    reflections: bool = key(
+        "whether fog_depth and haze lie behind surfaces that mirror, too; else what they show fades as they do",
+        default=False,
+        identity="meaning",
+        label="Air in Reflections",
     )
 
     @property
@@ -100,12 +107,17 @@ class BlendKeys(PathKeys):
         maximum=1,
         identity="meaning",
     )
-    air: AirSpec | None = key("the air that the scene's sun shines through; default clear air", default=None)
+    air: AirSpec | None = key("the air of the scene; default clear air for its sun and in reflections", default=None)
 
     @property
     def sun_air(self) -> SunAir | None:
         """What softens the scene's sun; None where nothing does."""
         return None if self.air is None else self.air.sun_air
+
+    @property
+    def mirrors(self) -> bool:
+        """Whether air lies behind surfaces that mirror, too."""
+        return self.air is not None and self.air.reflections
 
     @property
     def frame_range(self) -> FrameRange | None:
@@ -178,6 +190,10 @@ def blend_scene(entry: SceneEntry[BlendKeys], path: Path, parts: tuple[str, ...]
     if spec.sun_air is not None and rendering.engine == "workbench":
         problem = "is true, but workbench shows no lamps"
         raise place.at("air").at("soften_sun").error(problem, Message("set ", PresetKey("render.engine", "cycles")))
+    problem = reflections_problem(rendering.engine, composited=spec.compositor == "keep") if spec.mirrors else ""
+    if problem:
+        remedy = Message("set it to false, or set ", PresetKey("render.engine", "cycles"), " and compositor: off")
+        raise place.at("air").at("reflections").error(f"is true, but {problem}", remedy)
     path_file, known, axes = None, None, None
     if spec.trajectory is not None:
         where = place.at("trajectory")
@@ -199,6 +215,7 @@ def blend_scene(entry: SceneEntry[BlendKeys], path: Path, parts: tuple[str, ...]
         sampled,
         preset.place("camera").at("distortion"),
         spec.sun_air,
+        spec.mirrors,
     )
     if max(abs(source.scene_frames[0]), abs(source.scene_frames[-1])) > LAST_POSSIBLE:
         span_s = float(source.stamps_s[-1] - source.stamps_s[0])
@@ -208,6 +225,13 @@ def blend_scene(entry: SceneEntry[BlendKeys], path: Path, parts: tuple[str, ...]
         )
     source.trajectory()  # its errors need not wait
     return source
+
+
+def reflections_problem(engine: str | None, *, composited: bool) -> str:
+    """Return why nothing can tell what the surfaces of a scene mirror; "" where it can be told."""
+    if engine != "cycles":
+        return f"Cycles alone tells how far behind a surface is what it mirrors, not {engine}"
+    return "nothing tells what an image mirrors that a compositor has made" if composited else ""
 
 
 def _rendering(

@@ -60,7 +60,8 @@ class BlendSource(SimpleSource):
     compositor, depth_alpha: as the preset has them. found: what the scene says of itself. given: the preset's camera;
     None where the scene's own holds. path_file: of the poses, None where the scene's camera moves by itself.
     known_path, axes: what was read of it. rendering: how it is rendered. sampled: whether the preset gives the samples.
-    lens_place: where the preset says the lens. sun_air: what softens its sun lamps; None where nothing does.
+    lens_place: where the preset says the lens. sun_air: what softens its sun lamps; None where nothing does. mirrors:
+    whether air is behind what surfaces mirror, too.
     """
 
     place: ConfigPath
@@ -76,6 +77,7 @@ class BlendSource(SimpleSource):
     sampled: bool
     lens_place: ConfigPath
     sun_air: SunAir | None = None
+    mirrors: bool = False
 
     @property
     def location(self) -> str:
@@ -107,6 +109,8 @@ class BlendSource(SimpleSource):
     def _at_once(self) -> str:
         if self.compositor == "keep":
             return "reads line after line, and the .blend's compositor is for whole frames"
+        if self.mirrors:
+            return "reads line after line, and what surfaces mirror (air.reflections) is told of whole frames"
         return lines_of(self.rendering.engine)
 
     def _objects(self) -> tuple[SceneObject, ...]:
@@ -158,7 +162,9 @@ class BlendSource(SimpleSource):
         listed = "".join(f"{sha256_of_file(file)} {file.name}\n" for file in files)
         seen_by = "" if self.found.camera is None else ", ".join(sorted(set(self._cameras)))
         own_path = f"{seen_by} from frame {self.found.first} by {self.found.step}"
-        air = {} if self.sun_air is None else {"sun_air": 1, **asdict(self.sun_air)}  # 1: the version of the law
+        # 1: the version of the law
+        air = {} if self.sun_air is None else {"sun_air": 1, **asdict(self.sun_air)}
+        air |= {"reflections": 1} if self.mirrors else {}
         return {
             "blend": self.path.name,
             "blend_sha256": sha256_of_file(self.path),
@@ -207,6 +213,7 @@ class BlendSource(SimpleSource):
             keep_compositor=self.compositor == "keep",
             depth_alpha=self.depth_alpha,
             sun_air=self.sun_air,
+            mirrors=self.mirrors,
         )
 
     @contextmanager

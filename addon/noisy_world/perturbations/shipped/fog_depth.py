@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...core.camera_motion import CameraState, camera_state_of
+from ...core.mirrored import EvenAir
 from ...core.node_graph import Graph, GroupInput, Socket, Value
 from ...core.schema import Choice, key
 from ...core.srgb import LUMINANCE, decoded, encoded
@@ -330,6 +331,13 @@ def air_of(rgb: Float32, parameters: FogDepth, context: FrameContext) -> Float32
     own = air_light(decoded(rgb), context.depth_m)
     grey = float(own.surfaces @ LUMINANCE)
     return own.over(own.surfaces - (own.surfaces - grey) * (1 - parameters.air_tint)).astype(np.float32)
+
+
+def even_air(linear: Float32, parameters: FogDepth, context: FrameContext) -> EvenAir:
+    """Return the fog behind what mirrors, before light (H, W, 3): as dense everywhere as visibility says."""
+    light = np.broadcast_to(air_of(encoded(linear), parameters, context), (3,)).astype(np.float64)
+    rates_per_m = np.full(3, EXTINCTION / parameters.visibility_m)
+    return EvenAir(light, rates_per_m, 0.0 if parameters.leave_sky else math.inf)
 
 
 def optical_depth(parameters: FogDepth, context: FrameContext, size: tuple[int, ...]) -> Float32:
@@ -670,5 +678,6 @@ PERTURBATION = ColourPerturbation(
     implied=GIVEN_AIR | {"glow": ("lamps", 0.0)},
     uses_motion=True,
     repeats=is_even,
+    even_air=even_air,
     temporals=("fresh", "fixed", "drift"),
 )

@@ -8,6 +8,7 @@ from typing import ClassVar, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from ...core.mirrored import EvenAir
 from ...core.node_graph import Socket
 from ...core.schema import Choice, key
 from ...core.srgb import LUMINANCE, decoded, encoded
@@ -120,6 +121,12 @@ def _air_of(rgb: NDArray[np.float32], parameters: Haze, context: FrameContext) -
     return own.over(parameters.light(float(own.surfaces @ LUMINANCE)))
 
 
+def even_air(linear: NDArray[np.float32], parameters: Haze, context: FrameContext) -> EvenAir:
+    """Return the haze behind what mirrors, before light (H, W, 3)."""
+    light = _air_of(encoded(linear), parameters, context)
+    return EvenAir(light, parameters.extinction_per_m(), 0.0 if parameters.leave_sky else parameters.void_m)
+
+
 def build(canvas: Canvas, given: Mapping[str, Socket], _served: Mapping[str, float]) -> Socket:
     """Mix with the airlight by a transmission for each channel."""
     graph, depth_m = canvas.graph, canvas.depth_m
@@ -177,4 +184,5 @@ PERTURBATION = ColourPerturbation(
     needs_depth=True,
     implied=GIVEN_AIR | {"blueness": ("air", "grey")},
     repeatable=True,
+    even_air=even_air,
 )
