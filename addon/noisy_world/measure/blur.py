@@ -16,9 +16,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.srgb import decoded
 from .figure import BLOCKS, WITHIN, Figure, blocks_of, jackknifed
-from .footage import Float32, Float64, RecordingView
+from .footage import Float32, Float64, RecordingView, linear_of_bytes
 
 # Chosen, as all below.
 FINE_PX, COARSE_PX = 1.0, 2.0  # standard deviations of the two scales
@@ -178,7 +177,7 @@ class _Frame:
         flow = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_FAST)
         ahead, back = (np.asarray(flow.calc(small[1], small[end], np.zeros((0, 0)))) for end in (2, 0))
         self._way = np.asarray((ahead - back) / 2 * (wide / size_px[0]), np.float32)
-        self._light = _linear()[around[1][..., 1]]
+        self._light = linear_of_bytes()[around[1][..., 1]]
 
     def ways_px(self) -> Float32:
         """Return (N,): how far what is seen moves from frame to frame, evenly over the image."""
@@ -203,12 +202,6 @@ class _Frame:
         contrast = np.log2(np.maximum(slope / LEAST_SLOPE, 1)).astype(int).clip(0, CONTRASTS - 1)
         moved = np.abs((way_px * across).sum(axis=1))
         return _Edges(ratio, moved, angle * CONTRASTS + contrast, np.full(len(ratio), number))
-
-
-@cache
-def _linear() -> Float32:
-    """Return (256,) linear light of bytes: exposures add in it."""
-    return np.asarray(decoded(np.arange(256, dtype=np.float32) / np.float32(255)), np.float32)
 
 
 def _joined(parts: Sequence[_Edges]) -> _Edges:

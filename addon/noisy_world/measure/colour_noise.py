@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .figure import BLOCKS, WITHIN, Figure, blocks_of, jackknifed
-from .footage import Float64, RecordingView
+from .footage import Float32, Float64, RecordingView
 
 # Chosen, as all below.
 SIDE = 8  # of a block in pixels
@@ -189,32 +189,41 @@ def _between_channels(blocks: _Blocks, chosen: NDArray[np.bool_], groups: NDArra
 
 
 @cache
-def _left() -> tuple[Float64, float]:
-    """Return the projection onto what a surface leaves of a block (64, 64), and neighbours' correlation in it."""
+def _surface() -> tuple[Float32, float]:
+    """Return orthonormal surfaces of a block (64, TERMS), and neighbours' correlation in what they leave of it."""
     v, u = np.mgrid[:SIDE, :SIDE] - (SIDE - 1) / 2
     terms = np.stack([np.ones(u.size), u.ravel(), v.ravel(), u.ravel() ** 2, v.ravel() ** 2, (u * v).ravel()], axis=1)
-    left = np.eye(SIDE * SIDE) - terms @ np.linalg.pinv(terms)
+    basis = np.linalg.qr(terms)[0]
+    left = np.eye(SIDE * SIDE) - basis @ basis.T
     cube = left.reshape(SIDE, SIDE, SIDE, SIDE)
     here = np.arange(SIDE - 1)
     beside = sum(float(cube[row, here, row, here + 1].sum()) for row in range(SIDE)) / (SIDE * (SIDE - 1))
-    return left, beside / (float(np.trace(left)) / (SIDE * SIDE))
+    return basis.astype(np.float32), beside / (float(np.trace(left)) / (SIDE * SIDE))
+
+
+def _left(values: Float32) -> Float32:
+    """Return what a surface of second order leaves of blocks, (N, 64) each."""
+    basis = _surface()[0]
+    return np.asarray(values - (values @ basis) @ basis.T, np.float32)
 
 
 def _of_frame(image: NDArray[np.uint8], number: int) -> _Blocks:
     red, green = (_cut(image[..., channel]) for channel in (0, 1))
     inside = (green.min(axis=1) > 0) & (green.max(axis=1) < 255)
-    values = green[inside].astype(np.float64)
-    left = values @ _left()[0]
+    values = green[inside].astype(np.float32)
+    left = _left(values)
     square = left.reshape(-1, SIDE, SIDE)
-    variance = (left**2).sum(axis=1) / FREE
+    variance = np.einsum("ij,ij->i", left, left).astype(np.float64) / FREE
     of_red, together = np.full((2, len(values)), np.nan)
     if len(values):
         smooth = variance <= np.quantile(variance, SMOOTHER)
-        other = red[inside][smooth].astype(np.float64) @ _left()[0]
+        other = _left(red[inside][smooth].astype(np.float32))
         of_red[smooth] = (other**2).sum(axis=1) / FREE
         together[smooth] = (other * left[smooth]).sum(axis=1) / FREE
-    beside = (square[:, :, 1:] * square[:, :, :-1]).mean(axis=(1, 2))
-    return _Blocks(values.mean(axis=1), variance, beside, of_red, together, np.full(len(values), float(number)))
+    beside = np.einsum("ijk,ijk->i", square[:, :, 1:], square[:, :, :-1]).astype(np.float64) / (SIDE * (SIDE - 1))
+    return _Blocks(
+        values.mean(axis=1).astype(np.float64), variance, beside, of_red, together, np.full(len(values), float(number))
+    )
 
 
 def _cut(channel: NDArray[np.uint8]) -> NDArray[np.uint8]:
@@ -292,6 +301,6 @@ def _law_errors(curve: Sequence[tuple[float, Figure]], count: int) -> tuple[floa
 def _correlation(kept: list[tuple[float, Float64]]) -> float:
     """Return neighbours' correlation of the noise, against that which the fit alone makes."""
     beside, variance = np.sum([sums for _, sums in kept], axis=0)
-    by_fit = _left()[1]
+    by_fit = _surface()[1]
     measured = float(beside / max(variance * FREE / (SIDE * SIDE), 1e-12))
     return (measured - by_fit) / (1 - by_fit)

@@ -5,6 +5,7 @@ from collections import OrderedDict
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -14,6 +15,7 @@ from numpy.typing import NDArray
 from ..core.frame_request import SensorPaths
 from ..core.geometry import Intrinsics
 from ..core.lens import Optics, straightened
+from ..core.srgb import decoded
 from ..core.trajectory import FrameStamps, Trajectory
 from ..images.measured_depth import Registration
 from ..images.pixels import as_bytes
@@ -26,7 +28,7 @@ Points: TypeAlias = NDArray[np.float32]
 """(N, 2) places on an image in pixels, x and y."""
 
 WIDEST_PX = 800  # of an image in which features are followed; chosen
-KEPT = 4  # decoded frames
+KEPT_BYTES = 1 << 28  # of decoded frames that are kept: two seconds of 640 x 480 are read once
 
 
 @dataclass(frozen=True)
@@ -40,6 +42,12 @@ class Look:
     depth_m: Float32 | None
     whole: NDArray[np.uint8]
     colour: NDArray[np.uint8]
+
+    @property
+    def held_bytes(self) -> int:
+        """How much memory it takes, at most."""
+        depth = 0 if self.depth_m is None else self.depth_m.nbytes
+        return self.grey.nbytes + self.whole.nbytes + self.colour.nbytes + depth
 
 
 @dataclass
@@ -97,13 +105,13 @@ class RecordingView:
         return 1 / float(np.median(gaps_s)) if gaps_s.size else None
 
     def look(self, frame: int) -> Look:
-        """Return a frame. The last few are kept. Raises InputError where its files are damaged."""
+        """Return a frame. The last ones are kept. Raises InputError where its files are damaged."""
         if frame in self._kept:
             self._kept.move_to_end(frame)
             return self._kept[frame]
         self._kept[frame] = made = self._made(frame)
         self.read.add(frame)
-        if len(self._kept) > KEPT:
+        if len(self._kept) > max(KEPT_BYTES // made.held_bytes, 1):
             self._kept.popitem(last=False)
         return made
 
@@ -139,6 +147,12 @@ class RecordingView:
 
         same = image.shape[1::-1] == self.size_px
         return image if same else np.asarray(cv2.resize(image, self.size_px, interpolation=by))
+
+
+@cache
+def linear_of_bytes() -> Float32:
+    """Return (256,) linear light of bytes: exposures add in it."""
+    return np.asarray(decoded(np.arange(256, dtype=np.float32) / np.float32(255)), np.float32)
 
 
 @contextmanager

@@ -90,46 +90,43 @@ def look_at(name: str, source: Source, camera: Intrinsics, looked_at: int = LOOK
 
     Raises InputError where a file that is looked at is damaged.
     """
-    return _looked(name, source, camera, looked_at)[0]
+    with footage_of(name, source, camera) as footage:
+        return _looked(footage, looked_at, fine=footage.imu is not None)[0]
 
 
-def _looked(
-    name: str, source: Source, camera: Intrinsics, looked_at: int = LOOKED_AT, *, fine: bool = False
-) -> tuple[RecordingFigures, Steps | None]:
+def _looked(footage: RecordingView, looked_at: int = LOOKED_AT, *, fine: bool) -> tuple[RecordingFigures, Steps | None]:
     """Return what `look_at` does, and what happens between the frames in a row; None where none were looked at.
 
     fine: whether motion is wanted as exactly as it can be had.
     """
     heap = _Heap()
-    with footage_of(name, source, camera) as footage:
-        fine = fine or footage.imu is not None
-        stamps_s = footage.stamps.rgb.seconds
-        _stamps(heap, footage)
-        by_poses, drift = imu_clock_by_poses(footage.imu, footage.path, footage.stamps.pose.seconds)
-        heap.add(by_poses, drift)
-        later, steps = 0, None
-        if looked_at >= 2:
-            runs = runs_of(len(footage), looked_at, busy=_busy(footage))
-            steps = steps_of(footage, runs, fine=fine)
-            _steps(heap, footage, steps)
-            later = _late(heap, footage, steps, runs, fine=fine)
-            clock, drift = imu_clock(footage, steps)
-            heap.add(clock, drift)
-            _clock(heap, clock, by_poses)
-        else:
-            _clock(heap, Figure.none(CLOCK, "no images are looked at"), by_poses)
-        _geometry(heap, footage, later, edges=looked_at >= MOST_LOOK)
-        found = RecordingFigures(
-            name,
-            len(footage),
-            (round(footage.whole_px), round(footage.camera.height_px / footage.scale)),
-            float(stamps_s[-1] - stamps_s[0]),
-            len(footage.read),
-            heap.figures,
-            tuple(text for _, text in heap.faults),
-            tuple(told for told, _ in heap.faults),
-        )
-        return found, steps
+    stamps_s = footage.stamps.rgb.seconds
+    _stamps(heap, footage)
+    by_poses, drift = imu_clock_by_poses(footage.imu, footage.path, footage.stamps.pose.seconds)
+    heap.add(by_poses, drift)
+    later, steps = 0, None
+    if looked_at >= 2:
+        runs = runs_of(len(footage), looked_at, busy=_busy(footage))
+        steps = steps_of(footage, runs, fine=fine)
+        _steps(heap, footage, steps)
+        later = _late(heap, footage, steps, runs, fine=fine)
+        clock, drift = imu_clock(footage, steps)
+        heap.add(clock, drift)
+        _clock(heap, clock, by_poses)
+    else:
+        _clock(heap, Figure.none(CLOCK, "no images are looked at"), by_poses)
+    _geometry(heap, footage, later, edges=looked_at >= MOST_LOOK)
+    found = RecordingFigures(
+        footage.name,
+        len(footage),
+        (round(footage.whole_px), round(footage.camera.height_px / footage.scale)),
+        float(stamps_s[-1] - stamps_s[0]),
+        len(footage.read),
+        heap.figures,
+        tuple(text for _, text in heap.faults),
+        tuple(told for told, _ in heap.faults),
+    )
+    return found, steps
 
 
 def measured(name: str, source: Source, camera: Intrinsics) -> RecordingFigures:
@@ -137,32 +134,40 @@ def measured(name: str, source: Source, camera: Intrinsics) -> RecordingFigures:
 
     Raises InputError where a file that is looked at is damaged.
     """
-    found, steps = _looked(name, source, camera, fine=True)
-    with footage_of(name, source, camera, WHOLE_PX) as footage:
-        inertial = imu_noise(footage.imu)
-        last = max(len(footage) - 2, 0)  # depth is compared with the frame after
-        frames = np.unique(np.linspace(0, last, NOISE_FRAMES).round().astype(int)).tolist()
-        if len(frames) < BLOCKS:
-            remark = f"noise is measured where there are {BLOCKS} frames or more"
-            return replace(found, figures=found.figures | {noise.name: noise for noise in inertial}, remarks=(remark,))
-        colour = colour_noise(footage, frames)
-        compressed = coding(footage, frames)
-        figures = [*colour.figures, *fixed_noise(footage, frames), *compressed.figures, *inertial]
-        figures += blur_figures(footage, evenly_between(frames, footage.stamps.rgb.seconds))
-        figures += (
-            readout(without_gaps(steps, footage.stamps.rgb.seconds), footage.rate_hz) if steps is not None else ()
-        )
-        figures += shaking(footage, steps)
-        figures += light_figures(light_of(footage, runs_of(len(footage), LIGHT_FRAMES, parts=2)))
-        if footage.has_depth:
-            figures += depth_noise(footage, frames).figures
-        remarks = (*((colour.remark,) if colour.remark else ()), *compressed.remarks)
-        return replace(
-            found,
-            figures=found.figures | {figure.name: figure for figure in figures},
-            remarks=remarks,
-            read=found.read + len(footage.read),
-        )
+    with footage_of(name, source, camera) as footage:
+        found, steps = _looked(footage, fine=True)
+        if footage.scale == 1:  # what was read of it is used again
+            return _with_noise(found, footage, steps)
+    with footage_of(name, source, camera, WHOLE_PX) as whole:
+        whole.read |= footage.read
+        return _with_noise(found, whole, steps)
+
+
+def _with_noise(found: RecordingFigures, footage: RecordingView, steps: Steps | None) -> RecordingFigures:
+    """Return figures with those of noise. footage: of the size that it was recorded in."""
+    inertial = imu_noise(footage.imu)
+    last = max(len(footage) - 2, 0)  # depth is compared with the frame after
+    frames = np.unique(np.linspace(0, last, NOISE_FRAMES).round().astype(int)).tolist()
+    if len(frames) < BLOCKS:
+        remark = f"noise is measured where there are {BLOCKS} frames or more"
+        return replace(found, figures=found.figures | {noise.name: noise for noise in inertial}, remarks=(remark,))
+    stamps_s = footage.stamps.rgb.seconds
+    colour = colour_noise(footage, frames)
+    compressed = coding(footage, frames)
+    figures = [*colour.figures, *fixed_noise(footage, frames), *compressed.figures, *inertial]
+    figures += blur_figures(footage, evenly_between(frames, stamps_s))
+    figures += readout(without_gaps(steps, stamps_s), footage.rate_hz) if steps is not None else ()
+    figures += shaking(footage, steps)
+    figures += light_figures(light_of(footage, runs_of(len(footage), LIGHT_FRAMES, parts=2)))
+    if footage.has_depth:
+        figures += depth_noise(footage, frames).figures
+    remarks = (*((colour.remark,) if colour.remark else ()), *compressed.remarks)
+    return replace(
+        found,
+        figures=found.figures | {figure.name: figure for figure in figures},
+        remarks=remarks,
+        read=len(footage.read),
+    )
 
 
 def remarks_on(source: Source, camera: Intrinsics, making: int) -> Iterator[str]:

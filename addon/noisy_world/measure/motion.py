@@ -162,8 +162,10 @@ def _step(
     how: tuple["DepthFlow | None", int],
 ) -> _Step:
     """Return what happened between two frames. how: what depth is worked on by, and how many features are wanted."""
+    import cv2
+
     (number, one), (other_number, other), (depth_flow, features) = first, second, how
-    change = float(np.mean(np.abs(one.grey.astype(np.int16) - other.grey)))
+    change = float(np.mean(np.asarray(cv2.absdiff(one.grey, other.grey))))
     same = change == 0 and bool(np.array_equal(one.look.whole, other.look.whole))
     depths = one.look.depth_m, other.look.depth_m
     same_depth = depths[0] is not None and depths[1] is not None and bool(np.array_equal(*depths))
@@ -246,22 +248,34 @@ def moved_by(here: Float64, there: Float64, inverse: Float64, focal_px: float) -
     for step in range(ITERATIONS):
         turned = rays @ rotation_from_rotvec(found[:3]).T
         seen = turned + inverse[:, None] * found[3:]
-        z = np.maximum(seen[:, 2:], NEAREST)
-        off_px = focal_px * (there - seen[:, :2] / z)
-        distance_px = np.linalg.norm(off_px, axis=1)
-        weight = tukey(distance_px, LEAST_PX) if step else np.ones(len(z))
-        ways = np.stack(
-            [*(np.cross(axis, turned) for axis in np.eye(3)), *(inverse[:, None] * axis for axis in np.eye(3))], axis=-1
-        )
-        slopes = focal_px * (ways[:, :2] - (seen[:, :2] / z)[..., None] * ways[:, 2:]) / z[..., None]
-        weighted = slopes * weight[:, None, None]
-        normal = np.einsum("nki,nkj->ij", weighted, slopes) + np.diag([1e-9] * 3 + [1e-6] * 3)
-        change = np.linalg.solve(normal, np.einsum("nki,nk->i", weighted, off_px))
+        at, slopes = projected(turned, inverse, seen)
+        off_px = focal_px * (there - at)
+        weight = tukey(np.hypot(off_px[:, 0], off_px[:, 1]), LEAST_PX) if step else np.ones(len(at))
+        slopes = focal_px * slopes.reshape(-1, 6)
+        weighted = slopes * np.repeat(weight, 2)[:, None]
+        normal = weighted.T @ slopes + np.diag([1e-9] * 3 + [1e-6] * 3)
+        change = np.linalg.solve(normal, weighted.T @ off_px.ravel())
         turned_so = rotation_from_rotvec(change[:3]) @ rotation_from_rotvec(found[:3])
         found = np.concatenate([rotvec_from_rotation(turned_so), found[3:] + change[3:]])
         if np.abs(change).max() < 1e-8:
             break
     return found
+
+
+def projected(turned: Float64, inverse: Float64, seen: Float64) -> tuple[Float64, Float64]:
+    """Return where points are on the plane at 1 (N, 2), and how that changes with a motion (N, 2, 6).
+
+    turned: (N, 3) rays after the rotation. inverse: (N,) of their depth. seen: (N, 3) rays after the whole motion.
+    """
+    z = np.maximum(seen[:, 2], NEAREST)
+    x, y = seen[:, 0] / z, seen[:, 1] / z
+    a, b, c = turned.T
+    slopes = np.zeros((len(z), 2, 6))
+    slopes[:, 0, 0], slopes[:, 0, 1], slopes[:, 0, 2] = -x * b, c + x * a, -b
+    slopes[:, 1, 0], slopes[:, 1, 1], slopes[:, 1, 2] = -c - y * b, y * a, a
+    slopes[:, 0, 3] = slopes[:, 1, 4] = inverse
+    slopes[:, 0, 5], slopes[:, 1, 5] = -x * inverse, -y * inverse
+    return np.stack([x, y], axis=1), slopes / z[:, None, None]
 
 
 def tukey(distance: Float64, least: float) -> Float64:

@@ -13,17 +13,17 @@ from typing import TypeAlias
 import numpy as np
 
 from ..core.curve import NaturalSpline
-from ..core.geometry import rotation_from_rotvec
 from .figure import BLOCKS, Figure, blocks_of, jackknifed
 from .footage import Float64
-from .motion import Followed, Steps, beside, tukey
+from .motion import Followed, Steps, beside, projected, tukey
 
 # Chosen, as all below.
-ITERATIONS = 4
+ITERATIONS = 4  # of Gauss and Newton's method, ended where one changes less than NEARLY an error
+NEARLY = 0.1
+HOPELESS = 2.0  # times the greatest error that is told: no further iteration makes up for it
 LEAST_STEPS = 16
 LEAST_PX = 0.05  # standard deviation of where a feature is found
 LEAST_SHARE = 0.12  # of the interval between frames: standard error of a readout that is not told
-NEAREST = 0.05
 REWEIGHTED = 4
 ALIKE = 1.4  # times the error by blocks of frames, as what is seen stays the same for many
 FOLLOWED_SHARE = 0.015  # of the interval: error by how features are followed, found on known readouts
@@ -58,29 +58,40 @@ def readout(steps: Steps, rate_hz: float | None) -> tuple[Figure, ...]:
     first = [_equations(*each, np.zeros(2)) for each in told]
     # A sensor is read along one of both: that which explains more.
     along = int(np.argmax([_right(first)[axis] ** 2 / _normal(first)[axis, axis] for axis in (0, 1)]))
-    figure = _along(along, told, 1e3 / rate_hz)
+    figure = _along(along, told, first, 1e3 / rate_hz)
     if figure.value is not None and figure.sure_beyond(0.0):
         why = f"lines are read along the other direction, as {NAMES[along]} says"
         other = Figure.none(NAMES[1 - along], why)
     else:
-        other = _along(1 - along, told, 1e3 / rate_hz)
+        other = _along(1 - along, told, first, 1e3 / rate_hz)
     return (figure, other) if along == 0 else (other, figure)
 
 
-def _along(axis: int, told: Sequence[_Told], interval_ms: float) -> Figure:
-    """Return the readout along one axis: 0 down, 1 right."""
-    share, groups = np.zeros(2), blocks_of(len(told))
-    equations: list[_Equations] = []
+def _along(axis: int, told: Sequence[_Told], equations: Sequence[_Equations], interval_ms: float) -> Figure:
+    """Return the readout along one axis: 0 down, 1 right. equations: of a readout of 0."""
+    share = np.zeros(2)
+    error = _error(equations, axis)
     for _ in range(ITERATIONS):
+        if error > HOPELESS * LEAST_SHARE:
+            break
+        lacking = _lacking(equations, axis)
+        share[axis] = np.clip(share[axis] + lacking, -1.0, 1.0)
         equations = [_equations(*each, share) for each in told]
-        share[axis] = np.clip(share[axis] + _lacking(equations, axis), -1.0, 1.0)
-    kept = [[one for one, group in zip(equations, groups, strict=True) if group != block] for block in range(BLOCKS)]
-    left_out = np.array([share[axis] + _lacking(part, axis) for part in kept])
-    by_features = _normal(equations)[axis, axis] ** -0.5
-    error = math.hypot(ALIKE * jackknifed(left_out), by_features, FOLLOWED_SHARE)
+        error = _error(equations, axis)
+        if abs(lacking) < NEARLY * error:
+            break
     if not error < LEAST_SHARE:
         return Figure.none(NAMES[axis], "the camera's motion changes too little from frame to frame")
-    return Figure.within(NAMES[axis], interval_ms * float(share[axis]), interval_ms * error, len(told), "steps")
+    value = float(np.clip(share[axis] + _lacking(equations, axis), -1.0, 1.0))
+    return Figure.within(NAMES[axis], interval_ms * value, interval_ms * error, len(told), "steps")
+
+
+def _error(equations: Sequence[_Equations], axis: int) -> float:
+    """Return the standard error of a readout, of the interval, that equations tell."""
+    groups = blocks_of(len(equations))
+    kept = [[one for one, group in zip(equations, groups, strict=True) if group != block] for block in range(BLOCKS)]
+    left_out = np.array([_lacking(part, axis) for part in kept])
+    return math.hypot(ALIKE * jackknifed(left_out), _normal(equations)[axis, axis] ** -0.5, FOLLOWED_SHARE)
 
 
 def _parts(steps: Steps, known: np.ndarray) -> list[np.ndarray]:
@@ -105,14 +116,9 @@ def _equations(found: Followed, frame: int, spline: NaturalSpline, share: Float6
     later = places @ share
     moved = spline.at(frame + 1 + later[1]) - spline.at(frame + later[0])
     rates = [spline.derivatives_at(frame + side + later[side])[0] for side in (0, 1)]
-    turned = np.einsum("nij,nj->ni", rotation_from_rotvec(moved[:, :3]), rays)
-    seen = turned + inverse[:, None] * moved[:, 3:]
-    z = np.maximum(seen[:, 2:], NEAREST)
-    off_px = found.focal_px * (found.there - seen[:, :2] / z)
-    ways = np.stack(
-        [*(np.cross(axis, turned) for axis in np.eye(3)), *(inverse[:, None] * axis for axis in np.eye(3))], axis=-1
-    )
-    slopes = found.focal_px * (ways[:, :2] - (seen[:, :2] / z)[..., None] * ways[:, 2:]) / z[..., None]
+    turned = _turned(moved[:, :3], rays)
+    at, slopes = projected(turned, inverse, turned + inverse[:, None] * moved[:, 3:])
+    off_px, slopes = found.focal_px * (found.there - at), found.focal_px * slopes
     by_share = rates[1][:, :, None] * places[1][:, None, :] - rates[0][:, :, None] * places[0][:, None, :]
     slopes = np.concatenate([slopes, slopes @ by_share], axis=2).reshape(-1, 8)
     off = off_px.ravel()
@@ -128,6 +134,13 @@ def _equations(found: Followed, frame: int, spline: NaturalSpline, share: Float6
     taken = normal[6:, :6] @ np.linalg.inv(normal[:6, :6])
     variance = max(float(np.average(left**2, weights=weight[::2])), LEAST_PX**2)
     return (normal[6:, 6:] - taken @ normal[:6, 6:]) / variance, (right[6:] - taken @ right[:6]) / variance
+
+
+def _turned(turns_rad: Float64, rays: Float64) -> Float64:
+    """Return rays (N, 3), each by its own rotation vector (N, 3), by Rodrigues' formula."""
+    angle = np.linalg.norm(turns_rad, axis=1, keepdims=True)
+    once = np.cross(turns_rad, rays)
+    return rays + np.sinc(angle / np.pi) * once + 0.5 * np.sinc(angle / (2 * np.pi)) ** 2 * np.cross(turns_rad, once)
 
 
 def _lacking(equations: Sequence[_Equations], axis: int) -> float:

@@ -12,9 +12,9 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.srgb import LUMINANCE, decoded
+from ..core.srgb import LUMINANCE
 from .figure import BLOCKS, WITHIN, Figure, blocks_of, jackknifed
-from .footage import Float32, Float64, RecordingView
+from .footage import Float32, Float64, RecordingView, linear_of_bytes
 
 # Chosen, as all below.
 WIDE_PX = 320  # the width at which places are followed
@@ -116,7 +116,7 @@ def _seen(colour: NDArray[np.uint8]) -> tuple[float, _Seen]:
     high, wide = colour.shape[:2]
     size_px = min(WIDE_PX, wide), max(1, round(high * min(1.0, WIDE_PX / wide)))
     small = np.asarray(cv2.resize(colour, size_px, interpolation=cv2.INTER_AREA), np.uint8)
-    light = decoded(np.asarray(small, np.float32) / np.float32(255))
+    light = linear_of_bytes()[small]
     mean = float(light.mean(axis=(0, 1)) @ np.array(LUMINANCE))
     # What was cut off says nothing, nor what lies beside it.
     cut = ((small.min(axis=2) < 255 * DARKEST) | (small.max(axis=2) > 255 * LIGHTEST)).astype(np.uint8)
