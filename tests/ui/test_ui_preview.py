@@ -16,6 +16,7 @@ from noisy_world.nodes.chain_scene import (
     GROUP,
     OWN,
     SPLIT,
+    action_bag,
     hide_chain,
     own_compositing,
     refresh_chain,
@@ -27,7 +28,8 @@ from noisy_world.nodes.compositor import Compositor
 from noisy_world.perturbations.execution import move
 from noisy_world.core.errors import NoisyWorldError
 from noisy_world.core.trajectory import Trajectory
-from noisy_world.panel import drawn_paths, frame_preview, preview, properties, views
+from noisy_world.panel import drawn_paths, fields, frame_preview, preview, properties, views
+from noisy_world.panel.fields import notify_once
 
 
 pytestmark = pytest.mark.usefixtures("registered")
@@ -353,6 +355,75 @@ def test_a_copied_scene_has_a_chain_of_its_own_which_undo_leaves_alone(scene):
     preview._touch_all()
     preview.flush()
     assert [shown_chain(item) for item in (scene, copy)] == chains
+
+
+def _copied(scene):
+    scene.copy()
+
+
+def _group_deleted(scene):
+    bpy.data.batch_remove([next(tree for tree in bpy.data.node_groups if tree.name == "Fog")])
+
+
+def _action_deleted(scene):
+    bpy.data.batch_remove([shown_chain(scene).animation_data.action])
+
+
+def _step_added_unseen(scene):
+    with notify_once():
+        add(scene, "contrast")
+        fields._collected[-1].clear()
+
+
+def _switched_off_unseen(scene):
+    with notify_once():
+        scene.noisy_world.preview = False
+        fields._collected[-1].clear()
+
+
+@pytest.mark.parametrize("damage", [_copied, _group_deleted, _action_deleted, _step_added_unseen, _switched_off_unseen])
+def test_after_undo_no_data_block_is_made_or_removed_but_by_the_button(scene, damage):
+    """Blender crashes at the next undo where what is made outside its steps is pointed to by what looks the same."""
+    add(scene, "fog")
+    scene.noisy_world.preview = True
+    preview.flush()
+    assert not bpy.ops.noisy_world.update_preview.poll()
+    damage(scene)
+    before = data_blocks()
+    preview._touch_all()
+    preview.flush()
+    assert data_blocks() == before
+    wrong = [item for item in bpy.data.scenes if item.session_uid in preview._unmade]
+    assert len(wrong) == 1
+    with bpy.context.temp_override(scene=wrong[0], view_layer=wrong[0].view_layers[0]):
+        assert bpy.ops.noisy_world.update_preview() == {"FINISHED"}
+        assert not bpy.ops.noisy_world.update_preview.poll()
+    assert [shown_chain(item) is not None for item in bpy.data.scenes] == [
+        item.noisy_world.preview for item in bpy.data.scenes
+    ]
+
+
+def data_blocks():
+    """What is in the file, by numbers that Blender gives once."""
+    kinds = (bpy.data.node_groups, bpy.data.actions, bpy.data.images, bpy.data.scenes)
+    return {item.session_uid for kind in kinds for item in kind}
+
+
+def test_a_severity_that_is_keyed_changes_values_alone(scene):
+    fog = add(scene, "fog")
+    scene.noisy_world.preview = True
+    preview.flush()
+    before = data_blocks()
+    for frame, severity in ((0, 1.0), (4, 5.0)):
+        fog.severity = severity
+        scene.keyframe_insert("noisy_world.steps[0].severity", frame=frame)
+    preview._touch_later(scene)
+    preview.flush()
+    chain = shown_chain(scene)
+    assert {item.session_uid for item in bpy.data.actions} - before == {scene.animation_data.action.session_uid}
+    path = chain.nodes["Fog"].inputs["Severity"].path_from_id("default_value")
+    (curve,) = (curve for curve in action_bag(chain).fcurves if curve.data_path == path)
+    assert [curve.evaluate(frame) for frame in (0, 4)] == [1.0, 5.0]
 
 
 def test_nothing_runs_while_it_is_off_and_nothing_stays_behind(scene):

@@ -31,7 +31,7 @@ from .datablocks import (
     new_tree,
     set_value,
 )
-from .node_trees import adopt, described_as, ensure_group, made_before, remove_group
+from .node_trees import adopt, described_as, ensure_group, is_made_from, made_before, remove_group
 
 # The values of a shown chain's sockets, keyed over the timeline; what a user does inside the chain is left alone.
 
@@ -66,12 +66,15 @@ def set_values(
     """Set the sockets of a chain, and key them over `frames` where they change.
 
     A socket is set only where its value is another than we gave it last, and never where a user has linked or keyed it.
+    The chain has an action from the first on, so that keys which come later need no new one.
     now: the current scene frame, by default the first. intrinsics: of the camera, if known. stance_at: how it stands
     and moves; without it, its sockets are left alone. decided_at: what automatics decided; without it, as if all
     earlier frames were mid-grey. lit: the chain is of a lit scene.
     """
     if BUILT_AS not in tree:
         tree[BUILT_AS] = _structure(tree)
+    if not _has_action(tree):
+        new_action(tree, f"{tree.name} severity")
     left_at: dict[str, Any] = json.loads(tree.get(LEFT_AT, "{}"))
     clear_keys(tree, json.loads(tree.get(KEYED, "[]")))
     taken = _keyed_paths(tree)
@@ -103,7 +106,6 @@ def set_values(
             if changes:
                 key_socket(tree, socket, known)
                 keyed.append(path)
-    drop_empty_action(tree)
     _remember(tree, LEFT_AT, left_at)
     _remember(tree, KEYED, keyed)
 
@@ -173,6 +175,10 @@ def clear_keys(tree: bpy.types.NodeTree, ours: Sequence[str]) -> None:
             bag.fcurves.remove(curve)
 
 
+def _has_action(tree: bpy.types.NodeTree) -> bool:
+    return tree.animation_data is not None and tree.animation_data.action is not None
+
+
 def drop_empty_action(tree: bpy.types.NodeTree) -> None:
     """Remove a tree's action where no curve of the tree is left in it."""
     data = tree.animation_data
@@ -194,7 +200,7 @@ def action_bag(item: bpy.types.ID) -> bpy.types.ActionChannelbag:
 
 def key_socket(tree: bpy.types.NodeTree, socket: bpy.types.NodeSocket, values: list[tuple[int, Any]]) -> None:
     """Key a socket, a number or a vector, with constant interpolation: each value holds until the next key."""
-    if tree.animation_data is None or tree.animation_data.action is None:
+    if not _has_action(tree):
         new_action(tree, f"{tree.name} severity")
     path = socket.path_from_id("default_value")
     frames = np.array([frame for frame, _ in values], dtype=np.float32)
@@ -465,12 +471,17 @@ def shown_chain(scene: bpy.types.Scene) -> bpy.types.NodeTree | None:
     return None if of_another else get_node(tree, GROUP, bpy.types.CompositorNodeGroup).node_tree
 
 
+def hides_compositing(scene: bpy.types.Scene) -> bool:
+    """Tell whether a scene shows a chain, or did before it was given another compositing, so that `hide_chain` acts."""
+    return PREVIOUS in scene
+
+
 def hide_chain(scene: bpy.types.Scene) -> None:
     """Restore the compositing that a scene had before `show_chain`; remove a chain that nothing else uses.
 
     If the scene was given another compositing meanwhile, that is kept.
     """
-    if PREVIOUS not in scene:
+    if not hides_compositing(scene):
         return
     tree = scene.compositing_node_group
     if tree is not None and SHOWN in tree:
@@ -493,9 +504,11 @@ def refresh_chain(
     decided_at: DecidedAt | None = None,
     lit: bool = False,
     after_own: bool = True,
-) -> bpy.types.NodeTree:
+    in_place: bool = False,
+) -> bpy.types.NodeTree | None:
     """Make a scene's compositor show steps of colour after its render, with the fewest changes; return the chain.
 
+    in_place: only where no data-block has to be made or removed for that; otherwise change nothing and return None.
     index_of: the frame of the sequence that a scene frame shows; by default they have equal numbers. intrinsics: of
     the camera. stance_at: how it stands and moves at a frame of the sequence, if known. decided_at: what automatics
     decided for it, if known. lit: the scene is lit. after_own: whether its own compositing stays in effect before.
@@ -503,6 +516,8 @@ def refresh_chain(
     chain = shown_chain(scene)
     if chain is not None and _is_shared(chain):
         chain = None  # Blender has copied the scene with what shows its chain: now each has a list of its own
+    if in_place and (chain is None or not _is_made(scene, chain, steps, lit=lit, after_own=after_own)):
+        return None
     name = adopt(chain) if chain is not None else _free_name(f"Perturbations of {scene.name}")
     frames = range(scene.frame_start, scene.frame_end + 1)
     needed_depth = chain is not None and _takes_depth(chain)
@@ -519,7 +534,7 @@ def refresh_chain(
         lit=lit,
     )
     tree = scene.compositing_node_group
-    is_as_asked = tree is not None and (OWN in tree.nodes) == (after_own and own_compositing(scene) is not None)
+    is_as_asked = _has_own_as_asked(scene, after_own=after_own)
     if tree is None or not is_as_asked or shown_chain(scene) != chain or needed_depth != _takes_depth(chain):
         show_chain(scene, chain, reference_width_px=reference_width_px, split=split, lit=lit, after_own=after_own)
         return chain
@@ -527,6 +542,25 @@ def refresh_chain(
     _set(tree.nodes[GROUP].inputs["Reference Width"], reference_width_px or scene.render.resolution_x)
     set_split(tree, split)
     return chain
+
+
+def _is_made(
+    scene: bpy.types.Scene,
+    chain: bpy.types.NodeTree,
+    steps: Sequence[Step[ColourPerturbation]],
+    *,
+    lit: bool,
+    after_own: bool,
+) -> bool:
+    """Tell whether the chain that a scene shows has the groups of these steps: then its values alone are to be set."""
+    described = _described(described_as(chain), steps, lit)
+    own_action = _has_action(chain) and action_of(chain).users == 1
+    return own_action and is_made_from(chain, described) and _has_own_as_asked(scene, after_own=after_own)
+
+
+def _has_own_as_asked(scene: bpy.types.Scene, *, after_own: bool) -> bool:
+    tree = scene.compositing_node_group
+    return tree is not None and (OWN in tree.nodes) == (after_own and own_compositing(scene) is not None)
 
 
 def _is_shared(chain: bpy.types.NodeTree) -> bool:

@@ -213,7 +213,7 @@ def ensure_group(graph: Graph) -> bpy.types.CompositorNodeTree:
     group of this name stays as it is. If anything fails, the file is left as it was.
     """
     old = made_before(bpy.data.node_groups, graph.name)
-    if isinstance(old, bpy.types.CompositorNodeTree) and old.get(STAMP) == graph.stamp and _is_whole(old):
+    if isinstance(old, bpy.types.CompositorNodeTree) and is_made_from(old, graph):
         return old
     before: set[bpy.types.ID] = {*bpy.data.node_groups, *bpy.data.images}
     try:
@@ -223,6 +223,11 @@ def ensure_group(graph: Graph) -> bpy.types.CompositorNodeTree:
         raise
     _replace(old, tree, graph.name)
     return tree
+
+
+def is_made_from(tree: bpy.types.NodeTree, graph: Graph) -> bool:
+    """Tell whether a group is what `ensure_group` makes of a description, with all that is in it."""
+    return tree.get(STAMP) == graph.stamp and _is_whole(tree)
 
 
 _whole: dict[int, tuple[int, ...]] = {}  # by a group that was whole: which groups and images the file had then

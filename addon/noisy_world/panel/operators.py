@@ -47,9 +47,8 @@ def guarded(operator: bpy.types.Operator, work: Callable[[], str]) -> set[str]:
             message = work()
     except NoisyWorldError as error:
         operator.report({"ERROR"}, spoken(error.message))
-        push: Any = bpy.ops.ed.undo_push  # the stubs give its poll an argument
-        if "UNDO" in operator.bl_options and push.poll():
-            push(message=operator.bl_label)
+        if "UNDO" in operator.bl_options:
+            push_undo(operator.bl_label)
         return CANCELLED
     finally:
         if window is not None:
@@ -57,6 +56,13 @@ def guarded(operator: bpy.types.Operator, work: Callable[[], str]) -> set[str]:
     if message:
         operator.report({"INFO"}, american(message))
     return DONE
+
+
+def push_undo(what: str) -> None:
+    """Make a step of undo of what was changed, where there is a window that has steps."""
+    push: Any = bpy.ops.ed.undo_push  # the stubs give its poll an argument
+    if push.poll():
+        push(message=what)
 
 
 class OnScene(_Mixin):

@@ -12,7 +12,15 @@ from bpy.app.handlers import persistent
 
 from ..core.errors import NoisyWorldError
 from ..dataset.sequence import PlannedSequence
-from ..nodes.chain_scene import hide_chain, is_edited, own_compositing, refresh_chain, set_split, shown_chain
+from ..nodes.chain_scene import (
+    hide_chain,
+    hides_compositing,
+    is_edited,
+    own_compositing,
+    refresh_chain,
+    set_split,
+    shown_chain,
+)
 from ..nodes.datablocks import layout_of, override
 from ..perturbations import registry
 from ..perturbations.kinds import DepthPerturbation, PairingPerturbation
@@ -37,7 +45,7 @@ from .frame_preview import (
     sources_of,
 )
 from .open_scene import keeps_compositing
-from .operators import CANCELLED, DONE, UNDOABLE, OnScene, guarded
+from .operators import CANCELLED, DONE, UNDOABLE, OnScene, guarded, push_undo
 from .properties import panel_of
 from .runs import Following, redraw
 from .sidebar import write
@@ -245,6 +253,7 @@ SHOWN_BY = ("preview", "steps", "setting.stream", "render.backend", *RENDERED_BY
 
 _changed_s: dict[int, float] = {}  # by scene: the time of its last change that is not shown yet
 _errors: dict[int, str] = {}  # by scene
+_unmade: set[int] = set()  # scenes whose chain is not as the panel says, and has to be made in a step of undo
 _at_rest: set[int] = set()  # scenes whose weather is shown as for a camera that stands still
 
 
@@ -284,7 +293,10 @@ def touch(scene: bpy.types.Scene, what: str = "steps") -> None:
 
 
 def _touch_later(scene: bpy.types.Scene) -> None:
-    """Update a scene's preview once Blender is idle: its data cannot be changed in handlers and while drawing."""
+    """Update a scene's preview once Blender is idle: its data cannot be changed in handlers and while drawing.
+
+    That is no step of undo, so no data-block is made or removed then.
+    """
     frame_preview.forget_drawn(scene)
     _changed_s[scene.session_uid] = 0.0
     _wake()
@@ -312,7 +324,7 @@ def _follow() -> float | None:
         if changed_s is not None and now_s - changed_s >= PAUSE_S:
             del _changed_s[scene.session_uid]
             frame_preview.forget_drawn(scene)  # it may be coarse
-            apply(scene)
+            apply(scene, in_place=True)
             draw_pictures(scene)
     known = {scene.session_uid for scene in bpy.data.scenes}
     for gone in _changed_s.keys() - known:
@@ -325,7 +337,7 @@ def flush() -> None:
     for scene in bpy.data.scenes:
         if _changed_s.pop(scene.session_uid, None) is not None:
             frame_preview.forget_drawn(scene)
-            apply(scene)
+            apply(scene, in_place=True)
             draw_pictures(scene)
 
 
@@ -334,16 +346,26 @@ def is_costly(scene: bpy.types.Scene) -> bool:
     return frame_preview.seconds_taken(scene) > COSTLY_S
 
 
-def apply(scene: bpy.types.Scene) -> None:
-    """Show or hide a scene's chain as the panel says; keep the message on what is wrong for the panel."""
+def apply(scene: bpy.types.Scene, *, in_place: bool = False) -> None:
+    """Show or hide a scene's chain as the panel says; keep the message on what is wrong for the panel.
+
+    in_place: outside a step of undo, where no data-block may be made or removed: Blender keeps on undo what looks the
+    same in two steps, and crashes where that points to what is in neither. What would have to be made is kept for the
+    panel, too.
+    """
     if scene.library is not None:
         return
+    _unmade.discard(scene.session_uid)
     with _errors_kept(scene):
         if panel_of(scene).preview:
             _prefer_processor(scene)
-            show(scene)
+            made = show(scene, in_place=in_place)
         else:
-            hide(scene)
+            made = not (in_place and hides_compositing(scene))
+            if made:
+                hide(scene)
+        if not made:
+            _unmade.add(scene.session_uid)
     views.sync_views()
 
 
@@ -367,11 +389,14 @@ def _errors_kept(scene: bpy.types.Scene) -> Iterator[None]:
         _errors[scene.session_uid] = spoken(error.message)
 
 
-def show(scene: bpy.types.Scene) -> None:
-    """Show the panel's perturbations of colour on a scene's render. Raises NoisyWorldError for wrong values."""
+def show(scene: bpy.types.Scene, *, in_place: bool = False) -> bool:
+    """Show the panel's perturbations of colour on a scene's render; tell whether that could be.
+
+    in_place: as `apply` has it. Raises NoisyWorldError for wrong values.
+    """
     panel = panel_of(scene)
     sequence, _ = frame_preview.sequence_of(scene)
-    refresh_chain(
+    chain = refresh_chain(
         scene,
         sequence.setting.rgb,
         sequence.identifiers,
@@ -383,8 +408,10 @@ def show(scene: bpy.types.Scene) -> None:
         decided_at=frame_preview.decided_at(scene, sequence),
         lit=open_scene.is_shown(panel),
         after_own=not leaves_compositing_out(scene),
+        in_place=in_place,
     )
     (_at_rest.add if is_unknown(scene, sequence) else _at_rest.discard)(scene.session_uid)
+    return chain is not None
 
 
 def leaves_compositing_out(scene: bpy.types.Scene) -> bool:
@@ -416,8 +443,16 @@ def _prefer_processor(scene: bpy.types.Scene) -> None:
 
 @persistent
 def _touch_all(*_: Any) -> None:
-    """Update all scenes: after undo or loading a file, their previews may not match their properties."""
+    """Update all scenes: after undo, their previews may not match their properties."""
     for scene in bpy.data.scenes:
+        _touch_later(scene)
+
+
+@persistent
+def _make_all(*_: Any) -> None:
+    """Make the previews of a file that was opened as its panels say, before Blender's first step of undo."""
+    for scene in bpy.data.scenes:
+        apply(scene)
         _touch_later(scene)
 
 
@@ -432,7 +467,13 @@ def _on_keys(scene: bpy.types.Scene, depsgraph: bpy.types.Depsgraph) -> None:
 
 
 def _resume() -> None:
-    _touch_all()
+    """Make the previews of the file that is open as its panels say: a step of undo, where one has to be made."""
+    for scene in bpy.data.scenes:
+        apply(scene, in_place=True)
+        _touch_later(scene)
+    if _unmade:
+        _make_all()
+        push_undo("Noisy World")
 
 
 # --- the chain, as a user changes it ---
@@ -462,6 +503,30 @@ class ResetChain(OnScene, bpy.types.Operator):
         return DONE
 
 
+class UpdatePreview(OnScene, bpy.types.Operator):
+    """Make the preview as the list says: undo leads to a state in which it was not"""
+
+    bl_idname = "noisy_world.update_preview"
+    bl_label = "Update Preview"
+    bl_options = UNDOABLE
+
+    @classmethod
+    def poll(cls, context: bpy.types.Context) -> bool:
+        """Tell whether it is otherwise."""
+        if not super().poll(context):
+            return False
+        if context.scene.session_uid not in _unmade:
+            cls.poll_message_set("The preview is as the list says")
+            return False
+        return True
+
+    def execute(self, context: bpy.types.Context) -> set[str]:
+        """Make it."""
+        apply(context.scene)
+        draw_pictures(context.scene)
+        return DONE
+
+
 def is_chain_edited(scene: bpy.types.Scene) -> bool:
     """Tell whether a user has changed something inside a scene's chain, which no preset holds."""
     chain = shown_chain(scene)
@@ -476,6 +541,9 @@ def draw(layout: bpy.types.UILayout, context: bpy.types.Context, *, loaded: bool
     scene = context.scene
     panel = panel_of(scene)
     layout.prop(panel, "preview", toggle=True, icon="HIDE_OFF" if panel.preview else "HIDE_ON")
+    if scene.session_uid in _unmade:
+        write(layout, context, "After undo the preview is not as the list says", "INFO")
+        layout.operator(UpdatePreview.bl_idname, icon="FILE_REFRESH")
     if panel.preview:
         layout.prop(panel, "preview_split", slider=True)
         _draw_state(layout, context, loaded=loaded)
@@ -534,9 +602,9 @@ def _draw_falsified(layout: bpy.types.UILayout, context: bpy.types.Context) -> N
 
 # --- registration ---
 
-CLASSES = (ResetChain, views.ShowByEevee, UseStandardView)
+CLASSES = (ResetChain, UpdatePreview, views.ShowByEevee, UseStandardView)
 _preview_register_classes, _preview_unregister_classes = bpy.utils.register_classes_factory(CLASSES)
-_HANDLERS = Handlers(undo_post=_touch_all, redo_post=_touch_all, load_post=_touch_all, depsgraph_update_post=_on_keys)
+_HANDLERS = Handlers(undo_post=_touch_all, redo_post=_touch_all, load_post=_make_all, depsgraph_update_post=_on_keys)
 
 
 def register() -> None:
@@ -559,13 +627,15 @@ def unregister() -> None:
     _HANDLERS.remove()
     if touch in properties.LISTENERS:
         properties.LISTENERS.remove(touch)
-    for scene in bpy.data.scenes:
-        if scene.library is None:
-            hide(scene)
+    shown = [scene for scene in bpy.data.scenes if scene.library is None and hides_compositing(scene)]
+    for scene in shown:
+        hide(scene)
+    if shown:
+        push_undo("Noisy World")
     views.give_back_all()
     unregister_preview_buttons()
     frame_preview.unregister()
     views.unregister()
     _preview_unregister_classes()
-    for cache in (_changed_s, _errors):
+    for cache in (_changed_s, _errors, _unmade):
         cache.clear()

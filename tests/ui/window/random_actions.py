@@ -379,6 +379,17 @@ def prepare(preview: bool) -> Any:
     return "set"
 
 
+def key_severity(frame: int, severity: float) -> Any:
+    """Key a severity, as I does over its slider."""
+    steps = panel().steps
+    if not steps:
+        return "nothing"
+    steps[0].severity = severity
+    steps[0].id_data.keyframe_insert("noisy_world.steps[0].severity", frame=frame)
+    bpy.ops.ed.undo_push(message="Insert Keyframe")
+    return "keyed"
+
+
 def undo(times: int, back: int) -> Any:
     """Press Ctrl Z some times, and Ctrl Shift Z some."""
     pressed = [bpy.ops.ed.undo] * times + [bpy.ops.ed.redo] * back
@@ -522,10 +533,11 @@ ACTIONS: dict[Callable[..., Any], tuple[float, Callable[[], list[Any]]]] = {
         ),
     ),
     render: (2, list),
+    key_severity: (3, lambda: [DRAW.randint(0, 5), DRAW.uniform(1.0, 5.0)]),
     go_to_frame: (3, lambda: [DRAW.randint(-2, 12)]),
     load_file: (1.5, one("new", "user.blend", "other.blend", "saved.blend")),
     save_file: (1.5, one("saved.blend", "user.blend")),
-    add_scene: (1, one("NEW", "EMPTY", "LINK_COPY", "FULL_COPY")),
+    add_scene: (1.5, one("NEW", "EMPTY", "LINK_COPY", "FULL_COPY")),
     delete_scene: (1, list),
     go_to_scene: (2, lambda: [DRAW.random()]),
     delete_data: (2, lambda: [DRAW.choice(KINDS), DRAW.random()]),
