@@ -144,8 +144,9 @@ def test_sensors_act_on_what_the_view_transform_shows(tmp_path):
 
 def test_a_group_outdoors_takes_the_other_table(tmp_path):
     light, depth_m = street_light()
-    table = {severity: step_of("fog_depth", severity=severity, outdoors=True) for severity in (1, 2, 5)}
-    nodes = {f"s{severity}": ("fog_depth", {"Severity": severity, "Outdoors": True}) for severity in table}
+    reach = {1: 1.0, 2: 0.4, 5: 3.0}
+    table = {each: step_of("fog_depth", severity=each, outdoors=True, reach=far) for each, far in reach.items()}
+    nodes = {f"s{each}": ("fog_depth", {"Severity": each, "Outdoors": True, "Reach": reach[each]}) for each in table}
     found = by_groups(nodes, light, tmp_path, depth_m=depth_m)
     for severity, step in table.items():
         wanted = on_light(ColourWork.of([step], FrameContext(0, IDENTIFIERS, read_depth_m=lambda: depth_m)), light)

@@ -3,6 +3,7 @@
 
 import numpy as np
 import pytest
+from cases import cases
 from noisy_world.core.node_graph import Graph, GroupInput
 from noisy_world.core.graph_arrays import carried_out
 from noisy_world.perturbations.execution import ColourWork
@@ -65,6 +66,15 @@ def test_fog_in_a_brown_room_is_as_light_and_as_grey_as_is_asked_for(lit):
         found = made(walls, depth_m, "fog_depth", lit=lit, visibility_m=0.5, air="scene", air_tint=tint)[10, 10]
         found = found if lit else linear(found.astype(np.float32) / 255)
         assert found == pytest.approx(luminance + tint * (walls[0, 0] - luminance), abs=5e-4 if lit else 2e-3)
+
+
+@cases("lit, around, air", [(True, True, 0.01 + 0.1 * 0.5), (False, True, 0.01 + 0.1 * 0.5), (True, False, 0.51)])
+def test_a_window_lights_the_fog_of_a_room_by_its_share_where_that_is_asked_for(lit, around, air):
+    room, depth_m = np.full((40, 40, 3), 0.01, np.float32), np.full((40, 40), 2.0, np.float32)
+    room[:, 16:20], depth_m[:, 16:20] = 0.51, 0  # a tenth of the frame is sky
+    given = {"visibility_m": 0.1, "air": "scene", "air_around": around, "lamps": 0}
+    found = made(room, depth_m, "fog_depth", lit=lit, **given)[4, 4]
+    np.testing.assert_allclose(found if lit else linear(found.astype(np.float32) / 255), air, rtol=0.01)
 
 
 def test_the_mean_of_what_is_even_is_that_and_no_pixels_are_dark():

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What a newly added step begins with, and what a chain clips: on scenes and numbers that nothing was tuned on."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -24,13 +24,44 @@ def steps(*items):
     return parse_steps(list(items), ConfigPath(None), registry())
 
 
-@cases("depth_m, outdoors", [([1.0, 2.0, 3.0, 5.0, 0.0], False), ([1.0, 4.0, 30.0, 60.0, 0.0], True), ([0.0], False)])
+@cases(
+    "depth_m, outdoors",
+    [
+        ([1.0, 2.0, 3.0, 5.0, 0.0], False),
+        ([2.0, 9.0, 14.0, 0.0], False),
+        ([1.0, 4.0, 30.0, 60.0, 0.0], True),
+        ([8.0, 90.0, 400.0, 0.0], True),
+    ],
+)
 def test_fog_begins_by_how_far_one_sees_and_says_so(depth_m, outdoors):
     made = new_step(registry()["fog_depth"], (), np.repeat(np.float32([depth_m]), 4, axis=0))
     assert made.given["outdoors"] is outdoors
     assert ("streets" in made.says[0]) is outdoors
     (step,) = steps({"fog_depth": made.values})
-    assert step.parameters(3).visibility_m == (200 if outdoors else 15)
+    # Half of what is seen keeps at least 0.55 of its contrast, in a room as in a valley.
+    seen = 0.05 ** (np.median([each for each in depth_m if each]) / step.parameters(3).visibility_m)
+    assert seen == pytest.approx(0.55, abs=0.01)
+
+
+def test_where_no_depth_is_known_fog_has_the_severities_of_rooms():
+    made = new_step(registry()["fog_depth"], (), np.zeros((2, 2), np.float32))
+    assert (made.given["outdoors"], "reach" in made.given) == (False, False)
+    (step,) = steps({"fog_depth": made.values})
+    assert step.parameters(3).visibility_m == 15
+
+
+@cases(
+    "given, visibility_m",
+    [({}, 15), ({"reach": 2.0}, 30), ({"reach": 0.5, "severity": 5}, 3), ({"reach": 2.0, "visibility_m": 7.0}, 7)],
+)
+def test_the_reach_of_fog_is_that_of_its_severities(given, visibility_m):
+    (step,) = steps({"fog_depth": given})
+    assert step.parameters(step.severity).visibility_m == visibility_m
+
+
+def test_severities_of_what_has_none_cannot_be_stretched():
+    with pytest.raises(ValueError, match="stretched"):
+        replace(registry()["fog_depth"], stretched={"reach": "visibility_m"})
 
 
 def test_nothing_is_chosen_by_a_depth_that_is_not_known():

@@ -30,7 +30,12 @@ def test_fog_begins_by_how_far_the_camera_sees(distance_m, outdoors):
     assert np.allclose(depth_m, distance_m, rtol=1e-4)  # planar: the same at the corners
     assert bpy.ops.noisy_world.add_step(perturbation="fog_depth") == {"FINISHED"}
     ((_, values),) = perturb_of(settings())[-1].items()
-    assert values == {"severity": 3.0, "outdoors": outdoors, **registry()["fog_depth"].newly, "temporal": "drift"}
+    chosen = {
+        "outdoors": outdoors,
+        "air_around": not outdoors,
+        "reach": 1.5 if outdoors else 1.3,
+    }  # of 40 m, and of 3 m
+    assert values == {"severity": 3.0, **chosen, **registry()["fog_depth"].newly, "temporal": "drift"}
 
 
 def test_without_a_camera_nothing_is_chosen_by_what_it_sees():

@@ -444,6 +444,8 @@ def by_severity(
             value = graph.choose(own[switch], at[switch], value, value.kind)
         for name, at_level in zip(names, (value,) if len(names) == 1 else (value.x, value.y, value.z), strict=False):
             whole = graph.math("FLOOR", at_level + 0.5) if name in perturbation.counts else at_level
+            if name in perturbation.stretched:
+                whole = whole * own[perturbation.stretched[name]]
             found[name] = graph.choose(override, own[name], whole, own[name].kind)
     return found
 

@@ -444,7 +444,8 @@ class Perturbation:
     drift, where it has that. counts: parameters that are whole numbers, which a fractional severity rounds.
     implied: for a parameter that only counts with a value of another one, that one and the value, which it has
     where the first is given and it is not. other_severities: by a parameter that is a bool, the table that holds
-    where it is true, of the same parameters. contradiction: parameters -> what cannot be in their values together, ""
+    where it is true, of the same parameters. stretched: for a parameter of the table, another one by which its values
+    are multiplied; that is 1 by default. contradiction: parameters -> what cannot be in their values together, ""
     for nothing; a preset with it is refused. newly: parameters that a step which is newly written into a preset has, in
     place of the defaults that presets of before count on. by_depth: the clean depth (H, W) of the scene, metres, 0 =
     void -> what of its parameters follows from that, and why, in words; asked where a step is newly written.
@@ -468,6 +469,7 @@ class Perturbation:
     counts: frozenset[str] = frozenset()
     implied: Mapping[str, tuple[str, Any]] = field(default_factory=dict)
     other_severities: Mapping[str, Mapping[str, Sequence[float]]] = field(default_factory=dict)
+    stretched: Mapping[str, str] = field(default_factory=dict)
     contradiction: Callable[[Any], str] | None = None
     newly: Mapping[str, Any] = field(default_factory=dict)
     by_depth: ByDepth | None = None
@@ -487,6 +489,8 @@ class Perturbation:
                 raise ValueError(f"{self.name}: {name} has to be a parameter with {len(SEVERITIES)} severities")
         if any(table.keys() != self.severities.keys() for table in self.other_severities.values()):
             raise ValueError(f"{self.name}: each of other_severities has to have the parameters of severities")
+        if self.stretched.keys() - self.severities.keys() or set(self.stretched.values()) - known:
+            raise ValueError(f"{self.name}: stretched has to name parameters, the first of each pair of severities")
         own = [*(RESERVED[:3] if self.severities else ()), *(RESERVED[3:] if self.temporals else ())]
         if taken := sorted(known.intersection(own)):
             raise ValueError(f"{self.name}: a parameter may not be called {taken[0]}, a key of every perturbation")
@@ -519,7 +523,7 @@ class Perturbation:
             raise ValueError(f"severity is {severity}, but has to be 0 or from 1 to 5")
         values: dict[str, Any] = {}
         for name, table in self.table_of(given).items():
-            value = float(np.interp(severity, SEVERITIES, table))
+            value = float(np.interp(severity, SEVERITIES, table)) * given.get(self.stretched.get(name, ""), 1)
             values[name] = math.floor(value + 0.5) if name in self.counts else value
         return replace(self.parameters(), **(values | given))
 

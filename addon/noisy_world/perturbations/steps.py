@@ -192,7 +192,8 @@ class Step(Generic[Kind]):
         """Return the parameters of a severity."""
         implied = dict(value for name, value in self.perturbation.implied.items() if name in self.given)
         given = {**implied, **self.given}
-        if severity is None and self.perturbation.table_of(given) is self.perturbation.severities:
+        own = self.perturbation.table_of(given) is self.perturbation.severities
+        if severity is None and own and not given.keys() & set(self.perturbation.stretched.values()):
             return self.perturbation.parameters(**given)
         severity = DEFAULT_SEVERITY if severity is None else severity
         return self.perturbation.at_severity(severity, **given)

@@ -62,12 +62,16 @@ def sky_in(depth_m: Float32) -> NDArray[np.bool_]:
     return ~((depth_m > 0) & (depth_m <= SKY_M))
 
 
-def air_light(linear: Float32, depth_m: Float32) -> AirLight:
-    """Return the light of the air before (H, W, 3) of linear light, with its depth (H, W), metres."""
+def air_light(linear: Float32, depth_m: Float32, *, around: bool = False) -> AirLight:
+    """Return the light of the air before (H, W, 3) of linear light, with its depth (H, W), metres.
+
+    around: whether sky counts by its share of the frame alone.
+    """
     sky = sky_in(depth_m)
     own = robust_mean(linear[sky])
     bright = float(own @ LUMINANCE)
-    share = min(float(sky.mean()) / WHOLE_SKY, 1.0) * bright / (bright + NIGHT)
+    seen = float(sky.mean())
+    share = (seen if around else min(seen / WHOLE_SKY, 1.0)) * bright / (bright + NIGHT)
     return AirLight(robust_mean(linear[~sky]), own, share)
 
 
@@ -267,7 +271,7 @@ class AirSockets:
 
 
 def air_nodes(canvas: Canvas, given: Mapping[str, Socket]) -> AirSockets:
-    """Return the light of the air, by the parameters `air`, `air_red`, `air_green` and `air_blue`."""
+    """Return the light of the air, by the parameters `air`, `air_red`, `air_green`, `air_blue`, and `air_around`."""
     graph, depth_m = canvas.graph, canvas.depth_m
     assert depth_m is not None
     with graph.section("The air: what is sky"):
@@ -289,6 +293,8 @@ def air_nodes(canvas: Canvas, given: Mapping[str, Socket]) -> AirSockets:
     with graph.section("The air: its light"):
         bright = graph.math("DOT_PRODUCT", own, LUMINANCE)
         seen = graph.math("MINIMUM", part / WHOLE_SKY, 1.0)
+        if "air_around" in given:
+            seen = graph.choose(given["air_around"], part, seen, "float")
         share = seen * bright / (bright + NIGHT)
         encoded = graph.vector(*(given[f"air_{name}"] for name in ("red", "green", "blue")))
         light = convert(graph, encoded, "sRGB", "Linear Rec.709")

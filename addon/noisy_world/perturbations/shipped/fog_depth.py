@@ -56,6 +56,14 @@ class FogDepth:
         "distance at which 5 % of the contrast is left", default=15.0, unit="m", above=0, maximum=100000
     )
     outdoors: bool = key("severities are 1000, 500, 200, 100 and 50 m, as of streets, instead of rooms", default=False)
+    reach: float = key(
+        "severities' visibilities are as many times those",
+        default=1.0,
+        minimum=0.001,
+        maximum=1000,
+        slider=(0.1, 10),
+        later=True,
+    )
     airlight: float = key("grey that the fog is made of, sRGB-encoded", default=0.8, minimum=0, maximum=1)
     air: Literal["auto", "scene", "grey", "colour"] = air_key(
         "grey", "airlight", Choice("Grey", "A grey as light as Airlight")
@@ -68,6 +76,11 @@ class FogDepth:
         default=1.0,
         minimum=0,
         maximum=1,
+        later=True,
+    )
+    air_around: bool = key(
+        "of light from the scene: the sky counts by its share of the frame alone, as in a room with windows",
+        default=False,
         later=True,
     )
     lamps: float = lamps_key()
@@ -91,8 +104,10 @@ class FogDepth:
     frame_rate_hz: float = frame_rate_key()
     TOOLTIPS: ClassVar[Mapping[str, str]] = AIR_TOOLTIPS | {
         "air_tint": "Lower: fog in a room of brick or wood is grey, not brown as smoke",
+        "air_around": "On: a window does not fill a dark room's fog with the light of the sky",
         "visibility_m": "Lower: the fog gets denser, and hides what is nearer",
         "outdoors": "On: severities are those of streets, where one sees further than in rooms",
+        "reach": "Higher: severities are of a scene in which one sees further",
         "airlight": "Higher: the fog gets lighter; 0 is smoke, 1 is white",
         "falloff_m": "Above 0 the fog lies on the ground: lower, and roofs and sky come out of it",
         "camera_height_m": "Higher: the camera stands more above low fog, and sees more",
@@ -328,7 +343,7 @@ def air_of(rgb: Float32, parameters: FogDepth, context: FrameContext) -> Float32
         return colour_of(parameters.air_red, parameters.air_green, parameters.air_blue).astype(np.float32)
     if parameters.air == "grey" or (parameters.air == "auto" and not context.lit):
         return decoded(np.array([parameters.airlight], np.float32))
-    own = air_light(decoded(rgb), context.depth_m)
+    own = air_light(decoded(rgb), context.depth_m, around=parameters.air_around)
     grey = float(own.surfaces @ LUMINANCE)
     return own.over(own.surfaces - (own.surfaces - grey) * (1 - parameters.air_tint)).astype(np.float32)
 
@@ -642,18 +657,25 @@ def build(canvas: Canvas, given: Mapping[str, Socket], _served: Mapping[str, flo
 
 
 FAR_M, FAR_SHARE = 15.0, 0.1  # chosen: a tenth of what is seen of a room is hardly farther
+ROOM_M, STREET_M = 3.0, 40.0  # what is so far keeps 55 % of its contrast at severity 3, by either table; chosen
 
 
 def by_depth(depth_m: Float32) -> tuple[Mapping[str, Any], str]:
-    """Return whether severities are those of streets or of rooms, by how far a tenth of what a frame shows is.
+    """Return whether severities are those of streets or of rooms, and by how much they reach further.
 
-    depth_m: (H, W), 0 = void, which says nothing: of a recording it was not measured.
+    They are those of streets by how far a tenth of what a frame shows is. They reach so far that half of it keeps at
+    least 55 % of its contrast at severity 3, in a cupboard as in a valley. depth_m: (H, W), 0 = void, which says
+    nothing: of a recording it was not measured.
     """
     known = depth_m[depth_m > 0]
-    far_m = float(np.quantile(known, 1 - FAR_SHARE)) if len(known) else 0.0
+    if not len(known):
+        return {"outdoors": False}, "Indoors: visibilities of rooms, as no depth is known"
+    far_m, middle_m = (float(np.quantile(known, share)) for share in (1 - FAR_SHARE, 0.5))
     outdoors = far_m > FAR_M
+    reach = float(f"{np.clip(middle_m / (STREET_M if outdoors else ROOM_M), 0.001, 1000):.2g}")
     which = "Outdoors: visibilities of streets" if outdoors else "Indoors: visibilities of rooms"
-    return {"outdoors": outdoors}, f"{which}, as a tenth of what is seen is farther than {far_m:.0f} m"
+    why = f"a tenth of what is seen is farther than {far_m:.3g} m, and half than {middle_m:.3g} m"
+    return {"outdoors": outdoors, "air_around": not outdoors, "reach": reach}, f"{which}, times {reach:g}, as {why}"
 
 
 PERTURBATION = ColourPerturbation(
@@ -664,6 +686,7 @@ PERTURBATION = ColourPerturbation(
     parameters=FogDepth,
     severities={"visibility_m": (50, 25, 15, 10, 6)},
     other_severities={"outdoors": {"visibility_m": (1000, 500, 200, 100, 50)}},
+    stretched={"visibility_m": "reach"},
     source="our own; the law: Koschmieder, Theorie der horizontalen Sichtweite, 1924",
     about=About(
         "Hides what is far behind lit air; it may lie on the ground, come in clumps, and glow around lamps",
