@@ -309,6 +309,7 @@ def _clumps(
     parts: Sequence[_Part], masks: Sequence[NDArray[np.bool_]], bins: Sequence[NDArray[np.int64]], thresholds: Float64
 ) -> Sequence[Figure]:
     """Return how large clumps are in pixels, and for how many frames they stay, by pairs that are both void."""
+    likeness = _Likeness.of(thresholds)
     pairs = [_pairs_within(part, mask, place) for part, mask, place in zip(parts, masks, bins, strict=True)]
     groups = blocks_of(len(parts))
     both, of = (
@@ -318,7 +319,7 @@ def _clumps(
 
     def size(kept: NDArray[np.bool_]) -> float:
         alike = [
-            _likeness(one, other, thresholds)
+            likeness.correlation(one, other)
             for one, other in zip(both[kept].sum(axis=0), of[kept].sum(axis=0), strict=True)
         ]
         return _reach(np.array(LAGS_PX, np.float64), np.array(alike))
@@ -336,7 +337,7 @@ def _clumps(
         return wide, Figure.none(LAW[3], "frames after one another are equal, or have no depth")
 
     def stay(kept: Sequence[int]) -> float:
-        alike = _likeness(sum(later[at][0] for at in kept), np.sum([later[at][1] for at in kept], axis=0), thresholds)
+        alike = likeness.correlation(sum(later[at][0] for at in kept), np.sum([later[at][1] for at in kept], axis=0))
         return float(-np.log(max(1 - alike, 1 / MOST_FRAMES)))
 
     of_block = blocks_of(len(later))
@@ -376,28 +377,35 @@ def _correlations() -> Float64:
     return np.linspace(0, 0.995, 200)
 
 
-def _likeness(both: float, pairs: Float64, thresholds: Float64) -> float:
-    """Return the correlation of two normal numbers that are both below their thresholds (BINS,) as often as was seen.
+@dataclass(frozen=True)
+class _Likeness:
+    """How often two normal numbers are both below their thresholds, by their correlation.
 
-    d P(both) / d correlation is their common density at the thresholds (Plackett, 1954).
+    below: (BINS,) how often one is. density: (correlations, BINS^2), their common density at each two thresholds, which
+    is the derivative of that by the correlation (Plackett, 1954).
     """
-    normal = NormalDist()
-    below = np.array([normal.cdf(float(each)) for each in np.clip(thresholds, -7, 7)])
-    count = float(pairs.sum())
-    if count <= 0:
-        return 0.0
-    tried = _correlations()
-    one, other = thresholds[:, None], thresholds[None, :]
-    square = 1 - tried**2
-    density = np.array(
-        [
-            np.sum(pairs * np.exp(-(one**2 - 2 * r * one * other + other**2) / (2 * s))) / (2 * np.pi * np.sqrt(s))
-            for r, s in zip(tried, square, strict=True)
-        ]
-    )
-    steps = (density[1:] + density[:-1]) / 2 * np.diff(tried)
-    expected = float(below @ pairs @ below) + np.concatenate([[0.0], np.cumsum(steps)])
-    return float(np.interp(both, expected, tried))
+
+    below: Float64
+    density: Float64
+
+    @classmethod
+    def of(cls, thresholds: Float64) -> "_Likeness":
+        normal = NormalDist()
+        below = np.array([normal.cdf(float(each)) for each in np.clip(thresholds, -7, 7)])
+        one, other = (each.ravel() for each in np.meshgrid(thresholds, thresholds, indexing="ij"))
+        tried = _correlations()[:, None]
+        square = 1 - tried**2
+        exponents = -(one**2 - 2 * tried * one * other + other**2) / (2 * square)
+        return cls(below, np.exp(exponents) / (2 * np.pi * np.sqrt(square)))
+
+    def correlation(self, both: float, pairs: Float64) -> float:
+        """Return the correlation by which `both` of the pairs (BINS, BINS) are below their thresholds."""
+        if pairs.sum() <= 0:
+            return 0.0
+        tried, density = _correlations(), self.density @ pairs.ravel()
+        steps = (density[1:] + density[:-1]) / 2 * np.diff(tried)
+        expected = float(self.below @ pairs @ self.below) + np.concatenate([[0.0], np.cumsum(steps)])
+        return float(np.interp(both, expected, tried))
 
 
 def _reach(lags_px: Float64, alike: Float64) -> float:

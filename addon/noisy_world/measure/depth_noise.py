@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Noise of depth from frames alone: its deviation by distance and incidence, steps, and correlation in space and time.
 
-What is left of planes in inverse depth, in which they are linear, over small blocks.
+What is left of planes in inverse depth, in which they are linear, over small blocks. Of a camera that moves it is what
+two frames have not in common there: a surface's own relief is in both, and noise in one.
 """
 
 from collections.abc import Sequence
@@ -13,15 +14,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.geometry import Intrinsics
+from .depth_blocks import LEAST_BLOCKS, Blocks, Other, Registered, blocks_in
 from .depth_holes import HoleFrame, depth_holes
 from .figure import BLOCKS, Figure, blocks_of, jackknifed
 from .footage import Float32, Float64, RecordingView
 
 # Chosen, as all below.
 SIDE, WIDE_SIDE = 9, 24  # of blocks in pixels: for the deviation, and for correlation
-EDGE = 0.15  # times its distance: a block that spans more is an edge
 DISTANCES_M = (0.3, 0.5, 0.8, 1.1, 1.4, 1.7, 2.0, 2.5, 3.0, 3.6, 4.5, 6.0, 8.0, 12.0)
-LEAST_BLOCKS = 40
+MOST_BLOCKS = 1200  # of a frame, that are looked for in another
+REPEATED = (
+    0.35  # times the noise's variance: blocks that two frames have more in common, or are as much against, count not
+)
+OUTLIER = 4.0  # times the noise's variance: a wide block of more is an edge
+LEAST_SHARE = 0.5  # of the frames, that have another one from which relief is told
+LEAST_TOLD = 0.9  # of the deviation, that changes from frame to frame, where relief is not told from noise
 LEAST_BEND, LEAST_BEND_OF_SLOPES = 0.6, 0.25  # times the noise: what blocks may leave that bend
 BENDS = 0.02  # relative error of a deviation by what is no plane, found on known noise
 FLATTEST = 0.4  # share of the wide blocks that is taken for planes
@@ -32,11 +39,16 @@ QUIETER = 1 - 0.5244 / (2 * (SIDE * SIDE - 3)) ** 0.5
 TOLD_SHIFT_PX, TOLD_PART = 0.5, 0.1  # a shift that has to change variance by such a part, from slope to slope
 SLOPES = 6  # groups of slopes at a distance
 ACROSS_STEPS = 1.5  # steps of depth's numbers that a block has to span: on fewer, rounding hides noise
+LEAST_CORRELATION = 0.05  # less at all lags is noise of independent pixels
+FARTHEST_PX = 40.0
+ROUNDS, SAME = 5, 0.003  # in which what planes take is found, and a change of it that is none
 ANGLES_DEG = (0, 20, 40, 50, 60, 65, 70, 75, 80)
 OFTEN = 8  # pixels that have a value, before it counts for the steps
 CURVE, BY_LAG, BY_ANGLE = "depth_noise_m", "depth_correlation", "depth_noise_over_head_on"
 SHIFT = "depth_shift_px"
+LAW = ("depth_noise_offset_m", "depth_noise_quadratic_per_m")
 HEAD_ON = ("depth_noise_head_on_offset_m", "depth_noise_head_on_quadratic_per_m")
+LAWS = (*LAW, *HEAD_ON)
 
 
 @dataclass(frozen=True)
@@ -64,103 +76,150 @@ class DepthNoise:
         return (*self.law, *curve, *self.sideways, *self.steps, *self.correlation, *self.holes)
 
 
-def depth_noise(footage: RecordingView, frames: Sequence[int]) -> DepthNoise:
-    """Return the noise of depth in some frames, and of the ones after them. Raises InputError for a damaged file."""
+def depth_noise(footage: RecordingView, frames: Sequence[int], registered: Registered | None = None) -> DepthNoise:
+    """Return the noise of depth in some frames, and of the ones after them. Raises InputError for a damaged file.
+
+    registered: by which the same surfaces are found in other frames; None for surfaces without relief.
+    """
     planes: list[Planes] = []
-    wide: list[tuple[Float64, Float64, Float64]] = []
+    wide: list[Wide] = []
     seen: list[HoleFrame] = []
     for frame in frames:
         look = footage.look(frame)
         if look.depth_m is None:
             continue
-        found = _planes(look.depth_m, SIDE)
-        planes.append(replace(found, left=np.sqrt((found.left**2).sum(axis=(1, 2)) / (SIDE * SIDE - 3))))
         after = footage.look(frame + 1).depth_m if frame + 1 < len(footage) else None
-        fresh = after is not None and not np.array_equal(look.depth_m, after)
-        wide.append(_wide(look.depth_m, after if fresh else None))
-        seen.append(HoleFrame(look.depth_m, look.grey, after <= 0 if after is not None and fresh else None))
-    planes = _flat(planes)
-    curve, law = _by_distance([each.z for each in planes], [each.left for each in planes])
+        fresh = after if after is not None and not np.array_equal(look.depth_m, after) else None
+        small = blocks_in(look.depth_m, SIDE)
+        other = None if registered is None else registered.other(frame, small)
+        planes.append(_planes(small, other, registered))
+        wide.append(_wide(frame, (look.depth_m, fresh), other, registered))
+        seen.append(HoleFrame(look.depth_m, look.grey, None if fresh is None else fresh <= 0))
+    apart = np.mean([each.apart for each in planes]) >= LEAST_SHARE if planes else False
+    changing = _by_distance([each for each in planes if each.compared])[0]
+    told = _told_share(planes)
+    planes = [each for each in planes if each.apart] if apart else [each.with_relief for each in planes]
+    wide = [each for each in wide if each.apart] if apart else [each.with_relief for each in wide]
+    planes = _even(planes)
+    curve, law = _by_distance(planes)
     steps = _steps([each.depth_m for each in seen])
     sideways = _sideways(planes, footage.camera, steps[1].value or 0.0)
-    return DepthNoise(curve, law, sideways, steps, _correlations(wide), depth_holes(seen, footage.camera))
+    correlation = _correlations(wide)
+    if registered is not None and not apart:
+        least = [figure.value / z**2 for z, figure in changing if figure.value is not None]
+        curve = tuple((z, _at_most(figure, min(least, default=0.0) * z**2)) for z, figure in curve)
+        law, sideways = (
+            tuple(_at_most(each, told * (each.value or 0.0)) if each.name in LAWS else each for each in figures)
+            for figures in (law, sideways)
+        )
+        if told < LEAST_TOLD:
+            why = "the camera hardly moves, so that a surface's relief is not told from noise that stays"
+            correlation = tuple(Figure.none(figure.name, why) for figure in correlation)
+    return DepthNoise(curve, law, sideways, steps, correlation, depth_holes(seen, footage.camera))
 
 
 @dataclass(frozen=True)
 class Planes:
-    """Blocks of depth without void or edge.
+    """Blocks of a frame's depth.
 
-    z: (N,) metres in the middle. left: (N, side, side), what planes leave in metres, to the first order. slope: (N, 2),
-    change of inverse depth a pixel across and down. bend: (N,), second differences of the neighbours' means in metres;
-    infinite without neighbours. which: (N,) blocks by number.
+    z: (N,) metres in the middle. spread: (N,) deviation of noise in metres. repeated: (N,) mean product of what planes
+    leave in both frames, square metres. slope: (N, 2), change of inverse depth a pixel across and down. bend: (N,),
+    second differences of the neighbours' means in metres; infinite without neighbours. which: (N,) blocks by number.
+    whole: (N,) deviation with relief. compared: whether spread is of two frames. apart: whether so relief is told from
+    noise.
     """
 
     z: Float64
-    left: Float64
+    spread: Float64
+    repeated: Float64
     slope: Float64
     bend: Float64
     which: NDArray[np.int64]
+    whole: Float64
+    compared: bool
+    apart: bool
+
+    @property
+    def with_relief(self) -> "Planes":
+        """These, of one frame alone."""
+        return replace(self, spread=self.whole, repeated=0 * self.whole)
+
+    def taken(self, rows: NDArray[np.bool_]) -> "Planes":
+        """Return some of them."""
+        named = {
+            each.name: getattr(self, each.name)[rows] for each in fields(self) if each.name not in ("compared", "apart")
+        }
+        return replace(self, **named)
 
 
-@cache
-def _left_of_plane(side: int) -> tuple[Float64, Float64]:
-    """Return the projections onto what a plane leaves of a block (side^2, side^2), and onto the plane (3, side^2)."""
-    v, u = np.mgrid[:side, :side] - (side - 1) / 2
-    terms = np.stack([np.ones(u.size), u.ravel(), v.ravel()], axis=1)
-    inverse = np.linalg.pinv(terms)
-    return np.eye(side * side) - terms @ inverse, inverse
+def _planes(blocks: Blocks, other: Other | None, registered: Registered | None) -> Planes:
+    freedom = SIDE * SIDE - 3
+    if other is None or registered is None:
+        whole = np.sqrt((blocks.left**2).sum(axis=1) / freedom) * blocks.z**2
+        bend = blocks.bend * blocks.z**2
+        return Planes(blocks.z, whole, 0 * whole, blocks.slope, bend, blocks.which, whole, compared=False, apart=False)
+    thin = blocks.taken(np.arange(0, len(blocks), len(blocks) // MOST_BLOCKS + 1))
+    there = registered.again(thin, other)
+    here = thin.taken(there.rows)
+    square = here.z**4
+    apart = np.sqrt(((here.left - there.left) ** 2).sum(axis=1) / (2 * freedom) * square)
+    repeated = (here.left * there.left).sum(axis=1) / freedom * square
+    whole = np.sqrt((here.left**2).sum(axis=1) / freedom * square)
+    # Of noise that grows with the square of the distance, between both.
+    z = ((square + there.z**4) / 2) ** 0.25
+    return Planes(
+        z, apart, repeated, here.slope, here.bend * here.z**2, here.which, whole, compared=True, apart=other.enough
+    )
 
 
-def _planes(depth_m: Float32, side: int) -> Planes:
-    high, wide = depth_m.shape[0] // side, depth_m.shape[1] // side
-    cut = depth_m[: high * side, : wide * side].reshape(high, side, wide, side).swapaxes(1, 2).reshape(-1, side * side)
-    lowest, highest = cut.min(axis=1), cut.max(axis=1)
-    whole = np.flatnonzero((lowest > 0) & (highest - lowest < EDGE * highest))
-    per_m = 1 / cut[whole].astype(np.float64)
-    left, plane = _left_of_plane(side)
-    middle, *slope = plane @ per_m.T
-    z = 1 / middle
-    inner = np.full(high * wide, np.inf)
-    inner[whole] = middle
-    means = np.pad(inner.reshape(high, wide), 1, constant_values=np.inf)
-    around = means[1:-1, 2:] + means[1:-1, :-2], means[2:, 1:-1] + means[:-2, 1:-1]
-    bends = [each.reshape(-1)[whole] - 2 * middle for each in around]
-    residual = (-(per_m @ left) * (z**2)[:, None]).reshape(-1, side, side)
-    return Planes(z, residual, np.stack(slope, axis=1), np.hypot(*bends) * z**2, whole)
+def _told_share(planes: Sequence[Planes]) -> float:
+    """Return which share of the deviation changes from frame to frame."""
+    both = [np.column_stack([each.spread, each.whole]) for each in planes if each.compared]
+    if not both:
+        return 0.0
+    spread, whole = np.concatenate(both).T
+    return float(min(np.median(spread) / max(np.median(whole), 1e-12), 1.0))
 
 
-def _flat(planes: Sequence[Planes]) -> list[Planes]:
-    """Return the blocks that do not bend, by their neighbours, so that their own noise does not choose them.
+def _at_most(figure: Figure, least: float) -> Figure:
+    """Return a figure that is so only if surfaces have no relief: at least so much of it is noise."""
+    return figure if figure.low is None else replace(figure, low=min(figure.low, least))
 
-    At distances where these are too few, all are returned. Two planes that meet in a block leave a tenth of the bend.
+
+def _even(planes: Sequence[Planes]) -> list[Planes]:
+    """Return the blocks that do not bend, by their neighbours, so that their own noise does not choose them; and of
+    these such as two frames have little in common.
+
+    At distances where these are too few, more are returned. Two planes that meet in a block leave a tenth of the bend.
     """
     if not planes:
         return []
-    z, spread, bend = (np.concatenate([getattr(each, name) for each in planes]) for name in ("z", "left", "bend"))
+    names = ("z", "spread", "bend", "repeated")
+    z, spread, bend, repeated = (np.concatenate([getattr(each, name) for each in planes]) for name in names)
     kept = np.ones(len(z), np.bool_)
     for low, high in pairwise(DISTANCES_M):
         here = np.flatnonzero((z >= low) & (z < high))
-        flat = here[bend[here] < 10 * LEAST_BEND * np.median(spread[here])] if len(here) else here
-        if len(flat) >= LEAST_BLOCKS:
-            flat = here[bend[here] < 10 * LEAST_BEND * np.median(spread[flat])]
-        if len(flat) >= LEAST_BLOCKS:
-            kept[here] = False
-            kept[flat] = True
+        if not len(here):
+            continue
+        found = here
+        for _ in range(2):
+            found = _or_all(found, here[bend[here] < 10 * LEAST_BEND * np.median(spread[found])])
+        found = _or_all(found, found[np.abs(repeated[found]) < REPEATED * np.median(spread[found]) ** 2])
+        kept[here] = False
+        kept[found] = True
     parts = np.split(kept, np.cumsum([len(each.z) for each in planes])[:-1])
-    return [
-        Planes(*(getattr(each, field.name)[part] for field in fields(Planes)))
-        for each, part in zip(planes, parts, strict=True)
-    ]
+    return [each.taken(part) for each, part in zip(planes, parts, strict=True)]
 
 
-def _by_distance(
-    distance: list[Float64], spread: list[Float64]
-) -> tuple[tuple[tuple[float, Figure], ...], tuple[Figure, ...]]:
-    names = ("depth_noise_offset_m", "depth_noise_quadratic_per_m")
-    whole_z, whole_s = (np.concatenate(parts) if parts else np.zeros(0) for parts in (distance, spread))
-    groups = np.concatenate(
-        [np.full(len(part), blocks_of(len(distance))[at]) for at, part in enumerate(distance)] or [[]]
+def _or_all(rows: NDArray[np.intp], fewer: NDArray[np.intp]) -> NDArray[np.intp]:
+    return fewer if len(fewer) >= LEAST_BLOCKS else rows
+
+
+def _by_distance(planes: Sequence[Planes]) -> tuple[tuple[tuple[float, Figure], ...], tuple[Figure, ...]]:
+    whole_z, whole_s = (
+        np.concatenate([getattr(each, name) for each in planes]) if planes else np.zeros(0) for name in ("z", "spread")
     )
+    groups = np.repeat(blocks_of(len(planes)), [len(each.z) for each in planes])
     curve: list[tuple[float, Figure]] = []
     rows: list[tuple[float, float, float, Float64]] = []
     for low, high in pairwise(DISTANCES_M):
@@ -176,13 +235,13 @@ def _by_distance(
         curve.append((z, figure.on(CURVE, z)))
         rows.append((z, sigma, count**0.5, left_out))
     if len(rows) < 2:
-        return tuple(curve), tuple(Figure.none(name, "planes are seen at too few distances") for name in names)
+        return tuple(curve), tuple(Figure.none(name, "planes are seen at too few distances") for name in LAW)
     z, sigma, weight = (np.array([row[place] for row in rows]) for place in range(3))
     fitted = _law(z, sigma, weight)
     left_out = np.array([_law(z, np.array([row[3][group] for row in rows]), weight) for group in range(BLOCKS)])
     law = [
         Figure.within(name, float(fitted[place]), jackknifed(left_out[:, place]), len(rows), "distances")
-        for place, name in enumerate(names)
+        for place, name in enumerate(LAW)
     ]
     return tuple(curve), tuple(law)
 
@@ -206,7 +265,7 @@ def _sideways(planes: Sequence[Planes], camera: Intrinsics, step_per_m: float) -
     counts = [len(each.z) for each in planes]
     if sum(counts) < SLOPES * LEAST_BLOCKS:
         return tuple(Figure.none(name, "too few planes are seen") for name in (SHIFT, *HEAD_ON))
-    names = ("z", "left", "slope", "bend")
+    names = ("z", "spread", "slope", "bend")
     z, spread, slope, bend = (np.concatenate([getattr(each, name) for each in planes]) for name in names)
     groups = np.repeat(blocks_of(len(planes)), counts)
     steep = np.hypot(*slope.T)
@@ -305,46 +364,110 @@ def _by_angle(planes: Sequence[Planes], over: Float64, groups: NDArray[np.int64]
 # --- correlation ---
 
 
-def _wide(depth_m: Float32, after_m: Float32 | None) -> tuple[Float64, Float64, Float64]:
-    """Return of wide blocks (N,) their relative spread, products by lag, of means and squares (N, 5), and in time."""
-    planes = _planes(depth_m, WIDE_SIDE)
-    left = planes.left
-    square = (left**2).mean(axis=(1, 2))
-    lags = [(left[:, :, lag:] * left[:, :, :-lag]).mean(axis=(1, 2)) for lag in LAGS_PX]
-    means = left.reshape(-1, WIDE_SIDE // 4, 4, WIDE_SIDE // 4, 4).mean(axis=(2, 4))
-    sums = np.stack([*lags, (means**2).mean(axis=(1, 2)), square], axis=1)
-    time = np.full((len(left), 3), np.nan)
+@dataclass(frozen=True)
+class Wide:
+    """Wide blocks of a frame. sums: (N, 5), products by lag, of means of 4 x 4 pixels, and of pixels. time: (N, 3),
+    products of both frames after one another, of the one and of the other; NaN where there are none.
+    spread, repeated: (N,) as Planes has them, of inverse depth. plain, plain_time: sums and time of one frame alone.
+    """
+
+    sums: Float64
+    time: Float64
+    spread: Float64
+    repeated: Float64
+    plain: Float64
+    plain_time: Float64
+    apart: bool
+
+    @property
+    def with_relief(self) -> "Wide":
+        """These, of one frame alone."""
+        whole = np.sqrt(self.plain[:, -1])
+        return replace(self, sums=self.plain, time=self.plain_time, spread=whole, repeated=0 * whole)
+
+
+def _wide(
+    frame: int, depths_m: tuple[Float32, Float32 | None], other: Other | None, registered: Registered | None
+) -> Wide:
+    """Return what of wide blocks tells how pixels' noise goes together. depths_m: of a frame and of the one after it.
+
+    Products are of what planes leave here and what is left of that without the other frame's: noise of that is another.
+    """
+    depth_m, after_m = depths_m
+    apart = other is not None and other.enough
+    here, noise, spread, repeated = _left(blocks_in(depth_m, WIDE_SIDE), other, registered)
+    plain, sums = _sums(here.left, here.left), _sums(here.left, noise)
+    times = [np.full((len(here), 3), np.nan) for _ in range(2)]
     if after_m is not None:
-        later = _planes(after_m, WIDE_SIDE)
-        _, here, there = np.intersect1d(planes.which, later.which, return_indices=True)
-        time[here, 0] = (left[here] * later.left[there]).mean(axis=(1, 2))
-        time[here, 1], time[here, 2] = square[here], (later.left[there] ** 2).mean(axis=(1, 2))
-    return np.sqrt(square) / planes.z**2, sums, time
+        if other is not None and registered is not None:
+            other = registered.after(frame, blocks_in(after_m, SIDE), other)
+        later, later_noise, _, _ = _left(blocks_in(after_m, WIDE_SIDE), other, registered)
+        _, one, two = np.intersect1d(here.which, later.which, return_indices=True)
+        for time, other_noise, own in ((times[0], later_noise, noise), (times[1], later.left, here.left)):
+            time[one, 0] = (here.left[one] * other_noise[two]).mean(axis=1)
+            time[one, 1] = (here.left[one] * own[one]).mean(axis=1)
+            time[one, 2] = (later.left[two] * other_noise[two]).mean(axis=1)
+    return Wide(sums, times[0], spread, repeated, plain, times[1], apart)
 
 
-def _correlations(wide: list[tuple[Float64, Float64, Float64]]) -> tuple[Figure, ...]:
+def _left(
+    blocks: Blocks, other: Other | None, registered: Registered | None
+) -> tuple[Blocks, Float32, Float64, Float64]:
+    """Return blocks, what is left of them without what another frame has there, its deviation, and what is in both."""
+    if other is None or registered is None:
+        whole = np.sqrt((blocks.left**2).mean(axis=1, dtype=np.float64))
+        return blocks, blocks.left, whole, 0 * whole
+    there = registered.again(blocks, other)
+    here = blocks.taken(there.rows)
+    noise = here.left - there.left
+    spread = np.sqrt((noise**2).mean(axis=1, dtype=np.float64) / 2)
+    return here, noise, spread, (here.left * there.left).mean(axis=1, dtype=np.float64)
+
+
+def _sums(left: Float32, noise: Float32) -> Float64:
+    """Return (N, 5), as Wide has them, of two (N, pixels)."""
+    one, other = (each.reshape(-1, WIDE_SIDE, WIDE_SIDE) for each in (left, noise))
+    lags = [
+        ((one[:, :, lag:] * other[:, :, :-lag]) + (one[:, :, :-lag] * other[:, :, lag:])).mean(axis=(1, 2)) / 2
+        for lag in LAGS_PX
+    ]
+    means = [each.reshape(-1, WIDE_SIDE // 4, 4, WIDE_SIDE // 4, 4).mean(axis=(2, 4)) for each in (one, other)]
+    products = [*lags, (means[0] * means[1]).mean(axis=(1, 2)), (one * other).mean(axis=(1, 2))]
+    return np.stack(products, axis=1).astype(np.float64)
+
+
+def _correlations(wide: Sequence[Wide]) -> tuple[Figure, ...]:
     names = [
         *(f"depth_correlation_{lag}_px" for lag in LAGS_PX),
         "depth_4x4_mean_over_pixel_std",
         "depth_correlation_1_frame",
     ]
-    rough, sums, time = (
-        np.concatenate([part[place] for part in wide]) if wide else np.zeros((0, 5)) for place in range(3)
-    )
-    if len(rough) < LEAST_BLOCKS:
+    if sum(len(each.spread) for each in wide) < LEAST_BLOCKS:
         return tuple(Figure.none(name, "too few planes are seen") for name in names)
-    groups = np.repeat(blocks_of(len(wide)), [len(part[0]) for part in wide])
-    flat = rough < np.quantile(rough, FLATTEST)
+    parts = ("sums", "time", "spread", "repeated")
+    sums, time, spread, repeated = (np.concatenate([getattr(each, name) for each in wide]) for name in parts)
+    groups = np.repeat(blocks_of(len(wide)), [len(each.spread) for each in wide])
+    if repeated.any():
+        # Relief is taken out already: only edges are left out, and what of the noise is in both.
+        usual = np.median(spread) ** 2
+        inner = np.flatnonzero(spread**2 < OUTLIER * usual)
+        found = _or_all(inner, inner[np.abs(repeated[inner]) < REPEATED * usual])
+        flat = np.isin(np.arange(len(spread)), found)
+    else:
+        flat = spread < np.quantile(spread, FLATTEST)
 
     def values(chosen: NDArray[np.bool_]) -> Float64:
         total = sums[chosen].sum(axis=0)
         lags = total[: len(LAGS_PX)] / max(total[-1], 1e-18)
-        taken = _taken_by_planes(lags)
+        shared, taken = _taken_by_planes(lags)
         lags = lags * (1 - taken) + taken
         means = max(total[-2] / max(total[-1], 1e-18) * (1 - taken) + taken, 0.0)
         both = chosen & np.isfinite(time[:, 0])
         product, one, other = time[both].sum(axis=0) if both.any() else (np.nan, 1.0, 1.0)
-        return np.array([*lags, np.sqrt(means), product / np.sqrt(max(one * other, 1e-36))])
+        later = product / np.sqrt(max(one * other, 1e-36))
+        # Planes take of what is shared alone, and only that stays.
+        later *= (1 - taken) / (1 - taken / shared) if taken > 0 else 1.0
+        return np.array([*lags, np.sqrt(means), later])
 
     found = values(flat)
     left_out = np.array([values(flat & (groups != group)) for group in range(BLOCKS)])
@@ -359,16 +482,46 @@ def _correlations(wide: list[tuple[Float64, Float64, Float64]]) -> tuple[Figure,
     return (*by_lag, *figures[len(LAGS_PX) :])
 
 
-def _taken_by_planes(correlations: Float64) -> float:
-    """Return the share of correlated noise's variance that a plane takes with it, of correlations at LAGS_PX.
+def _taken_by_planes(correlations: Float64) -> tuple[float, float]:
+    """Return the share of noise's variance that is shared, and that which planes take with them, by what they left.
 
-    A plane has three numbers, and so many independent ones a block has as areas within which noise is alike.
+    correlations: at LAGS_PX, of what planes left.
     """
-    most = LAGS_PX[-1]
-    v, u = np.mgrid[-most : most + 1, -most : most + 1]
-    logarithms = np.log([1.0, *np.clip(correlations, 0.005, 1)])
-    area = float(np.exp(np.interp(np.hypot(u, v), [0, *LAGS_PX], logarithms, right=-np.inf)).sum())
-    return min(3 * area / WIDE_SIDE**2, 0.5)
+    taken, share = 0.0, 0.0
+    for _ in range(ROUNDS):
+        px, share = shared_by(LAGS_PX, correlations * (1 - taken) + taken)
+        before, taken = taken, share * (1 - left_share(WIDE_SIDE, round(4 * px) / 4)) if px > 0 else 0.0
+        if abs(before - taken) < SAME:
+            break
+    return share, taken
+
+
+def shared_by(lags_px: Sequence[float], correlations: Sequence[float] | Float64) -> tuple[float, float]:
+    """Return the distance in pixels at which noise is correlated by 1 / e, and which share of its variance is so.
+
+    0, 0 where pixels have their own.
+    """
+    if max(correlations) < LEAST_CORRELATION:
+        return 0.0, 0.0
+    distance, measured = np.asarray(lags_px, np.float64), np.asarray(correlations, np.float64)
+    tried = np.geomspace(0.7, FARTHEST_PX, 200)
+    shapes = np.exp(-((distance[None, :] / tried[:, None]) ** 2))
+    shares = np.clip((shapes @ measured) / (shapes**2).sum(axis=1), 0, 1)
+    best = int(np.argmin(((shares[:, None] * shapes - measured) ** 2).sum(axis=1)))
+    return float(tried[best]), float(shares[best])
+
+
+@cache
+def left_share(side: int, px: float) -> float:
+    """Return the share of shared noise's variance that planes leave of blocks, over that of independent pixels."""
+    if px <= 0:
+        return 1.0
+    # A Gaussian is one of the columns times one of the rows, and so are a plane's terms.
+    at = np.arange(side) - (side - 1) / 2
+    along = np.exp(-((at[:, None] - at) ** 2) / px**2)
+    flat, slope = np.full(side, side**-0.5), at / np.sqrt(np.sum(at**2))
+    level, tilt = flat @ along @ flat, slope @ along @ slope
+    return float((side * side - level * level - 2 * level * tilt) / (side * side - 3))
 
 
 # --- steps ---

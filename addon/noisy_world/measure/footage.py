@@ -122,6 +122,12 @@ class RecordingView:
         self.read.add(frame)
         return as_bytes(np.asarray(self.opened.frame(self._paths.request(frame)).rgb))
 
+    def depth(self, frame: int) -> Float32:
+        """Return a frame's depth alone, (H, W), as `look` has it; all void without any. Raises InputError likewise."""
+        kept = self._kept.get(frame)
+        depth_m = self._depth_m(self.opened.frame(self._paths.request(frame))) if kept is None else kept.depth_m
+        return np.zeros(self.size_px[::-1], np.float32) if depth_m is None else depth_m
+
     def plane(self, points: Points) -> Float64:
         """Return where places on the image (N, 2) are on the plane at 1, (N, 2); NaN where the lens sees nothing."""
         at, camera, lens = points.astype(np.float64), self.camera, self.lens.distortion
@@ -135,12 +141,15 @@ class RecordingView:
         colour = as_bytes(np.asarray(shown.rgb))
         whole = np.asarray(cv2.cvtColor(colour, cv2.COLOR_RGB2GRAY), np.uint8)
         grey = np.asarray(self._resized(whole, cv2.INTER_AREA), np.uint8)
+        return Look(grey, self._depth_m(shown), whole, colour)
+
+    def _depth_m(self, shown: Any) -> Float32 | None:
+        import cv2
+
         depth_m = shown.depth_m if self.has_depth else None
-        if depth_m is None:
-            return Look(grey, None, whole, colour)
-        if self._between is not None:
-            return Look(grey, self._between.depth_in_colour(depth_m), whole, colour)
-        return Look(grey, np.asarray(self._resized(depth_m, cv2.INTER_NEAREST), np.float32), whole, colour)
+        if depth_m is None or self._between is None:
+            return None if depth_m is None else np.asarray(self._resized(depth_m, cv2.INTER_NEAREST), np.float32)
+        return self._between.depth_in_colour(depth_m)
 
     def _resized(self, image: NDArray[Any], by: int) -> NDArray[Any]:
         import cv2

@@ -12,6 +12,7 @@ from .blur import blur_figures, evenly_between
 from .calibration import ANGLE, ZOOM, Calibration, calibration
 from .coding import coding
 from .colour_noise import colour_noise
+from .depth_blocks import Registered, evenly
 from .depth_noise import depth_noise
 from .figure import BLOCKS, Figure, Place
 from .fixed_noise import fixed_noise
@@ -160,7 +161,7 @@ def _with_noise(found: RecordingFigures, footage: RecordingView, steps: Steps | 
     figures += shaking(footage, steps)
     figures += light_figures(light_of(footage, runs_of(len(footage), LIGHT_FRAMES, parts=2)))
     if footage.has_depth:
-        figures += depth_noise(footage, frames).figures
+        figures += _depth_figures(footage, frames, steps, found.figures[LATE])
     remarks = (*((colour.remark,) if colour.remark else ()), *compressed.remarks)
     return replace(
         found,
@@ -168,6 +169,18 @@ def _with_noise(found: RecordingFigures, footage: RecordingView, steps: Steps | 
         remarks=remarks,
         read=len(footage.read),
     )
+
+
+def _depth_figures(
+    footage: RecordingView, frames: Sequence[int], steps: Steps | None, late: Figure
+) -> tuple[Figure, ...]:
+    """Return the figures of depth's noise. late: of depth, beside what its stamps say. frames: if none are in a row."""
+    if steps is None or not len(steps):
+        return depth_noise(footage, frames).figures
+    stamps = footage.stamps
+    stamped = (footage.rate_hz or 1.0) * depth_stamps_later_s(stamps.rgb.seconds, stamps.depth.seconds)
+    registered = Registered(footage, steps, (late.value or 0.0) + stamped)
+    return depth_noise(footage, evenly(registered.frames, NOISE_FRAMES), registered).figures
 
 
 def remarks_on(source: Source, camera: Intrinsics, making: int) -> Iterator[str]:

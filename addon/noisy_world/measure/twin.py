@@ -19,15 +19,14 @@ from ..core.schema import yaml_line
 from ..core.srgb import exact_colours
 from .depth_holes import BASELINE, SIDES
 from .depth_holes import LAW as HOLES
-from .depth_noise import HEAD_ON, LAGS_PX, SHIFT, WIDE_SIDE
+from .depth_noise import HEAD_ON, LAGS_PX, LEAST_CORRELATION, SHIFT, left_share, shared_by
 from .depth_noise import SIDE as DEPTH_SIDE
 from .figure import Figure
 from .imu_noise import AT_REST, BANDWIDTHS
 from .looking import RecordingFigures
 
 # Chosen, as all below.
-LEAST_CORRELATION = 0.05  # less at all lags is noise of independent pixels
-FARTHEST_PX, MOST_FRAMES = 40.0, 32
+MOST_FRAMES = 32
 LEAST_STEP = 0.3  # of a disparity, over the deviation of depth in inverse metres: smaller ones are not seen
 MOST_PHOTONS = 256.0  # that shot_noise counts
 LEAST_SHIFT_PX = 0.3  # less is of surfaces that bend
@@ -264,9 +263,7 @@ def _depth(twin: Twin, found: RecordingFigures, camera: Intrinsics) -> None:
         return
     px, share, frames = _sharing(found)
     shift_px = _value(found, SHIFT) or 0.0
-    shift_px = (
-        _shift_of(shift_px / np.sqrt(_left_share(DEPTH_SIDE, round(px, 2)))) if shift_px > LEAST_SHIFT_PX else 0.0
-    )
+    shift_px = _shift_of(shift_px / np.sqrt(left_share(DEPTH_SIDE, round(px, 2)))) if shift_px > LEAST_SHIFT_PX else 0.0
     if shift_px > 0:  # what it adds to the deviation is not added again
         offset, quadratic = (_value(found, name) or 0.0 for name in HEAD_ON)
     whole = 1 / _seen_of(DEPTH_SIDE, round(px, 2), round(share, 3))  # what planes over blocks leave is less
@@ -358,28 +355,11 @@ def _sharing(found: RecordingFigures) -> tuple[float, float, int]:
     later = _value(found, "depth_correlation_1_frame")
     if len(known) < 2 or max(value for _, value in known) < LEAST_CORRELATION:
         return 0.0, 0.0, 1
-    distance, measured = (np.array(column, np.float64) for column in zip(*known, strict=True))
-    tried = np.geomspace(0.7, FARTHEST_PX, 200)
-    shapes = np.exp(-((distance[None, :] / tried[:, None]) ** 2))
-    shares = np.clip((shapes @ measured) / (shapes**2).sum(axis=1), 0, 1)
-    best = int(np.argmin(((shares[:, None] * shapes - measured) ** 2).sum(axis=1)))
-    px, share = float(tried[best]), float(shares[best])
+    px, share = shared_by(*zip(*known, strict=True))
     if later is None or later < LEAST_CORRELATION or share <= 0:
         return px, share, 1
-    left = share * _left_share(WIDE_SIDE, round(px, 2))
-    kept = min(later * (left + 1 - share) / left, 1 - 1 / MOST_FRAMES)  # 1 - 1 / frames
+    kept = min(later / share, 1 - 1 / MOST_FRAMES)  # 1 - 1 / frames
     return px, share, round(1 / (1 - kept))
-
-
-@cache
-def _left_share(side: int, px: float) -> float:
-    """Return the share of shared noise's variance that planes leave of blocks, over that of independent pixels."""
-    if px <= 0:
-        return 1.0
-    v, u = np.mgrid[:side, :side].reshape(2, -1).astype(np.float64)
-    together = np.exp(-((v[:, None] - v) ** 2 + (u[:, None] - u) ** 2) / px**2)
-    terms = np.linalg.qr(np.stack([np.ones(u.size), u, v], axis=1))[0]
-    return float((u.size - np.einsum("ni,nm,mi->", terms, together, terms, optimize=True)) / (u.size - terms.shape[1]))
 
 
 @cache
