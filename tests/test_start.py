@@ -106,7 +106,7 @@ def test_status_loads_no_perturbation_no_plan_and_no_source(tmp_path):
     )
     generate_here(preset, "--out", tmp_path / "out")
     modules = loaded("status", tmp_path / "out")
-    assert "dataset.status" in modules
+    assert "dataset.dataset_status" in modules
     assert not [
         name for name in modules if name.split(".")[0] in ("perturbations", "sources", "render", "nodes", "rooms")
     ]

@@ -403,7 +403,7 @@ def _sigmas(device: Device, found: RecordingFigures, twin: Twin) -> Iterator[Cas
 
 
 @dataclass
-class Row:
+class ParameterRow:
     """How often a parameter came back."""
 
     cases: list[Case] = field(default_factory=list[Case])
@@ -426,9 +426,9 @@ def table(cases: list[Case]) -> Iterator[str]:
     """Yield the lines of the table."""
     yield "| parameter | told | near | covered | either | median off | 90 % or more |"
     yield "| --- | --- | --- | --- | --- | --- | --- |"
-    rows: dict[str, Row] = {}
+    rows: dict[str, ParameterRow] = {}
     for case in cases:
-        rows.setdefault(case.parameter, Row()).cases.append(case)
+        rows.setdefault(case.parameter, ParameterRow()).cases.append(case)
     for parameter in sorted(rows):
         yield rows[parameter].line(parameter)
 

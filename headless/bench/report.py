@@ -25,7 +25,7 @@ sys.path[:0] = [str(ROOT / "addon"), str(ROOT / "headless")]
 
 import cv2
 import numpy as np
-from bench.results import Contestant, ContestantError, Results, Row, Spread, markdown, spread, spread_of_ratios
+from bench.results import Contestant, ContestantError, EngineRow, Results, Spread, markdown, spread, spread_of_ratios
 from numpy.typing import NDArray
 
 from noisy_world.core.geometry import Intrinsics
@@ -316,7 +316,7 @@ def engines(work: Path, results: Results, rounds: int) -> None:
         folder.mkdir()
         saved = item.ask(do="frames", frames=ERROR_FRAMES, to=str(folder))
         results.rows.append(
-            Row(
+            EngineRow(
                 engine,
                 samples,
                 saved["rays_per_px"] or samples,

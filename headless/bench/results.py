@@ -39,7 +39,7 @@ def spread_of_ratios(values: Sequence[float], others: Sequence[float]) -> Spread
 
 
 @dataclass
-class Row:
+class EngineRow:
     """A row of the table, for one engine at one number of samples; times in seconds, memory in bytes.
 
     rays_per_px: of colour, the mean.
@@ -63,7 +63,7 @@ class Results:
     """Everything measured; report.json holds all of it."""
 
     machine: dict[str, Any]
-    rows: list[Row] = field(default_factory=list)
+    rows: list[EngineRow] = field(default_factory=list)
     others: list[dict[str, Any]] = field(default_factory=list)
     million: dict[str, Any] = field(default_factory=dict)
     needs: list[dict[str, Any]] = field(default_factory=list)

@@ -104,7 +104,7 @@ def fake_results():
     rgb = {"psnr_db": 45.0, "ssim": 0.99}
     found = results.Results(report.machine())
     found.rows = [
-        results.Row(engine, k, float(k), spread, spread, 1.0, 2.0, 10**9, rgb, shapes, cast)
+        results.EngineRow(engine, k, float(k), spread, spread, 1.0, 2.0, 10**9, rgb, shapes, cast)
         for k, engine in enumerate(("cycles", "eevee", "workbench"), 1)
     ]
     found.others = [{"name": "Embree", "frame_s": asdict(spread), "loading_s": 1.0}]

@@ -18,7 +18,7 @@ from runs import run
 from noisy_world.layouts import LAYOUTS
 from noisy_world.core.errors import StorageError
 from noisy_world.core.progress import PlainProgress
-from noisy_world.dataset.status import read_status
+from noisy_world.dataset.dataset_status import read_status
 from noisy_world.dataset.recipe import recipe_of
 from noisy_world.dataset.stored import finished_folder
 

@@ -17,7 +17,7 @@ from noisy_world.dataset.shards import shard_folder
 from noisy_world.core.errors import InterruptedRunError
 from noisy_world.dataset.shards import shards_of
 from noisy_world.preset.keys import read_preset
-from noisy_world.dataset.status import SequenceStatus, pace_of
+from noisy_world.dataset.dataset_status import SequenceStatus, pace_of
 from noisy_world.dataset.plan import make_plan
 
 FRAMES = {"early": 7, "fast": 3, "mixed": 4}  # of 8: one is dropped at the edge; every third; every second

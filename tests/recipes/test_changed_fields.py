@@ -14,7 +14,7 @@ from runs import run
 
 from noisy_world.core.errors import NoisyWorldError
 from noisy_world.core.progress import PlainProgress
-from noisy_world.dataset.status import read_status
+from noisy_world.dataset.dataset_status import read_status
 from noisy_world.dataset.recipe import read_recipe, recipe_of
 from noisy_world.dataset.remaking import verify
 from noisy_world.dataset.stored import finished_folder

@@ -10,7 +10,7 @@ from cases import cases
 from panel_tools import Drawn, own_classes, settings, square, straight
 from refusals import refused
 
-from noisy_world.panel import beginning, document, exclusions, own_scene, presets, preview, sidebar, views
+from noisy_world.panel import beginning, document, exclusions, made_scene, presets, preview, sidebar, views
 from noisy_world.panel.fields import notify_once
 
 pytestmark = pytest.mark.usefixtures("add_on")
@@ -72,7 +72,7 @@ def test_what_is_tried_first_is_a_preset_that_is_shipped_and_moves():
 def test_what_is_loaded_by_a_button_stands_alone_and_again_in_the_same_scene(tmp_path):
     document.open_preset(settings(), small_preset(tmp_path))
     own = bpy.context.scene
-    assert not own_scene.is_clear(own)
+    assert not made_scene.is_clear(own)
     assert bpy.ops.noisy_world.load_all(apart=True) == {"FINISHED"}
     made = bpy.context.scene
     made.noisy_world.steps[0].severity = 5  # of a panel of its own
@@ -82,9 +82,9 @@ def test_what_is_loaded_by_a_button_stands_alone_and_again_in_the_same_scene(tmp
     assert bpy.ops.noisy_world.load_scene(apart=True) == {"FINISHED"}
     assert (bpy.context.scene, settings().steps[0].severity, len(bpy.data.scenes)) == (made, 4, 2)
     assert document.to_document(settings()) == document.to_document(own.noisy_world)
-    assert own_scene.is_clear(made)
+    assert made_scene.is_clear(made)
     bpy.data.scenes.remove(own)
-    assert own_scene.origin_of(made) is None
+    assert made_scene.origin_of(made) is None
 
 
 def test_severities_stay_keyed_in_a_scene_of_ones_own_and_what_is_made_of_the_users_is_not_taken(tmp_path):
@@ -141,7 +141,7 @@ def test_files_that_are_dropped_on_a_view_are_loaded(tmp_path):
         if handler == "Mesh":  # too small to walk in
             settings().trajectory_source, settings().scene.trajectory.file = "FILE", str(tmp_path / "traj.txt")
         assert getattr(bpy.ops.noisy_world, name)(filepath=file) == {"FINISHED"}
-        assert own_scene.is_apart(bpy.context.scene)
+        assert made_scene.is_apart(bpy.context.scene)
     assert (settings().seed, settings().preview) == (3, True)
     one = presets.shipped_folder() / "perturbations/snow.yaml"
     assert bpy.ops.noisy_world.drop_preset(filepath=str(one)) == {"FINISHED"}

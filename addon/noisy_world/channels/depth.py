@@ -9,7 +9,7 @@ from ..core.depth_range import OutOfRange
 from ..core.trajectory import FrameStamps
 from .channel import Channel, ImageFormat, ImageNames, PixelBytes
 
-_BYTES = PixelBytes(0.5, 0.5, (0.2, 0.9), (0.2, 0.9), (1.5, 2.1))  # measured as colour's
+_BYTES = PixelBytes(0.5, 0.5, (0.2, 0.9), (0.2, 0.9), (1.0, 2.1))  # measured as colour's
 
 
 class Depth(Channel):

@@ -16,7 +16,7 @@ from .entry import Entry
 
 if TYPE_CHECKING:
     from ..core.geometry import Intrinsics
-    from ..measure.comparison import Comparison, Row
+    from ..measure.comparison import ComparedFigure, Comparison
     from ..measure.figure import Figure
     from ..measure.looking import RecordingFigures
     from ..render.source import Source
@@ -193,7 +193,7 @@ def _page(found: "Comparison") -> Iterator[str]:
     yield f"found      {differing} of {len(found.rows)} figures differ" if differing else "found      nothing differs"
 
 
-def _lines(row: "Row") -> Iterator[str]:
+def _lines(row: "ComparedFigure") -> Iterator[str]:
     from ..measure.charts import number, within
     from ..measure.comparison_page import difference
 

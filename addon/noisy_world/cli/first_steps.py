@@ -13,8 +13,8 @@ from ..core.file_access import read_text
 from ..core.packages import found_shipped, project_address
 from .arguments import Parser, out_path
 from .command import COMMANDS, PROGRAM, Command
-from .completion import SHELLS, manual_page, script
 from .entry import Entry, say
+from .shell_completion import SHELLS, manual_page, script
 
 # --- `example` ---
 

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Row:
+class KnownThing:
     """A thing that is known: its name, the line that `list` has for it, and the lines that `describe` adds."""
 
     name: str
@@ -29,21 +29,21 @@ class Row:
     more: tuple[str, ...] = ()
 
 
-def presets() -> Iterator[Row]:
+def presets() -> Iterator[KnownThing]:
     """Yield the presets that are shipped, with the comment that each begins with."""
     for name, file in shipped_presets().items():
         head = read_text(file).splitlines()[0]
-        yield Row(name, head.lstrip("# ") if head.startswith("#") else "", (f"file {file}",))
+        yield KnownThing(name, head.lstrip("# ") if head.startswith("#") else "", (f"file {file}",))
 
 
-def preset_keys() -> Iterator[Row]:
+def preset_keys() -> Iterator[KnownThing]:
     """Yield every key that a preset may have, with its meaning, unit, range and default."""
     from ..sources import preset_keys as rows
 
-    yield from (Row(name, meaning) for name, meaning in rows())
+    yield from (KnownThing(name, meaning) for name, meaning in rows())
 
 
-def sources() -> Iterator[Row]:
+def sources() -> Iterator[KnownThing]:
     """Yield where a preset's scenes may come from, and the keys of each: its own, and whether it has a trajectory."""
     from ..sources import SOURCES
 
@@ -51,18 +51,18 @@ def sources() -> Iterator[Row]:
         keys = [row for row in list_keys(kind.keys) if row[0] != "name" and not row[0].startswith("trajectory.")]
         keys.sort(key=lambda row: row[0].partition(".")[0] != name)
         more = tuple(f"{key}: {meaning}" for key, meaning in keys)
-        yield Row(name, f"{kind.label}: {kind.meaning}{SOURCES.origin(name)}", more)
+        yield KnownThing(name, f"{kind.label}: {kind.meaning}{SOURCES.origin(name)}", more)
 
 
-def channels() -> Iterator[Row]:
+def channels() -> Iterator[KnownThing]:
     """Yield what a camera gives for a frame, and how its files hold it."""
     from ..channels import CHANNELS
 
     for name, item in CHANNELS.items():
-        yield Row(name, f"{item.meaning}: {item.convention}{CHANNELS.origin(name)}")
+        yield KnownThing(name, f"{item.meaning}: {item.convention}{CHANNELS.origin(name)}")
 
 
-def cameras() -> Iterator[Row]:
+def cameras() -> Iterator[KnownThing]:
     """Yield the real cameras that a preset may name as `device`: what they stand for, and their figures' sources."""
     from ..preset.camera_devices import CAMERA_DEVICES
 
@@ -71,10 +71,10 @@ def cameras() -> Iterator[Row]:
         for step, values in device.steps.items():
             more += [f"{step}: {yaml_line(dict(values))}", f"    {device.sources[step]}"]
         more += _pictures(f"panel/cameras/{name}.jpg")
-        yield Row(name, f"{device.label}: {device.meaning}{CAMERA_DEVICES.origin(name)}", tuple(more))
+        yield KnownThing(name, f"{device.label}: {device.meaning}{CAMERA_DEVICES.origin(name)}", tuple(more))
 
 
-def layouts() -> Iterator[Row]:
+def layouts() -> Iterator[KnownThing]:
     """Yield every layout with its image kinds, its colours (the default of each first) and its depth scale.
 
     Then those of recordings that are read alone, and the files that each is told by.
@@ -88,22 +88,22 @@ def layouts() -> Iterator[Row]:
             f"images {' or '.join(layout.images)}; colour {' or '.join(layout.colours)}",
             f"depth in 16 bits, {layout.depth_scale_per_m:g} steps a metre: up to {farthest_m:.1f} m",
         )
-        yield Row(layout.name, f"{layout.label}, {layout.meaning}{EVERY.origin(layout.name)}", more)
+        yield KnownThing(layout.name, f"{layout.label}, {layout.meaning}{EVERY.origin(layout.name)}", more)
     for layout in RECORDED.values():
         line = f"{layout.label}: {layout.meaning}; only read, as sequence: FOLDER{EVERY.origin(layout.name)}"
-        yield Row(layout.name, line, (layout.files,))
+        yield KnownThing(layout.name, line, (layout.files,))
 
 
-def trajectory_formats() -> Iterator[Row]:
+def trajectory_formats() -> Iterator[KnownThing]:
     """Yield the formats of files of poses, and how the content of a file tells each."""
     from ..trajectories.formats import TRAJECTORY_FORMATS
 
     for name, item in TRAJECTORY_FORMATS.items():
         more = (f"told by {item.recognised_by}; times: {item.times}",)
-        yield Row(name, f"{item.label}: {item.meaning}{TRAJECTORY_FORMATS.origin(name)}", more)
+        yield KnownThing(name, f"{item.label}: {item.meaning}{TRAJECTORY_FORMATS.origin(name)}", more)
 
 
-def metrics() -> Iterator[Row]:
+def metrics() -> Iterator[KnownThing]:
     """Yield every metric, of paths by protocol strict and of maps: heading, unit, which way is better, meaning."""
     from ..evaluate.map_metrics import MAP_METRICS, MAP_PREFIX
     from ..evaluate.metrics import METRICS
@@ -112,10 +112,10 @@ def metrics() -> Iterator[Row]:
         for name, metric in items.items():
             unit = f" [{metric.unit}]" if metric.unit else ""
             better = f", {metric.better} is better" if metric.better else ""
-            yield Row(f"{prefix}{name}", f"{metric.label}{unit}{better}{items.origin(name)}", (metric.meaning,))
+            yield KnownThing(f"{prefix}{name}", f"{metric.label}{unit}{better}{items.origin(name)}", (metric.meaning,))
 
 
-def perturbations() -> Iterator[Row]:
+def perturbations() -> Iterator[KnownThing]:
     """Yield every perturbation in the order of propagation, with its parameters, also at severities 1 to 5."""
     from ..perturbations import registry
     from ..perturbations.kinds import kind_name
@@ -126,7 +126,7 @@ def perturbations() -> Iterator[Row]:
         place = f"{kind_name(item)}, stage {item.stage}, order {item.order}"
         law = (item.about.law,) if item.about.law else ()
         pictures = _pictures(f"panel/thumbnails/perturbations/{item.name}.jpg", f"docs/gallery/{item.name}.jpg")
-        yield Row(item.name, line, (place, *law, *_parameters(item), *pictures))
+        yield KnownThing(item.name, line, (place, *law, *_parameters(item), *pictures))
 
 
 def _parameters(item: "Perturbation") -> Iterator[str]:
@@ -144,16 +144,16 @@ def _pictures(shipped: str, drawn: str = "") -> tuple[str, ...]:
     return () if found is None else (f"picture {found}",)
 
 
-def systems() -> Iterator[Row]:
+def systems() -> Iterator[KnownThing]:
     """Yield the SLAM systems that are known; `noisy-world systems` tells which of them can be run here."""
     from ..evaluate.systems import distribution_of, find_system, system_names
 
     for name in system_names():
         origin = f"; from {brought}" if (brought := distribution_of(name)) else ""
-        yield Row(name, f"{find_system(name).about}{origin}")
+        yield KnownThing(name, f"{find_system(name).about}{origin}")
 
 
-KNOWN: Mapping[str, Callable[[], Iterable[Row]]] = {
+KNOWN: Mapping[str, Callable[[], Iterable[KnownThing]]] = {
     "keys": preset_keys,
     "sources": sources,
     "layouts": layouts,
@@ -184,7 +184,7 @@ def list_known(what: str, names: Iterable[str] = ()) -> int:
     return 0
 
 
-def _named(what: str, rows: Mapping[str, Row], name: str) -> list[Row]:
+def _named(what: str, rows: Mapping[str, KnownThing], name: str) -> list[KnownThing]:
     branch = [row for row in rows.values() if what == "keys" and _below(row.name, name)]
     found = [rows[name]] if name in rows and not branch else branch
     if not found:
@@ -198,7 +198,7 @@ def _below(key: str, branch: str) -> bool:
     return key == branch or key.startswith((f"{branch}.", f"{branch}["))
 
 
-def print_lines(rows: Iterable[Row]) -> None:
+def print_lines(rows: Iterable[KnownThing]) -> None:
     """Print a line for each."""
     rows = list(rows)
     width = max(len(row.name) for row in rows)
@@ -206,7 +206,7 @@ def print_lines(rows: Iterable[Row]) -> None:
         print(f"{row.name:<{width}}  {row.line}".rstrip())
 
 
-def print_whole(rows: Iterable[Row]) -> None:
+def print_whole(rows: Iterable[KnownThing]) -> None:
     """Print all that is said of some things."""
     for row in rows:
         print(f"{row.name}  {row.line}".rstrip())
@@ -240,12 +240,12 @@ def _list(options: argparse.Namespace, entry: Entry) -> int:
     if options.what in HELD:
         return run("generate", [*options.names, "--list", options.what, *part_words(options)], entry)
     if options.what is None:
-        print_lines(Row(what, _counted(list(rows()))) for what, rows in KNOWN.items())
+        print_lines(KnownThing(what, _counted(list(rows()))) for what, rows in KNOWN.items())
         return 0
     return list_known(options.what, options.names)
 
 
-def _counted(rows: list[Row]) -> str:
+def _counted(rows: list[KnownThing]) -> str:
     return f"{len(rows)}, such as {', '.join(row.name for row in rows[:3])}"
 
 
@@ -272,7 +272,7 @@ def _describe_options(parser: Parser) -> None:
 
 def _describe(options: argparse.Namespace, _: Entry) -> int:
     """Print all that is said of everything that has the name. Raises InputError where nothing has."""
-    found: dict[str, list[Row]] = {}
+    found: dict[str, list[KnownThing]] = {}
     names: list[str] = []
     for what, rows in KNOWN.items():
         every = {row.name: row for row in rows()}
@@ -281,7 +281,7 @@ def _describe(options: argparse.Namespace, _: Entry) -> int:
             found[what] = chosen
     if options.name in COMMANDS:
         command = COMMANDS[options.name]
-        found["subcommands"] = [Row(command.name, command.help, (command.description,))]
+        found["subcommands"] = [KnownThing(command.name, command.help, (command.description,))]
     if not found:
         asked = did_you_mean(options.name, [*names, *COMMANDS])
         raise InputError(

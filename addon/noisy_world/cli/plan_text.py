@@ -33,8 +33,8 @@ def list_plan(plan: "Plan", what: str) -> int:
 def print_plan(plan: "Plan", out: Path | str) -> None:
     """Print what a run would do."""
     from ..core.machine import free_memory_bytes
-    from ..dataset.calibration import measured_pace
-    from ..dataset.estimate import estimate, memory_bytes, quicker, size_text
+    from ..dataset.estimate import estimate, memory_bytes, quicker, size_text, usual_memory_bytes
+    from ..dataset.machine_pace import measured_pace
     from ..dataset.plan import plan_notes
     from ..measure.looking import remarks_on
 
@@ -66,7 +66,10 @@ def print_plan(plan: "Plan", out: Path | str) -> None:
         print(f"without    Blender, with --set {words}: about {duration_text(seconds)}, and other pixels")
     free = free_memory_bytes()
     here = "" if free is None else f"; {size_text(free)} are free here"
-    print(f"memory     {size_text(memory_bytes(plan))} or more in each process, and what the scenes take{here}")
+    usual = size_text(usual_memory_bytes(plan))
+    print(
+        f"memory     {size_text(memory_bytes(plan))} or more in each process, about {usual} with a room's scene{here}"
+    )
 
 
 def render_lines(plan: "Plan") -> Iterator[str]:

@@ -17,7 +17,7 @@ from .command import Command
 from .entry import Entry, text_listener
 
 if TYPE_CHECKING:
-    from ..dataset.status import Pace, SequenceStatus, Status
+    from ..dataset.dataset_status import RunPace, SequenceStatus, Status
 
 
 LONGEST_TABLE = 40  # rows; with more settings than that, the severities of one share a row
@@ -166,7 +166,7 @@ def _time(status: "Status") -> str:
     return _of_pace(status.pace)
 
 
-def _of_pace(pace: "Pace") -> str:
+def _of_pace(pace: "RunPace") -> str:
     if pace.last_s is None:
         return "unknown: no frame is written yet"
     last = f"the last frame was written {duration_text(pace.last_s)} ago"
@@ -194,7 +194,7 @@ def _status_options(parser: Parser) -> None:
 
 def _tell_status(options: argparse.Namespace, _: Entry) -> int:
     """Print it; return 0, or 1 where files are lost or damaged."""
-    from ..dataset.status import read_status
+    from ..dataset.dataset_status import read_status
 
     listener = text_listener(sys.stderr) if options.check else SilentProgress()  # without it, looking takes seconds
     status = read_status(options.out, listener, chosen=options.frames, check=options.check)

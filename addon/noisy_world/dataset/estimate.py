@@ -18,9 +18,9 @@ from ..perturbations.execution import split_motion
 from ..perturbations.kinds import SEQUENCE_KINDS, ColourPerturbation, DepthPerturbation
 from ..perturbations.parsing import Registry, parse_steps
 from ..perturbations.steps import Setting
-from .calibration import Pace
 from .frame import PlannedFrame
 from .identity import Described, RecordedSetting, RecordedStep
+from .machine_pace import MachinePace
 from .plan import Plan, Render
 from .sequence import Numbers, PlannedSequence, array_of, lay_out, spread
 
@@ -29,15 +29,21 @@ SECONDS_PER_SAMPLE = 2.4e-7  # a ray in Cycles: 0.20 s for a frame of one sample
 SECONDS_PER_PIXEL = 2e-8  # reading or encoding and writing a frame's two images: 0.016 s
 SECONDS_PER_RAY = 6.5e-8  # engine embree: 0.05 s a frame
 AVERAGED_SHARE = 0.1  # of pixels get all their samples with it: 0.02 of a scanned room's, 0.2 of the embedded rooms'
-SECONDS_PER_RENDER = 4.0  # loading a scene
+SECONDS_PER_SCENE = 2.0  # loading it, once for all renders that have its camera
+SECONDS_OF_START = 1.2  # Python and its packages
+SECONDS_OF_BLENDER = 2.0  # in addition
+SECONDS_PER_OWN_SCENE = 4.0  # a .blend is looked at in a process of its own, too
+SECONDS_OF_EEVEE = 10.0  # building its shaders, once
+SECONDS_PER_EEVEE_PIXEL = 6e-6  # without a graphics card, whatever the samples
+EXPOSED_TIMES = 7  # that a frame costs which is exposed at several moments, or line by line: 4 to 15
 SECONDS_PER_LINK = 1e-4  # an image that is there already under another name
 SECONDS_PER_PERTURBED_PIXEL = 1.2e-8  # perturbing, encoding and writing an image: 0.01 s, the mean of the benchmark's
-SECONDS_PER_COMPOSITED_PIXEL = 1e-7  # in Blender's compositor, in addition: 0.08 s an image
+SECONDS_PER_COMPOSITED_PIXEL = 1e-7  # of each step in Blender's compositor, in addition: 0.08 s an image
 SPREAD = 1.6  # by which the time may be off to either side; chosen
 ASKED = 8  # frames of a sequence whose severity varies, by which the others are guessed; chosen
 
 
-AS_MEASURED = Pace()
+AS_MEASURED = MachinePace()
 """The pace of the machine on which the constants were measured."""
 
 
@@ -109,19 +115,22 @@ def size_text(count: int) -> str:
     return f"{count} bytes"
 
 
-def estimate(plan: Plan, pace: Pace = AS_MEASURED, *, quick: bool = False) -> CostEstimate:
+def estimate(plan: Plan, pace: MachinePace = AS_MEASURED, *, quick: bool = False) -> CostEstimate:
     """Estimate the bytes and the time of a plan from the measured costs of a pixel.
 
     pace: how fast this machine is. quick: as if meshes were rendered by Embree, and colour perturbed by the reference.
     """
     least, most = np.sum([_byte_bounds(plan, render) for render in plan.renders], axis=0)
     usual = sum(_bytes_of(plan, render) for render in plan.renders)  # of presets of many perturbations
-    seconds = sum(_seconds_of(plan, render, pace, quick=quick) for render in plan.renders)
+    seconds = pace.factor * _preparing_s(plan, quick=quick)
+    seconds += sum(
+        float(frame_seconds(plan, render, render.frames, pace, quick=quick).sum()) for render in plan.renders
+    )
     return CostEstimate(int(min(max(usual, least), most)), seconds, int(least), int(most))
 
 
 def frame_seconds(
-    plan: Plan, render: Render, frames: Sequence[int], pace: Pace = AS_MEASURED, *, quick: bool = False
+    plan: Plan, render: Render, frames: Sequence[int], pace: MachinePace = AS_MEASURED, *, quick: bool = False
 ) -> NDArray[np.float64]:
     """Estimate the seconds (N,) that some source frames of a render take, with all images that show them.
 
@@ -133,7 +142,7 @@ def frame_seconds(
         render_spec, own = plan.preset.spec.render, render.scene.source.capabilities.own
         engine, samples = (render_spec.engine, render_spec.samples) if own is None else (own.engine, own.samples)
         engine = "embree" if quick else engine
-        rays_s = pixels * rendering_seconds(engine, samples)
+        rays_s = pixels * rendering_seconds(engine, samples) * (EXPOSED_TIMES if render.exposure else 1)
         each_s = rays_s if engine == "embree" else each_s + rays_s
     each_s *= pace.factor
     images_s: dict[Numbers, float] = {}  # of all images that show the same source frames one after another
@@ -142,7 +151,7 @@ def frame_seconds(
         for sequence in render.sequences:
             pixel_s = pace.perturbed_s(sequence, modality, SECONDS_PER_PERTURBED_PIXEL)
             if not quick and CHANNELS[modality].steps == "rgb" and plan.composites and sequence.setting.composited:
-                pixel_s += pace.factor * SECONDS_PER_COMPOSITED_PIXEL
+                pixel_s += pace.factor * SECONDS_PER_COMPOSITED_PIXEL * len(sequence.setting.rgb)
             image_s = SECONDS_PER_LINK + made.get(sequence.folder, 0.0) * pixels * pixel_s
             sources = sequence.sources_shown(modality)
             images_s[sources] = images_s.get(sources, 0.0) + image_s
@@ -159,15 +168,22 @@ def rendering_seconds(engine: str, samples: int) -> float:
     """Estimate the seconds that a pixel takes, without writing it."""
     if engine == "embree":
         return SECONDS_PER_RAY * (1 if samples == 1 else 1 + AVERAGED_SHARE * samples)
-    return SECONDS_PER_SAMPLE * samples
+    return SECONDS_PER_EEVEE_PIXEL if engine == "eevee" else SECONDS_PER_SAMPLE * samples
 
 
-def _seconds_of(plan: Plan, render: Render, pace: Pace, *, quick: bool) -> float:
-    loading_s = pace.factor * SECONDS_PER_RENDER if render.scene.source.capabilities.rendered else 0.0
-    return loading_s + float(frame_seconds(plan, render, render.frames, pace, quick=quick).sum())
+def _preparing_s(plan: Plan, *, quick: bool) -> float:
+    """Estimate the seconds that go by without a frame: of starting, and of loading every scene once for each camera."""
+    rendered = [render for render in plan.renders if render.scene.source.capabilities.rendered]
+    scenes = {(render.scene.name, render.camera) for render in rendered}
+    seconds = SECONDS_OF_START + SECONDS_PER_SCENE * len(scenes)
+    if quick or not plan.needs_blender:
+        return seconds
+    own = {render.scene.name for render in rendered if render.scene.source.capabilities.own is not None}
+    seconds += SECONDS_OF_BLENDER + SECONDS_PER_OWN_SCENE * len(own)
+    return seconds + (SECONDS_OF_EEVEE if "eevee" in plan.engines else 0.0)
 
 
-def quicker(plan: Plan, pace: Pace) -> tuple[str, float] | None:
+def quicker(plan: Plan, pace: MachinePace) -> tuple[str, float] | None:
     """Return what makes a plan without Blender, as words for --set, and its seconds; None where nothing does.
 
     The pixels are others: those of Embree's rays, and of the reference in numpy and OpenCV.
@@ -228,11 +244,27 @@ BYTES_COMPOSITED = 55  # colour, in Blender's compositor, in addition
 BYTES_OF_PYTHON = 90_000_000
 BYTES_OF_BLENDER = 450_000_000
 
+# What the peaks of runs of sixteen presets had above that, at 640 x 360 to 1200 x 680 pixels.
+USUAL_BYTES_BESIDE = 80_000_000  # packages, and frames that wait
+USUAL_BYTES_IN_EMBREE = 450_000_000  # an embedded room with its textures and rays
+USUAL_BYTES_IN_BLENDER = 270_000_000  # the same room in Cycles or Workbench
+USUAL_BYTES_OF_EEVEE = 900_000_000  # in addition, on a processor alone
+
 
 def memory_bytes(plan: Plan) -> int:
     """Estimate the bytes of memory that a process takes at least which makes the plan's frames, but for its scenes."""
     frame = max((_frame_bytes(plan, render) for render in plan.renders), default=0)
     return frame + (BYTES_OF_BLENDER if plan.needs_blender else BYTES_OF_PYTHON)
+
+
+def usual_memory_bytes(plan: Plan) -> int:
+    """Estimate the bytes of memory that such a process usually takes, with a scene of a room's size."""
+    extra = USUAL_BYTES_BESIDE
+    if plan.renders_in_blender:
+        extra += USUAL_BYTES_IN_BLENDER + (USUAL_BYTES_OF_EEVEE if "eevee" in plan.engines else 0)
+    elif "embree" in plan.engines:
+        extra += USUAL_BYTES_IN_EMBREE
+    return memory_bytes(plan) + extra
 
 
 def check_memory(plan: Plan, processes: int = 1) -> None:
@@ -276,12 +308,12 @@ RENDERED = {"mesh", "blend"}  # inputs of scenes that a renderer takes; of other
 
 @dataclass(frozen=True)
 class _Way:
-    """How a setting makes its frames: what decides them, and the images that it perturbs."""
+    """How a setting makes its frames: what decides them, the images that it perturbs, and its composited steps."""
 
     known: Setting | None
     moves: bool
     perturbed: int
-    composited: bool
+    composited: int
 
 
 def described_sequences(
@@ -315,7 +347,8 @@ def _way(name: str, content: Mapping[str, Any], registry: Registry) -> _Way:
         if kind is None or isinstance(kind, SEQUENCE_KINDS)
     ]
     perturbed = sum(any(isinstance(kind, image) for kind in kinds) for image in (ColourPerturbation, DepthPerturbation))
-    composited = recorded.backend == "compositor" and any(isinstance(kind, ColourPerturbation) for kind in kinds)
+    coloured = sum(isinstance(kind, ColourPerturbation) for kind in kinds)
+    composited = coloured if recorded.backend == "compositor" else 0
     try:
         steps = parse_steps(list(_written(deciding)), ConfigPath(name, "steps"), registry)
     except InputError:  # of a package that is not installed here, or of a version with other parameters

@@ -33,6 +33,7 @@ from .study_tables import (
     SEQUENCE,
     SETTING,
     SUCCESS,
+    Row,
     errors_of,
     groups,
     headline_of,
@@ -546,8 +547,6 @@ def motion_distribution(sequence: OpenedSequence) -> "DataFrame":
 # Kong et al., "Robo3D: Towards robust and reliable 3D perception against corruptions", ICCV 2023, with the corruption
 # error after Hendrycks and Dietterich, ICLR 2019. Scores go from 0 (worst) to 1, such as `success_auc`; an error is
 # 1 - score there.
-
-Row: TypeAlias = dict[str, Any]
 
 BASELINE = "rgbd_odometry"
 ROBUSTNESS = [

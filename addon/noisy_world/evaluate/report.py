@@ -30,7 +30,7 @@ from .findings import (
     times,
 )
 from .paper_comparison import LatexFile, notes, paper_comparison, published
-from .report_runs import Grid, opened_runs, packed
+from .report_runs import HeatMap, opened_runs, packed
 from .report_sections import Analyses, Contents, Section, again, command, curves_of, facts, opening
 from .report_tables import (
     FOLDER,
@@ -159,14 +159,16 @@ _FRAMES = (
 )
 
 
-def _heat_map(results: Results, findings: Sequence[SystemFindings], gate: CleanGate) -> "tuple[Picture, Grid] | None":
+def _heat_map(
+    results: Results, findings: Sequence[SystemFindings], gate: CleanGate
+) -> tuple["Picture", HeatMap] | None:
     """Return the error over clean of each setting and system or, where nothing has one, the mean success AUC."""
     cells = _cells(results, findings)
     if cells is None or not cells.settings:
         return None
     shown = [gate.name(system) for system in cells.systems]
     colours = cell_colours(cells.values, cells.scale)
-    grid = Grid(cells.settings, cells.systems, shown, cells.texts, colours, about_cells(cells.scale))
+    grid = HeatMap(cells.settings, cells.systems, shown, cells.texts, colours, about_cells(cells.scale))
     return heat_map(cells.settings, shown, cells.values, cells.texts, cells.scale), grid
 
 

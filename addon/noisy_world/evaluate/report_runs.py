@@ -23,7 +23,7 @@ MOST_FRAME_BYTES = 700_000  # of all frames in the page; chosen, so that 400 run
 
 
 @dataclass(frozen=True)
-class Grid:
+class HeatMap:
     """A table of settings by systems whose cells open runs.
 
     settings, systems: names; shown: the systems' names with their marks. texts, colours: of each cell, by setting and

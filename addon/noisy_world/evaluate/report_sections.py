@@ -15,7 +15,7 @@ from .cases import CLEAN, RUN
 from .figures import ENDS, HERE_ENDS, LINE, Picture, correlation_matrices, curves
 from .metrics import IS_INCOMPLETE, LEAST_TRACKED
 from .pose_errors import CONDITIONING, PROTOCOLS, WELL_CONDITIONED, WRONG_DEG
-from .report_runs import Grid
+from .report_runs import HeatMap
 from .report_tables import KEY, NOTHING, SHARED, Column, Results, Table, cell_text, column_of, read_object, records
 from .run_figures import FramePicture
 from .study_results import VERSIONS
@@ -38,7 +38,7 @@ class Section:
     pictures: Sequence[Picture] = ()
     frames: Sequence[FramePicture] = ()
     tables: Sequence[Table] = ()
-    grid: Grid | None = None
+    grid: HeatMap | None = None
 
 
 @dataclass(frozen=True)

@@ -23,6 +23,7 @@ from .study_tables import (
     HEADLINE,
     INCOMPLETE,
     SETTING,
+    Row,
     groups,
     is_averaged_in_logs,
     is_error,
@@ -228,8 +229,6 @@ def _quantile_t(freedom: ArrayLike) -> Float64:
 
     return stdtrit(np.asarray(freedom, dtype=np.float64), (1.0 + LEVEL) / 2.0)
 
-
-Row: TypeAlias = dict[str, Any]
 
 MEAN = ["average", "mean", "low", "high", "here_low", "here_high"]
 EXTREMES = ["median", "minimum", "maximum"]
@@ -616,7 +615,7 @@ def holm(p: ArrayLike) -> Float64:
 # Components are estimated by the method of moments (Henderson's method 1, Biometrics 9, 1953; Searle, Casella and
 # McCulloch, Variance Components, 1992, 5.3), which needs no normal values, no equal numbers and no iteration.
 
-Cells: TypeAlias = dict[Any, dict[Any, list[float]]]
+ErrorsOfCells: TypeAlias = dict[Any, dict[Any, list[float]]]
 """Logarithms of errors by scene and seed, one for each repeat."""
 
 ALL = "all"
@@ -645,7 +644,7 @@ class Moments:
         return Moments(self.squares + other.squares, self.freedom + other.freedom, self.times + other.times)
 
 
-def moments_of(cells: Cells) -> Moments:
+def moments_of(cells: ErrorsOfCells) -> Moments:
     """Return the moments of values by scene and seed, at least one."""
     runs = [[np.array(values) for values in seeds.values()] for seeds in cells.values()]
     of_seeds = [np.array([len(values) for values in seeds], dtype=np.float64) for seeds in runs]
@@ -706,15 +705,15 @@ def variance_table(runs: "DataFrame") -> "DataFrame":
     return table_of([row for row in rows if any(row[f"{level}_freedom"] for level in LEVELS)], VARIANCE)
 
 
-def _cells_of(runs: "DataFrame", measure: str) -> Cells:
-    cells: Cells = {}
+def _cells_of(runs: "DataFrame", measure: str) -> ErrorsOfCells:
+    cells: ErrorsOfCells = {}
     known = runs[runs[measure].notna()].sort_values(["scene", "seed"], kind="stable")
     for scene, seed, value in zip(known["scene"], known["seed"], log_errors(known[measure]).tolist(), strict=True):
         cells.setdefault(scene, {}).setdefault(seed, []).append(value)
     return cells
 
 
-def _pooled(settings: Sequence[Cells]) -> Moments:
+def _pooled(settings: Sequence[ErrorsOfCells]) -> Moments:
     every = list(map(moments_of, settings))
     seeded = [moments for moments in every if moments.freedom[1] > 0.0] or every
     total = sum(seeded[1:], seeded[0])
@@ -725,7 +724,7 @@ def _pooled(settings: Sequence[Cells]) -> Moments:
     return total
 
 
-def _row(settings: Sequence[Cells], moments: Moments) -> dict[str, Any]:
+def _row(settings: Sequence[ErrorsOfCells], moments: Moments) -> dict[str, Any]:
     values = components_of(moments)
     bounded = {level: max(value, 0.0) for level, value in values.items() if np.isfinite(value)}
     whole = sum(bounded.values())

@@ -88,7 +88,7 @@ class Difference:
 
 
 @dataclass(frozen=True)
-class Row:
+class ComparedFigure:
     """What both tell of a figure, or of a curve at the places of `parts`, where both have points."""
 
     name: str
@@ -153,7 +153,7 @@ class Comparison:
     untold: names of what neither tells, with the reasons of A and of B.
     """
 
-    rows: tuple[Row, ...]
+    rows: tuple[ComparedFigure, ...]
     one_sided: tuple[OneSided, ...]
     untold: tuple[tuple[str, str, str], ...]
 
@@ -174,7 +174,7 @@ class Comparison:
 
 def compared(a: Mapping[str, Figure], b: Mapping[str, Figure]) -> Comparison:
     """Compare the figures of two recordings, by name; points of curves where both have some, by interpolation."""
-    rows: list[Row] = []
+    rows: list[ComparedFigure] = []
     one_sided: list[OneSided] = []
     untold: list[tuple[str, str, str]] = []
     for name in dict.fromkeys([*a, *b]):
@@ -182,7 +182,7 @@ def compared(a: Mapping[str, Figure], b: Mapping[str, Figure]) -> Comparison:
         if here.curve or there.curve:
             continue
         if here.value is not None and there.value is not None:
-            rows.append(Row(name, (Difference(here, there),)))
+            rows.append(ComparedFigure(name, (Difference(here, there),)))
         elif here.value is None and there.value is None:
             untold.append((name, here.untold, there.untold))
         else:
@@ -194,7 +194,7 @@ def compared(a: Mapping[str, Figure], b: Mapping[str, Figure]) -> Comparison:
         pairs = list(_places(points, others))
         if pairs:
             parts = tuple(Difference(_at(points, one, place), _at(others, two, place)) for one, two, place in pairs)
-            rows.append(Row(curve, parts, curve=True))
+            rows.append(ComparedFigure(curve, parts, curve=True))
         one_sided += _unmet("a", points, [one for one, _, _ in pairs], b)
         one_sided += _unmet("b", others, [two for _, two, _ in pairs], a)
     return Comparison(tuple(sorted(rows, key=lambda row: row.order)), tuple(one_sided), tuple(untold))

@@ -4,7 +4,7 @@
 from collections.abc import Iterator, Mapping, Sequence
 
 from .charts import ALWAYS, SEQUENCE, STYLE, curve_chart, number, safe, value_of, within
-from .comparison import Comparison, Difference, Row, points_of
+from .comparison import ComparedFigure, Comparison, Difference, points_of
 from .figure import Figure
 
 
@@ -37,7 +37,7 @@ def difference(part: Difference) -> tuple[float, float | None, float | None]:
 # --- tables ---
 
 
-def _table(rows: Sequence[Row]) -> Iterator[str]:
+def _table(rows: Sequence[ComparedFigure]) -> Iterator[str]:
     if not rows:
         yield "<p>There is no figure that both tell.</p>"
         return

@@ -65,7 +65,7 @@ _SPOKEN = {"w2c": "world-to-camera", "opengl": "in OpenGL's axes", "robot": "in 
 
 
 @dataclass(frozen=True)
-class Followed:
+class FollowedPair:
     """Features of one frame in another.
 
     rays, to: (N, 2) on the plane at 1, without the lens. depth_m: (N,) planar depth there in the first frame.
@@ -147,7 +147,7 @@ def parallax(footage: RecordingView, depth_later: int = 0) -> Parallax:
 # --- following features ---
 
 
-def _pairs(footage: RecordingView, depth_later: int) -> Iterator[Followed]:
+def _pairs(footage: RecordingView, depth_later: int) -> Iterator[FollowedPair]:
     """Yield pairs of frames with known poses, evenly over the recording, between which features move."""
     known = np.flatnonzero(footage.path.known)
     if len(known) < 2:
@@ -156,7 +156,7 @@ def _pairs(footage: RecordingView, depth_later: int) -> Iterator[Followed]:
     anchors = np.unique(np.linspace(0, len(known) - 1, PAIRS + 1).round().astype(int))[:-1].tolist()
     apart = max(1, min(4, len(known) // 4))
     for place in anchors:
-        best: Followed | None = None
+        best: FollowedPair | None = None
         tried = set[int]()
         for _ in range(TRIES):
             other = min(place + apart, len(known) - 1)
@@ -185,7 +185,7 @@ class _Follower:
         self._images: dict[int, NDArray[np.uint8]] = {}
         self._starts: dict[int, tuple[Points, Float64]] = {}
 
-    def follow(self, one: int, other: int) -> Followed | None:
+    def follow(self, one: int, other: int) -> FollowedPair | None:
         """Return the features of a frame in another; None where these are few."""
         points, depth_m = self._begin(one)
         if len(points) < LEAST_FEATURES:
@@ -198,7 +198,7 @@ class _Follower:
         moved = float(np.median(np.linalg.norm(there - points, axis=1)[kept])) / self._footage.camera.width_px
         rays, to = self._footage.plane(points[kept]), self._footage.plane(there[kept])
         seen = np.isfinite(rays).all(axis=1) & np.isfinite(to).all(axis=1)
-        return Followed((one, other), rays[seen], depth_m[kept][seen], to[seen], max(moved, 1e-6))
+        return FollowedPair((one, other), rays[seen], depth_m[kept][seen], to[seen], max(moved, 1e-6))
 
     def _grey(self, frame: int) -> NDArray[np.uint8]:
         if frame not in self._images:
@@ -237,7 +237,7 @@ class _Follower:
 # --- fitting ---
 
 
-def _fits(pair: Followed, footage: RecordingView) -> dict[Reading, Fit]:
+def _fits(pair: FollowedPair, footage: RecordingView) -> dict[Reading, Fit]:
     """Return how a pair fits each reading of the poses."""
     c2w, focal_px = footage.path.c2w, footage.focal_px / footage.scale
     found: dict[Reading, Fit] = {}
@@ -247,7 +247,7 @@ def _fits(pair: Followed, footage: RecordingView) -> dict[Reading, Fit]:
     return found
 
 
-def _fit(pair: Followed, other_from_one: Float64, focal_px: float) -> Fit:
+def _fit(pair: FollowedPair, other_from_one: Float64, focal_px: float) -> Fit:
     """Fit a factor and a small rotation by Gauss and Newton's method, with Tukey's weights.
 
     other_from_one: (4, 4), coordinates in the first frame's camera to those in the other's, by the poses.

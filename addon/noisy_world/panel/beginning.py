@@ -11,7 +11,7 @@ import bpy
 
 from ..nodes.datablocks import override
 from ..scenes.mesh_formats import MESH_SUFFIXES
-from . import loading, open_scene, own_scene, source_views
+from . import loading, made_scene, open_scene, source_views
 from .document import listed_motion, open_preset
 from .gallery import shipped_folder
 from .operators import DONE, UNDOABLE, OnScene, color_type, guarded
@@ -52,14 +52,14 @@ class _OnFiles(OnScene):
 
     def invoke(self, context: bpy.types.Context, _: bpy.types.Event) -> set[str]:
         """Load where nothing else is in the way; scripts load into the scene that they are in."""
-        self.apart = is_loaded(context.scene) and not own_scene.is_clear(context.scene)
+        self.apart = is_loaded(context.scene) and not made_scene.is_clear(context.scene)
         return self.execute(context)
 
     def execute(self, context: bpy.types.Context) -> set[str]:
         """Load it."""
 
         def work() -> str:
-            with own_scene.entered(context, apart=self.apart) as scene:
+            with made_scene.entered(context, apart=self.apart) as scene:
                 return self.load(context, scene)
 
         return guarded(self, work)
@@ -152,8 +152,8 @@ def load_all(context: bpy.types.Context, scene: bpy.types.Scene) -> str:
     for item in (mesh, scene.camera):
         if item is not None:
             item.select_set(False, view_layer=scene.view_layers[0])  # or they have outlines
-    own_scene.show_unlit(scene, context, color_type(scene))
-    own_scene.look_through_camera(context)
+    made_scene.show_unlit(scene, context, color_type(scene))
+    made_scene.look_through_camera(context)
     return "; ".join((", ".join(loading.summary(scene)), f"{count:,} poses", *notes, *more))
 
 
@@ -171,7 +171,7 @@ class NoisyWorldTryIt(OnScene, bpy.types.Operator):
         """Set it up, and play it."""
 
         def work() -> str:
-            with own_scene.entered(context) as scene:
+            with made_scene.entered(context) as scene:
                 open_preset(panel_of(scene), shipped_folder() / TRIED)
                 load_all(context, scene)
             panel_of(scene).preview = True
@@ -183,7 +183,7 @@ class NoisyWorldTryIt(OnScene, bpy.types.Operator):
 
 def play(context: bpy.types.Context) -> None:
     """Play the scene in the view, where there is a window that shows it."""
-    area = own_scene.view_of(context)
+    area = made_scene.view_of(context)
     if bpy.app.background or area is None or context.screen is None or context.screen.is_animation_playing:
         return
     with override(window=context.window, area=area):
@@ -202,7 +202,7 @@ class NoisyWorldBack(OnScene, bpy.types.Operator):
         """Tell whether there is one to go back to."""
         if not super().poll(context):
             return False
-        if own_scene.origin_of(context.scene) is None:
+        if made_scene.origin_of(context.scene) is None:
             cls.poll_message_set("This scene is your own, or the one that it was made from is gone")
             return False
         return True
@@ -211,7 +211,7 @@ class NoisyWorldBack(OnScene, bpy.types.Operator):
         """Go back."""
         if context.screen is not None and context.screen.is_animation_playing:
             bpy.ops.screen.animation_cancel(restore_frame=False)
-        own_scene.leave(context)
+        made_scene.leave(context)
         return DONE
 
 
@@ -219,7 +219,7 @@ def is_unused(scene: bpy.types.Scene) -> bool:
     """Tell whether nothing was done yet with a scene's panel, so that it is offered to be tried."""
     panel = panel_of(scene)
     made = own_object(scene, "mesh") is not None or own_object(scene, "camera") is not None
-    return not (made or len(panel.steps) or panel.preset_path or own_scene.is_apart(scene))
+    return not (made or len(panel.steps) or panel.preset_path or made_scene.is_apart(scene))
 
 
 def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
@@ -228,7 +228,7 @@ def draw(layout: bpy.types.UILayout, context: bpy.types.Context) -> None:
         row = layout.row()
         row.scale_y = 1.6
         row.operator(NoisyWorldTryIt.bl_idname, icon="PLAY")
-    elif (origin := own_scene.origin_of(context.scene)) is not None:
+    elif (origin := made_scene.origin_of(context.scene)) is not None:
         layout.operator(NoisyWorldBack.bl_idname, text=f"Back to {origin.name}", icon="LOOP_BACK")
 
 
@@ -275,7 +275,7 @@ class NoisyWorldDropMesh(OnScene, bpy.types.Operator):
         """Load it."""
 
         def work() -> str:
-            with own_scene.entered(context, apart=not own_scene.is_clear(context.scene)) as scene:
+            with made_scene.entered(context, apart=not made_scene.is_clear(context.scene)) as scene:
                 panel = panel_of(scene)
                 panel.mesh_source, panel.of_mesh.mesh = "FILE", self.filepath
                 panel.scene.name = Path(self.filepath).stem

@@ -11,7 +11,7 @@ from ..core.errors import InputError, title
 from ..core.file_access import with_home
 from ..nodes.datablocks import layout_of
 from ..perturbations.steps import Step
-from . import beginning, gallery, own_scene
+from . import beginning, gallery, made_scene
 from .document import (
     add_perturbations,
     apply_part,
@@ -140,7 +140,7 @@ def _drop(context: bpy.types.Context, path: Path) -> str:
         return use_device_file(panel, path, DEVICE_PARTS)
     if takes_perturbations(path, "AUTO") or not shows_loaded(path):
         return _open(context, path, "AUTO")
-    with own_scene.entered(context, apart=not own_scene.is_clear(context.scene)) as scene:
+    with made_scene.entered(context, apart=not made_scene.is_clear(context.scene)) as scene:
         open_preset(panel_of(scene), path)
         beginning.load_all(context, scene)
     panel_of(scene).preview = True

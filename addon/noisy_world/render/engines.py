@@ -339,7 +339,7 @@ FACE_STEP = 4096  # a face's number is told in two parts below this, which float
 
 
 @dataclass(frozen=True)
-class Passes(RenderedFrame):
+class FrameAndSurface(RenderedFrame):
     """What a render gives. world: of the surface, where it is asked for; normals in the scene's axes."""
 
     world: Surface | None = None
@@ -450,7 +450,7 @@ class FrameRenderer:
         """Remove the scratch file."""
         self._file.close()
 
-    def render(self, size_px: tuple[int, int] | None = None) -> Passes:
+    def render(self, size_px: tuple[int, int] | None = None) -> FrameAndSurface:
         """Render the scene in its current state. size_px: width, height, where they are not those that were given.
 
         Raises StorageError where the scratch file could not be written, for instance on a full disk.
@@ -464,7 +464,7 @@ class FrameRenderer:
         depth_m = None
         if self._depth:
             depth_m = without_void(channels["Depth.Z"], camera_of(self._scene.camera).clip_end)
-        return Passes(colours, depth_m, world=self._surface(channels) if self._facts else None)
+        return FrameAndSurface(colours, depth_m, world=self._surface(channels) if self._facts else None)
 
     def _surface(self, channels: dict[str, NDArray[np.float32]]) -> Surface:
         normals = faces = None

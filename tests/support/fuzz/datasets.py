@@ -31,7 +31,7 @@ from noisy_world.preset.keys import check_document
 from noisy_world.core.progress import SilentProgress
 from noisy_world.evaluate.system_input import sequence_input
 from noisy_world.dataset.run import Run
-from noisy_world.dataset.status import read_status
+from noisy_world.dataset.dataset_status import read_status
 from noisy_world.dataset.plan import make_plan
 from noisy_world.dataset.remaking import plan_of
 from noisy_world.dataset.recipe import recipe_of

@@ -28,7 +28,7 @@ TRIED = 16  # frames among which one is looked for that is not left as it was, w
 
 
 @dataclass(frozen=True)
-class Pace:
+class MachinePace:
     """How fast this machine is. factor: how much longer things take than where the constants were measured.
 
     pixel_s: by setting and channel, seconds of a perturbed pixel with its encoding, of those that were tried.
@@ -46,11 +46,11 @@ class Pace:
         return float(np.mean(others)) if others else self.factor * usual_s
 
 
-def measured_pace(plan: Plan, longest_s: float = LONGEST_S) -> Pace:
+def measured_pace(plan: Plan, longest_s: float = LONGEST_S) -> MachinePace:
     """Make an image of as many settings as the time allows, and return how long they take."""
     render = next((item for item in plan.renders if item.sequences), None)
     if render is None:
-        return Pace()
+        return MachinePace()
     end_s = time.perf_counter() + longest_s
     sample = _Sample.of(render)
     factor = _machine_factor(plan, sample)
@@ -60,7 +60,7 @@ def measured_pace(plan: Plan, longest_s: float = LONGEST_S) -> Pace:
     for sequence in (list(settings.values())[place] for place in mixed):
         for modality in sample.held(plan):
             if time.perf_counter() > end_s:
-                return Pace(factor, found)
+                return MachinePace(factor, found)
             if not sequence.setting.on(modality) or (modality == "rgb" and sequence.setting.composited):
                 continue
             seconds = _of_setting(plan, sequence, modality, sample)
@@ -68,12 +68,12 @@ def measured_pace(plan: Plan, longest_s: float = LONGEST_S) -> Pace:
                 found[sequence.setting.name, modality] = (
                     seconds / sample.pixels / max(1, min(available_threads(), THREADS))
                 )
-    return Pace(factor, found)
+    return MachinePace(factor, found)
 
 
 def _machine_factor(plan: Plan, sample: "_Sample") -> float:
     """Return how much longer the sample's images take to encode than where the constants were measured."""
-    held = sample.held(plan)
+    held = [name for name in sample.held(plan) if name == "depth" or plan.format.colour == "rgb"]  # grey is a third
 
     def encoded() -> None:
         for name in held:

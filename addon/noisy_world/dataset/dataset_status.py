@@ -61,7 +61,7 @@ SILENCE_S = 60.0  # without a new file for this long, and for ten times the usua
 
 
 @dataclass(frozen=True)
-class Pace:
+class RunPace:
     """How fast a run goes.
 
     last_s: seconds since the newest frame was written, None without one. frames_per_s: of all sequences together, over
@@ -85,7 +85,7 @@ def pace_of(
     costs_s: Mapping[str, float],
     left: Mapping[str, float] | None,
     now_s: float,
-) -> Pace:
+) -> RunPace:
     """Return the pace of a run.
 
     written: when the newest frames of its journals were written, with the folder of the sequence. costs_s: what a frame
@@ -94,7 +94,7 @@ def pace_of(
     """
     times = [time_s for _, item in written for time_s in item.times_s]
     if not times:
-        return Pace()
+        return RunPace()
     last_s = max(times)
     # A journal of which only the end was read tells nothing of the time before that.
     begun = [min(item.times_s) for _, item in written if item.cut and max(item.times_s) > last_s - WINDOW_S]
@@ -106,10 +106,10 @@ def pace_of(
     window_s = last_s - first_s
     age_s = max(0.0, now_s - last_s)
     if window_s <= 0 or not any(counts.values()):
-        return Pace(age_s)
+        return RunPace(age_s)
     rate = sum(count * costs_s[folder] for folder, count in counts.items()) / window_s
     left_s = None if left is None else sum(count * costs_s[folder] for folder, count in left.items()) / rate
-    return Pace(age_s, window_s, sum(counts.values()) / window_s, left_s)
+    return RunPace(age_s, window_s, sum(counts.values()) / window_s, left_s)
 
 
 # The shards of a dataset, in its folder or at its address, and what they hold of its sequences.
@@ -246,7 +246,7 @@ class Status:
     sequences: tuple[SequenceStatus, ...]
     lost: tuple[str, ...]
     damaged: tuple[str, ...]
-    pace: Pace
+    pace: RunPace
     total_s: float | None
     shards: Shards
     notes: tuple[str, ...]
@@ -418,7 +418,7 @@ def _run_of(store: Store) -> Any:
     return None
 
 
-def _pace(described: Sequence[Described], found: Sequence[SequenceStatus]) -> Pace:
+def _pace(described: Sequence[Described], found: Sequence[SequenceStatus]) -> RunPace:
     costs_s = {item.folder: item.seconds_each for item in described}
     left = {f"{item.setting}/{item.scene}": item.of - item.inventory.done for item in found if item.of is not None}
     written = [(f"{item.setting}/{item.scene}", part) for item in found for part in item.inventory.written]
