@@ -45,9 +45,9 @@ def drawn(index=0):
 
 @cases("size, severity", [((680, 690), 5), ((97, 131), 1), ((150, 90), 3), ((1, 1), 5), ((1, 40), 5)])
 def test_as_on_arrays(size, severity):
-    image, feathers = picture(*size), severity == 3
-    (found,) = by_nodes("lens_frost", image, severity=severity, feathers=feathers)
-    wanted = PERTURBATION.apply(image, PERTURBATION.at_severity(severity, feathers=feathers), Drawn(drawn()))
+    image, given = picture(*size), {"feathers": severity == 3, "halo": 0.5 * (severity != 1)}
+    (found,) = by_nodes("lens_frost", image, severity=severity, **given)
+    wanted = PERTURBATION.apply(image, PERTURBATION.at_severity(severity, **given), Drawn(drawn()))
     assert levels_apart(found, np.clip(wanted, 0, 1))[0] < 0.4
     assert size[0] == 1 or levels_apart(found, image)[1] > (2 if severity == 1 else 4)
 

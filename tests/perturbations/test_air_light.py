@@ -68,13 +68,25 @@ def test_fog_in_a_brown_room_is_as_light_and_as_grey_as_is_asked_for(lit):
         assert found == pytest.approx(luminance + tint * (walls[0, 0] - luminance), abs=5e-4 if lit else 2e-3)
 
 
-@cases("lit, around, air", [(True, True, 0.01 + 0.1 * 0.5), (False, True, 0.01 + 0.1 * 0.5), (True, False, 0.51)])
-def test_a_window_lights_the_fog_of_a_room_by_its_share_where_that_is_asked_for(lit, around, air):
+@cases(
+    "name, lit, around, air",
+    [
+        ("fog_depth", True, True, 0.01 + 0.1 * 0.5),
+        ("fog_depth", False, True, 0.01 + 0.1 * 0.5),
+        ("fog_depth", True, False, 0.51),
+        ("haze", True, True, 0.01 + 0.1 * 0.5),
+        # As bright as the air: 2.5 times the surfaces' mean of snow, and twice of rain.
+        ("snow_depth", True, True, 0.9 * 2.5 * 0.01 + 0.1 * 0.51),
+    ],
+)
+def test_a_window_lights_the_air_of_a_room_by_its_share_where_that_is_asked_for(name, lit, around, air):
     room, depth_m = np.full((40, 40, 3), 0.01, np.float32), np.full((40, 40), 2.0, np.float32)
     room[:, 16:20], depth_m[:, 16:20] = 0.51, 0  # a tenth of the frame is sky
-    given = {"visibility_m": 0.1, "air": "scene", "air_around": around, "lamps": 0}
-    found = made(room, depth_m, "fog_depth", lit=lit, **given)[4, 4]
-    np.testing.assert_allclose(found if lit else linear(found.astype(np.float32) / 255), air, rtol=0.01)
+    dense = {"rate_mm_h": 500, "least_mrad": 100, "reach_m": 0.5} if name == "snow_depth" else {"visibility_m": 0.1}
+    depth_m *= 1000 if name == "snow_depth" else 1  # all of it is veil there
+    found = made(room, depth_m, name, lit=lit, air="scene", air_around=around, lamps=0, **dense)[4, 4]
+    luminance = (found if lit else linear(found.astype(np.float32) / 255)) @ (0.2126, 0.7152, 0.0722)
+    assert luminance == pytest.approx(air, rel=0.01)
 
 
 def test_the_mean_of_what_is_even_is_that_and_no_pixels_are_dark():

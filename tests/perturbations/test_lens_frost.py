@@ -59,7 +59,7 @@ def expected(rgb, values, pane):
     where = rows - 0.5 + values.refraction_px * down, columns - 0.5 + values.refraction_px * right
     channels = [light[..., k] for k in range(3)]
     behind = np.dstack([ndimage.map_coordinates(part, where, order=1, mode="nearest") for part in channels])
-    around = surroundings(light, values.tint, rows, columns)
+    around = surroundings(light, values, rows, columns)
     seen = np.exp(-values.opacity * (ridge + body))
     lean = right * np.cos(pane.light_rad) + down * np.sin(pane.light_rad)
     white = (1 - seen) * (1 + np.clip(0.5 * lean, -0.2, 0.3)) * values.brightness
@@ -67,27 +67,29 @@ def expected(rgb, values, pane):
     return encoded(behind * seen[..., None] + around * white[..., None])
 
 
-def surroundings(light, tint, rows, columns):
+def surroundings(light, values, rows, columns):
     small = light
     for _ in range(3):
         small = np.pad(small, ((0, small.shape[0] % 2), (0, small.shape[1] % 2), (0, 0)), mode="edge")
         small = (small[::2, ::2] + small[1::2, ::2] + small[::2, 1::2] + small[1::2, 1::2]) / 4
     sigma = 0.035 * min(light.shape[:2]) / 8
     mean = small.mean(axis=(0, 1))
-    small = (
-        0.75 * ndimage.gaussian_filter(small, (sigma, sigma, 0), mode="nearest", radius=int(np.ceil(3 * sigma)))
-        + 0.25 * mean
+    once, twice, five = (
+        ndimage.gaussian_filter(small, (wide, wide, 0), mode="nearest", radius=int(np.ceil(3 * wide)))
+        for wide in (sigma, 2 * sigma, 5 * sigma)
     )
+    far = once + 0.6 * values.halo * (twice - once)
+    small = 0.75 * (far + 0.4 * values.halo * (five - far)) + 0.25 * mean
     grey = (small @ [0.2126, 0.7152, 0.0722])[..., None]
-    small = grey + tint * (small - grey)
+    small = grey + values.tint * (small - grey)
     where = rows / 8 - 0.5, columns / 8 - 0.5
     return np.dstack([ndimage.map_coordinates(small[..., k], where, order=1, mode="nearest") for k in range(3)])
 
 
-@cases("size", SIZES)
-def test_as_another_implementation_has_it(size):
+@cases("size, halo", [(size, 0.7 * (place % 2)) for place, size in enumerate(SIZES)])
+def test_as_another_implementation_has_it(size, halo):
     rgb = picture(size)
-    values = PERTURBATION.at_severity(5, refraction_px=25.0, tint=0.8, glint=3.0, coverage=0.9)
+    values = PERTURBATION.at_severity(5, refraction_px=25.0, tint=0.8, glint=3.0, coverage=0.9, halo=halo)
     pane = lens_frost.pane_of(context().pattern_stream().random(3))
     found = PERTURBATION.apply(rgb, values, context())
     assert found.dtype == np.float32

@@ -35,6 +35,7 @@ AIR_TOOLTIPS = {
     "air_green": "Higher: greener light, where Air is Color",
     "air_blue": "Higher: bluer light, where Air is Color",
     "lamps": "Higher: on lit scenes, lamps light more of the air around them; 0 is none",
+    "air_around": "On: a window does not fill a dark room's air with the light of the sky",
     "leave_sky": "On: the sky keeps its colors",
 }
 
@@ -136,6 +137,36 @@ def air_key(name: str, meaning: str, choice: Choice) -> Any:
 def air_colour_key(name: str, default: float) -> float:
     """Return the parameter of one channel of the air's light."""
     return key(f"{name} of its light, sRGB-encoded", default=default, minimum=0, maximum=20)
+
+
+def around_key() -> bool:
+    """Return the parameter that says whether the air's light is the mean of all that is seen, as in a room."""
+    return key(
+        "of light from the scene: the sky counts by its share of the frame alone, as in a room with windows",
+        default=False,
+        later=True,
+    )
+
+
+FAR_M, FAR_SHARE = 15.0, 0.1  # chosen: a tenth of what is seen of a room is hardly farther
+
+
+def reach_of(depth_m: Float32) -> tuple[float, float]:
+    """Return how far a tenth of what a frame shows is, and half, metres; 0 where nothing is known.
+
+    depth_m: (H, W), 0 = void, which says nothing: of a recording it was not measured.
+    """
+    known = depth_m[depth_m > 0]
+    if not len(known):
+        return 0.0, 0.0
+    return float(np.quantile(known, 1 - FAR_SHARE)), float(np.median(known))
+
+
+def around_by_depth(depth_m: Float32) -> tuple[Mapping[str, Any], str]:
+    """Return whether the air's light is that of a room: by how far a tenth of what a frame (H, W), metres, shows is."""
+    far_m, _ = reach_of(depth_m)
+    where = "Outdoors: the sky" if far_m > FAR_M else "Indoors: all that is seen"
+    return {"air_around": far_m <= FAR_M}, f"{where} lights the air, as a tenth is farther than {far_m:.3g} m"
 
 
 def lamps_key() -> float:

@@ -23,7 +23,7 @@ from ...core.schema import Choice, key
 from ...core.srgb import LUMINANCE, decoded, encoded
 from ...core.streams import stream
 from ..kinds import FrameContext
-from ._air import AIR_TOOLTIPS, air_colour_key, air_key, air_light, colour_of, lamps_key
+from ._air import AIR_TOOLTIPS, air_colour_key, air_key, air_light, around_key, colour_of, lamps_key
 from ._arrays import SKY_M, by_bands, camera_of, frame_rate_key, three_channels, view_key
 from ._particles import NEAR_M, Air, AirCamera, Particles, Precipitation, affordable, in_sight, slopes_of, veil_depth
 
@@ -271,6 +271,7 @@ class Falling:
     air_red: float = air_colour_key("red", 0.5)
     air_green: float = air_colour_key("green", 0.5)
     air_blue: float = air_colour_key("blue", 0.5)
+    air_around: bool = around_key()
     lamps: float = lamps_key()
     leave_sky: bool = key("no veil over the sky", default=False)
     void_m: float = key("void counts as this far", default=500.0, unit="m", minimum=0.1, maximum=100000)
@@ -377,7 +378,7 @@ def _light(linear: Float32, kind: Kind, parameters: Falling, context: FrameConte
         return (given * (parameters.brightness / kind.brightness)).astype(np.float32)
     if parameters.air == "mean" or (parameters.air == "auto" and not context.lit):
         return light_of(linear, parameters)
-    air = air_light(linear, context.depth_m)
+    air = air_light(linear, context.depth_m, around=parameters.air_around)
     own = kind.brightness * _greyed(air.surfaces, parameters.tint)
     return (air.over(own) * (parameters.brightness / kind.brightness)).astype(np.float32)
 

@@ -24,12 +24,14 @@ from ._air import (
     AIR_TOOLTIPS,
     BLOCK_PX,
     DROP,
+    FAR_M,
     GIVEN_AIR,
     MARGIN,
     air_colour_key,
     air_key,
     air_light,
     air_nodes,
+    around_key,
     blocks_of,
     blurred,
     colour_of,
@@ -37,6 +39,7 @@ from ._air import (
     lamp_light_nodes,
     lamps_key,
     looked_up,
+    reach_of,
     sky_in,
 )
 from ._arrays import by_bands, by_camera, camera_of, frame_rate_key, three_channels, view_key
@@ -78,11 +81,7 @@ class FogDepth:
         maximum=1,
         later=True,
     )
-    air_around: bool = key(
-        "of light from the scene: the sky counts by its share of the frame alone, as in a room with windows",
-        default=False,
-        later=True,
-    )
+    air_around: bool = around_key()
     lamps: float = lamps_key()
     leave_sky: bool = key("void stays as it is", default=False)
     falloff_m: float = key(
@@ -104,7 +103,6 @@ class FogDepth:
     frame_rate_hz: float = frame_rate_key()
     TOOLTIPS: ClassVar[Mapping[str, str]] = AIR_TOOLTIPS | {
         "air_tint": "Lower: fog in a room of brick or wood is grey, not brown as smoke",
-        "air_around": "On: a window does not fill a dark room's fog with the light of the sky",
         "visibility_m": "Lower: the fog gets denser, and hides what is nearer",
         "outdoors": "On: severities are those of streets, where one sees further than in rooms",
         "reach": "Higher: severities are of a scene in which one sees further",
@@ -656,7 +654,6 @@ def build(canvas: Canvas, given: Mapping[str, Socket], _served: Mapping[str, flo
         return fogged_over + lamps.veil(hidden)
 
 
-FAR_M, FAR_SHARE = 15.0, 0.1  # chosen: a tenth of what is seen of a room is hardly farther
 ROOM_M, STREET_M = 3.0, 40.0  # what is so far keeps 55 % of its contrast at severity 3, by either table; chosen
 
 
@@ -667,10 +664,9 @@ def by_depth(depth_m: Float32) -> tuple[Mapping[str, Any], str]:
     least 55 % of its contrast at severity 3, in a cupboard as in a valley. depth_m: (H, W), 0 = void, which says
     nothing: of a recording it was not measured.
     """
-    known = depth_m[depth_m > 0]
-    if not len(known):
+    far_m, middle_m = reach_of(depth_m)
+    if not far_m:
         return {"outdoors": False}, "Indoors: visibilities of rooms, as no depth is known"
-    far_m, middle_m = (float(np.quantile(known, share)) for share in (1 - FAR_SHARE, 0.5))
     outdoors = far_m > FAR_M
     reach = float(f"{np.clip(middle_m / (STREET_M if outdoors else ROOM_M), 0.001, 1000):.2g}")
     which = "Outdoors: visibilities of streets" if outdoors else "Indoors: visibilities of rooms"

@@ -23,6 +23,8 @@ from ._air import (
     air_key,
     air_light,
     air_nodes,
+    around_by_depth,
+    around_key,
     colour_of,
     kept_sky,
     lamp_light_nodes,
@@ -58,6 +60,7 @@ class Haze:
     air_red: float = air_colour_key("red", 0.8)
     air_green: float = air_colour_key("green", 0.8)
     air_blue: float = air_colour_key("blue", 0.8)
+    air_around: bool = around_key()
     lamps: float = lamps_key()
     leave_sky: bool = key("void stays as it is", default=False)
     void_m: float = key(
@@ -117,7 +120,7 @@ def _air_of(rgb: NDArray[np.float32], parameters: Haze, context: FrameContext) -
         return colour_of(parameters.air_red, parameters.air_green, parameters.air_blue)
     if parameters.air == "grey" or (parameters.air == "auto" and not context.lit):
         return parameters.light()
-    own = air_light(decoded(rgb), context.depth_m)
+    own = air_light(decoded(rgb), context.depth_m, around=parameters.air_around)
     return own.over(parameters.light(float(own.surfaces @ LUMINANCE)))
 
 
@@ -182,6 +185,7 @@ PERTURBATION = ColourPerturbation(
     apply=apply,
     nodes=Nodes(build, linear=True, draws_lit=True, by_camera=by_camera),
     needs_depth=True,
+    by_depth=around_by_depth,
     implied=GIVEN_AIR | {"blueness": ("air", "grey")},
     repeatable=True,
     even_air=even_air,

@@ -49,6 +49,7 @@ GLINT_SLOPE, GLINT_FROM = 4.0, 0.8  # a glint begins at the slope 0.8 / 4
 LIGHT_SHARE = 0.035  # standard deviation of what lights a piece of ice, in shorter sides of the frame
 MEAN_SHARE = 0.25  # of the whole frame's mean in that light
 HALVINGS = 3  # of the image, before it is blurred for that
+HALO = ((2.0, 0.6), (5.0, 0.4))  # how many times as wide a halo's light goes, and the shares that do; chosen
 
 # What lies between the ridges, chosen by eye: ice about each ridge, haze over a fern, and rime along the edge, grainy.
 _NEAR, _WIDE, _RIME = (1.04, 2.6), (0.65, 9.0), (0.72, 55.0)  # share of the ridges' thickness, and pixels
@@ -204,7 +205,7 @@ def _frosted(canvas: Canvas, pixel: Socket, given: Mapping[str, Socket]) -> tupl
     with graph.section("Refraction"):
         source = graph.math("MULTIPLY_ADD", slope, _thrice(graph, given["refraction_px"]), centre)
         behind = _looked_up(canvas.image, source, graph.vector(canvas.width_px, canvas.height_px))
-    light = _light_around(canvas, centre, given["tint"], short_px)
+    light = _light_around(canvas, centre, given, short_px)
     with graph.section("Scattering"):
         depth = _thrice(graph, given["opacity"] * -1.0) * (RIDGE_OPACITY, 0.0, 1.0)
         seen = graph.math("EXPONENT", graph.math("DOT_PRODUCT", ice, depth))
@@ -288,7 +289,7 @@ def _neighbour(image: Socket, right_px: float, down_px: float) -> Socket:
     return image.graph.node("CompositorNodeDisplace", inputs).out("Image", "float")
 
 
-def _light_around(canvas: Canvas, centre: Socket, tint: Socket, short_px: Socket) -> Socket:
+def _light_around(canvas: Canvas, centre: Socket, given: Mapping[str, Socket], short_px: Socket) -> Socket:
     """Return the light about each pixel, which its ice scatters: of the image, made smaller and blurred."""
     graph = canvas.graph
     with graph.section("Light around"):
@@ -296,14 +297,24 @@ def _light_around(canvas: Canvas, centre: Socket, tint: Socket, short_px: Socket
         for _ in range(HALVINGS):
             small, size = _halved(small, size)
         blur_px = short_px * (3 * LIGHT_SHARE / 2**HALVINGS)
-        inputs = {"Image": small, "Size": graph.vector(blur_px, blur_px), "Type": "Gaussian", "Separable": True}
-        blurred = graph.node("CompositorNodeBlur", inputs).out("Image", "color")
+        blurred = _spread_nodes(small, blur_px)
+        halo = given["halo"]
+        far = graph.choose(halo > 0.0, small, (0.0, 0.0, 0.0, 1.0))  # one colour costs nothing
+        for times, share in HALO:
+            wide = _spread_nodes(far, blur_px * times) - blurred
+            blurred = graph.math("MULTIPLY_ADD", wide, _thrice(graph, halo * share), blurred)
         levels_of = [graph.node("CompositorNodeLevels", {"Image": small, "Channel": name}) for name in _CHANNELS]
         mean = graph.vector(*(node.out("Mean", "float") for node in levels_of))
         both = graph.mix(blurred, mean, (MEAN_SHARE,) * 3)
         grey = _thrice(graph, graph.math("DOT_PRODUCT", both, LUMINANCE))
-        light = graph.mix(grey, both, _thrice(graph, tint))
+        light = graph.mix(grey, both, _thrice(graph, given["tint"]))
         return _looked_up(light, centre * (2.0**-HALVINGS, 2.0**-HALVINGS, 0.0), size)
+
+
+def _spread_nodes(image: Socket, reach_px: Socket) -> Socket:
+    graph = image.graph
+    inputs = {"Image": image, "Size": graph.vector(reach_px, reach_px), "Type": "Gaussian", "Separable": True}
+    return graph.node("CompositorNodeBlur", inputs).out("Image", "color")
 
 
 def _halved(image: Socket, size: Socket) -> tuple[Socket, Socket]:
@@ -352,6 +363,13 @@ class LensFrost:
         default=False,
         later=True,
     )
+    halo: float = key(
+        "share of the light that comes from further away, so that a bright lamp has a halo without an edge",
+        default=0.0,
+        minimum=0,
+        maximum=1,
+        later=True,
+    )
     growth_per_s: float = key(
         "drift: how much coverage it gains; below 0 it thaws", default=0.03, unit="1/s", minimum=-10, maximum=10
     )
@@ -366,6 +384,7 @@ class LensFrost:
         "refraction_px": "Higher: crystals displace what is behind them further",
         "glint": "Higher: brighter glints on the crystals' edges",
         "feathers": "On: plumes of ice that curl; off: ferns with straight branches",
+        "halo": "Higher: bright lamps behind the ice shine further around",
         "growth_per_s": "Higher: with the pattern Drift, ice grows faster; below 0 it thaws",
         "frame_rate_hz": "Higher: with the pattern Drift, ice grows less from frame to frame",
     }
@@ -405,7 +424,7 @@ def apply(rgb: Float32, parameters: LensFrost, context: FrameContext) -> Float32
     ridge, body = ice_on(rgb.shape[:2], grown, pane, FEATHER if parameters.feathers else FERN)
     right, down = slopes(ridge, body, SHORT_SIDE_PX / min(rgb.shape[:2]))
     behind = _refracted(linear, right, down, parameters.refraction_px)
-    light = _lens_frost_light_around(linear, parameters.tint)
+    light = _lens_frost_light_around(linear, parameters.tint, parameters.halo)
     towards = np.float32(math.cos(pane.light_rad)), np.float32(math.sin(pane.light_rad))
 
     def frosted(band: Float32, around: Float32, *ice: Float32) -> Float32:
@@ -504,7 +523,7 @@ def _refracted(linear: Float32, right: Float32, down: Float32, refraction_px: fl
     return np.asarray(taken, np.float32).reshape(linear.shape)
 
 
-def _lens_frost_light_around(linear: Float32, tint: float) -> Float32:
+def _lens_frost_light_around(linear: Float32, tint: float, halo: float) -> Float32:
     """Return (H, W, 3): the light about each pixel, which its ice scatters, in part without its colour."""
     import cv2
 
@@ -515,15 +534,24 @@ def _lens_frost_light_around(linear: Float32, tint: float) -> Float32:
         small = cv2.copyMakeBorder(small, 0, odd[0], 0, odd[1], cv2.BORDER_REPLICATE)
         small = np.asarray(cv2.resize(small, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA), np.float32)
     sigma_px = LIGHT_SHARE * min(height, width) / 2**HALVINGS
-    reach_px = math.ceil(3 * sigma_px)  # where Blender cuts it off
-    kernel_px = 2 * reach_px + 1, 2 * reach_px + 1
-    blurred = cv2.GaussianBlur(small, kernel_px, sigma_px, borderType=cv2.BORDER_REPLICATE)
-    blurred = np.asarray(blurred, np.float32).reshape(small.shape)
+    blurred = _spread(small, sigma_px)
+    for times, share in HALO if halo else ():
+        blurred = blurred + np.float32(halo * share) * (_spread(small, sigma_px * times) - blurred)
     blurred += np.float32(MEAN_SHARE) * (np.array(cv2.mean(small)[:3], np.float32) - blurred)
     grey = three_channels(blurred @ np.array(LUMINANCE, np.float32))
     light = grey + np.float32(tint) * (blurred - grey)
     large = cv2.resize(light, None, fx=2**HALVINGS, fy=2**HALVINGS, interpolation=cv2.INTER_LINEAR)
     return np.asarray(large, np.float32)[:height, :width]
+
+
+def _spread(image: Float32, sigma_px: float) -> Float32:
+    """Return an image (H, W, 3) blurred by a Gaussian."""
+    import cv2
+
+    reach_px = math.ceil(3 * sigma_px)  # where Blender cuts it off
+    kernel_px = 2 * reach_px + 1, 2 * reach_px + 1
+    made = cv2.GaussianBlur(image, kernel_px, sigma_px, borderType=cv2.BORDER_REPLICATE)
+    return np.asarray(made, np.float32).reshape(image.shape)
 
 
 PERTURBATION = ColourPerturbation(
@@ -546,7 +574,7 @@ PERTURBATION = ColourPerturbation(
         ),
     ),
     apply=apply,
-    newly={"feathers": True},
+    newly={"feathers": True, "halo": 0.3},
     version=2,  # ice comes in patches, and takes more of the light behind it
     nodes=Nodes(build, linear=True, draws_lit=True),
     temporals=("fresh", "fixed", "drift"),

@@ -13,7 +13,7 @@ from ...core.node_graph import Graph, Socket
 from ...core.schema import key
 from ..groups import Canvas
 from ..kinds import About, ColourPerturbation, FrameContext, Nodes
-from ._air import DROP
+from ._air import DROP, around_by_depth
 from ._arrays import by_camera
 from ._falling_nodes import Laws, build_falling
 from ._particles import drop_speed_m_s, rain
@@ -87,6 +87,7 @@ PERTURBATION = ColourPerturbation(
     apply=apply,
     nodes=Nodes(build, linear=True, draws_lit=True, by_camera=by_camera),
     needs_depth=True,
+    by_depth=around_by_depth,
     implied=GIVEN_AIR,
     uses_motion=True,
     goes_with_camera=True,
