@@ -175,8 +175,8 @@ class _CurveFigure:
         """Draw the panels, so many side by side."""
         perturbations = sorted(set(self.points["perturbation"]))
         systems = line_styles(sorted(set(self.points["system"])))
-        across = min(most_across, len(perturbations))
-        rows = math.ceil(len(perturbations) / across)
+        rows = math.ceil(len(perturbations) / most_across)
+        across = math.ceil(len(perturbations) / rows)  # five are three and two, not four and one
         with drawing(max(NARROW_IN, SIZE_IN[0] * across), SIZE_IN[1] * rows + 0.5) as figure:
             grid = figure.subplots(rows, across, sharex=True, sharey=True, squeeze=False)
             panels = list(grid.flat)
@@ -474,7 +474,7 @@ def correlation_matrices(table: "DataFrame", name: str, title: str) -> Picture:
             axes.set_xticks(range(len(labels)), labels, rotation=90)
             axes.set_yticks(range(len(labels)), labels)
             axes.tick_params(length=0)
-            axes.set_title(mode)
+            axes.set_title(mode or "no mode")
             for spine in axes.spines.values():
                 spine.set_visible(False)
         if image is not None:

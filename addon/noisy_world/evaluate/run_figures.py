@@ -50,10 +50,13 @@ def over_time(panels: Sequence[TimePanel]) -> Picture:
     """Draw the panels one below the other."""
     about = (
         "The error of the position of every frame over time, after alignment, on a logarithmic scale; a gap is where a "
-        "system was not tracking. Lines at the bottom mark that too. Strips below show what "
-        "was done to each frame and what was measured of it, dark is small and bright is large; where only some frames "
-        "were looked at, a value holds until the next."
+        "system was not tracking. Lines at the bottom mark that too."
     )
+    if any(panel.strips for panel in panels):
+        about += (
+            " Strips below show what varied of what was done to each frame and was measured of it, dark is small and "
+            "bright is large; where only some frames were looked at, a value holds until the next."
+        )
     wide, narrow = (_drawn(panels, width_in) for width_in in (WIDTH_IN, NARROW_IN))
     return Picture("over_time", "Errors over time", about, wide, narrow)
 
@@ -160,7 +163,7 @@ def _draw_paths(panels: Sequence[PathPanel], most_across: int) -> bytes:
     low, high = decades(errors)
     norm = LogNorm(low, high, clip=True)
     rows = max(1, math.ceil(len(panels) / most_across))
-    across = min(most_across, max(1, len(panels)))
+    across = max(1, math.ceil(len(panels) / rows))
     with drawing(max(NARROW_IN, SIZE_IN * across + 0.8), (SIZE_IN + 0.25) * rows + 0.3) as figure:
         grid = figure.subplots(rows, across, squeeze=False)
         for axes, panel in zip(grid.flat, panels, strict=False):
@@ -286,15 +289,14 @@ def frame_errors(path: Path, missing: list[str]) -> Columns | None:
 
 
 def _strip_values(path: Path, stamps_s: Floats, missing: list[str]) -> dict[str, Floats]:
-    """Return what was done to each frame: severities, then the indicators of STRIPS; a value holds until the next."""
+    """Return what varies over frames: severities, then the indicators of STRIPS; a value holds until the next."""
     columns = _columns(path, missing, ("stamp_s",))
     if columns is None or len(columns["stamp_s"]) != len(stamps_s):
         return {}
     severities = [name for name in columns if name.startswith("severity")]
     chosen = [*severities, *(name for name in STRIPS if name in columns)]
     strips = {name: _held(columns[name]) for name in chosen}
-    known = [(name, values) for name, values in strips.items() if name in severities or _varies(values)]
-    return dict(known[:MOST_STRIPS])
+    return dict([item for item in strips.items() if _varies(item[1])][:MOST_STRIPS])
 
 
 def _varies(values: Floats) -> bool:

@@ -95,6 +95,12 @@ def test_a_cell_opens_its_runs(page, made):
     assert "room0/frost_s5_dynamic" in said
     assert page.run(f"{DIALOG}.querySelectorAll('svg.paths').length") == 2
     assert page.run(f"{DIALOG}.querySelectorAll('svg.errors path').length") >= 2
+    axis = page.run(
+        f"[...{DIALOG}.querySelector('svg.errors').querySelectorAll('text')].map((text) => text.textContent)"
+    )
+    assert axis[-4:] == ["0 s", "0.5 s", "1 s", "1.5 s"]  # 40 frames of 0.05 s
+    lost = page.run(f"[...{DIALOG}.querySelectorAll('svg.errors path')][1].getBBox().width")
+    assert lost == pytest.approx((640 - 64) * 4 / 39, rel=0.01)  # four of them have no pose
     assert page.run(f"Promise.all([...{DIALOG}.querySelectorAll('img')].map((image) => image.decode()))") is not None
     page.run(f"{DIALOG}.close()")
 

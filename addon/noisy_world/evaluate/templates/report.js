@@ -158,12 +158,19 @@ const pathsOf = (data, runs) => {
   return make("figure", {}, picture, make("figcaption", {}, caption));
 };
 
+// Round times from 0 to the end, at most five of them.
+const timesTo = (end) => {
+  const tenth = 10 ** Math.floor(Math.log10(end / 4));
+  const step = tenth * [1, 2, 5, 10].find((times) => times * tenth >= end / 4);
+  return Array.from({ length: Math.floor(end / step) + 1 }, (_, index) => +(index * step).toPrecision(3));
+};
+
 const errorsOf = (runs) => {
   const drawn = runs.filter((run) => run.error_m?.some((value) => value !== null));
   if (!drawn.length) return null;
   const values = drawn.flatMap((run) => run.error_m.filter((value) => value > 0));
   const [low, high] = [Math.floor(Math.log10(Math.min(...values, 1))), Math.ceil(Math.log10(Math.max(...values, 1e-6)))];
-  const [width, height, left] = [640, 240, 64];
+  const [width, height, left] = [window.innerWidth < 640 ? 320 : 640, 240, 64]; // so that words keep their size
   const y = (value) => 8 + (height - 32) * (high - Math.log10(Math.max(value, 10 ** low))) / Math.max(1, high - low);
   const picture = make("svg:svg", { viewBox: `0 0 ${width} ${height}`, class: "errors", role: "img", "aria-label": "errors over time" });
   for (let power = low; power <= high; power += 1) {
@@ -176,10 +183,15 @@ const errorsOf = (runs) => {
     const at = (place) => left + (width - left) * (place * step) / end;
     const colour = COLOURS[index % COLOURS.length];
     picture.append(line(run.error_m.map((value, place) => (value === null ? [null, null] : [at(place), y(value)])), colour, 1.5));
-    const lost = run.error_m.map((value, place) => [value === null ? at(place) : null, height - 20 + 3 * index]);
-    picture.append(line(lost.map(([x, where]) => (x === null ? [null, null] : [x, where])), colour, 2.5));
+    const half = (width - left) * step / end / 2;
+    const lost = run.error_m.flatMap((value, place) => (value === null ? [at(place) - half, at(place) + half, null] : []));
+    picture.append(line(lost.map((x) => (x === null ? [null, null] : [x, height - 20 + 3 * index])), colour, 2.5));
   });
-  picture.append(make("svg:text", { x: width, y: height - 2, "text-anchor": "end" }, `${end} s`));
+  for (const time of timesTo(end)) {
+    const place = left + (width - left) * time / end;
+    const anchor = place > width - 24 ? "end" : "middle";
+    picture.append(make("svg:text", { x: place, y: height - 2, "text-anchor": anchor }, `${time} s`));
+  }
   const caption = "The largest error of the frames between two points, over time; a gap, with a line below, is where no frame has a pose.";
   return make("figure", {}, picture, make("figcaption", {}, caption));
 };
