@@ -33,6 +33,7 @@ from noisy_world.images.pixels import rgb_bytes
 from noisy_world.perturb import apply
 from noisy_world.perturbations import registry
 from noisy_world.perturbations.kinds import ColourPerturbation
+from noisy_world.perturbations.new_steps import new_step
 from noisy_world.perturbations.parsing import parse_steps
 from noisy_world.preset.camera_devices import CAMERA_DEVICES
 from noisy_world.preset.keys import read_preset
@@ -265,7 +266,7 @@ def effects() -> dict[str, ColourPerturbation]:
 def pictures(name: str, frame: LitFrame) -> dict[str, NDArray[np.uint8]]:
     """Return the effect at three severities, by what to write above each."""
     wide, high = frame.depth_m.shape[1], frame.depth_m.shape[0]
-    steps = {f"{level}": severe(name, level) for level in SEVERITIES}
+    steps = {f"{level}": severe(name, level, frame.depth_m) for level in SEVERITIES}
     made = perturbed(frame, INDEX, steps, dict.fromkeys(steps, REFERENCE_PX), intrinsics_of((wide, high)))
     return {f"{name}, severity {level}": shown(rgb) for level, rgb in made.items()}
 
@@ -286,13 +287,11 @@ def line(made: Mapping[str, NDArray[np.uint8]]) -> NDArray[np.uint8]:
     return np.concatenate(tiles, axis=1)
 
 
-def severe(name: str, severity: float) -> ColourStep:
-    """Return the step of a perturbation, drifting where it can, by the severities of streets where it has them."""
-    values: dict[str, object] = {"severity": severity}
+def severe(name: str, severity: float, depth_m: NDArray[np.float32]) -> ColourStep:
+    """Return the step of a perturbation as it is newly added to a scene of this depth, drifting where it can."""
+    values = new_step(effects()[name], (), depth_m).values | {"severity": severity}
     if "drift" in effects()[name].temporals:
         values["temporal"] = "drift"
-    if "outdoors" in effects()[name].other_severities:
-        values["outdoors"] = True
     (step,) = parse_steps([{name: values}], ConfigPath("docs_pictures"), registry())
     return step
 

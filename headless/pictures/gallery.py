@@ -45,6 +45,7 @@ from noisy_world.perturbations.kinds import (
     SequenceContext,
     small_light,
 )
+from noisy_world.perturbations.new_steps import new_step
 from noisy_world.perturbations.parsing import parse_steps
 from noisy_world.perturbations.steps import Step
 from noisy_world.preset.keys import read_preset
@@ -324,15 +325,15 @@ def perturbed(
     shown: Iterable[ColourPerturbation],
 ) -> dict[tuple[str, float], NDArray[np.uint8]]:
     """Return (H, W, 3) uint8 by the perturbation's name and the severity. shown: the perturbations."""
-    chains = {f"{item.name} {severity:g}": [step(item, severity)] for severity in severities for item in shown}
+    chains = {f"{item.name} {severity:g}": [step(item, severity, depth_m)] for severity in severities for item in shown}
     with Compositor((rgb.shape[1], rgb.shape[0]), chains, rgb.shape[1]) as compositor:
         made = compositor.perturb(rgb, {name: (FRAME, (SEED, "showcase", name)) for name in chains}, depth_m)
     return {(name.split()[0], float(name.split()[1])): image for name, (image, _) in made.items() if image is not None}
 
 
-def step(perturbation: ColourPerturbation, severity: float) -> Step:
-    """Return the step of a severity as it is newly added."""
-    values = {"severity": severity, **perturbation.newly}
+def step(perturbation: ColourPerturbation, severity: float, depth_m: NDArray[np.float32] | None = None) -> Step:
+    """Return the step of a severity as it is newly added to a scene, of a depth where that is given."""
+    values = new_step(perturbation, (), depth_m).values | {"severity": severity}
     (found,) = parse_steps([{perturbation.name: values}], ConfigPath("showcase"), registry())
     return found
 
