@@ -166,7 +166,7 @@ pages: venv ## write anew what pages and presets say of perturbations, channels,
 lint: $(VENV)/.extras ## check style, layers, formatting, types, and that `make pages` would change nothing
 	$(VENV)/bin/ruff check .
 	$(VENV)/bin/ruff format --check .
-	$(VENV)/bin/pyright --pythonpath $(PY)
+	NODE_OPTIONS=--max-semi-space-size=128 $(VENV)/bin/pyright --pythonpath $(PY) # a tenth less time: short-lived objects
 	$(PY) headless/tools/pages.py --check
 
 format: venv ## format the code
