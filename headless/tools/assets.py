@@ -24,7 +24,9 @@ from numpy.typing import NDArray
 
 from noisy_world.core.errors import american, title
 from noisy_world.core.geometry import Intrinsics
+from noisy_world.core.node_graph import Graph
 from noisy_world.core.schema import ConfigPath
+from noisy_world.nodes.chain import slider_capacities
 from noisy_world.nodes.datablocks import muted_output
 from noisy_world.nodes.node_trees import ensure_group, index_of
 from noisy_world.panel.gallery import BENCHMARK, list_of
@@ -80,14 +82,22 @@ def write_library(folder: Path) -> int:
     pictures = previews()
     for perturbation in shown_perturbations():
         mark(perturbation, pictures[perturbation.name])
+    graphs = [build_group(perturbation) for perturbation in shown_perturbations()]
+    for graph in larger_groups():  # no assets: the panel's sliders meet them
+        ensure_group(graph).use_fake_user = True
+        graphs.append(graph)
     folder.mkdir(parents=True, exist_ok=True)
     (folder / CATALOGS).write_text(catalogs(), encoding="utf-8")
     with muted_output():
         bpy.ops.wm.save_as_mainfile(filepath=str((folder / FILE).resolve()), compress=True, copy=True)
-    graphs = [build_group(perturbation) for perturbation in shown_perturbations()]
     index = index_of(folder / FILE, {ensure_group(graph).name: graph for graph in graphs})
     (folder / INDEX).write_text(index, encoding="utf-8")
     return len(pictures)
+
+
+def larger_groups() -> list[Graph]:
+    """Return the groups of larger capacities that sliders of the panel meet."""
+    return [build_group(item, larger) for item in shown_perturbations() for larger in slider_capacities(item)]
 
 
 def previews() -> dict[str, NDArray[np.uint8]]:

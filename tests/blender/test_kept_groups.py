@@ -133,6 +133,33 @@ def test_what_is_read_is_what_was_built(cache, built, tmp_path):
     assert left <= {"By groups", "By groups.001", "Render Result"}
 
 
+def test_the_shipped_library_is_opened_once_for_all_groups_of_a_chain(cache, built, monkeypatch, tmp_path):
+    parts = [child("One"), child("Two", 3.0), large(tmp_path)]
+    chain = Graph("Chain", "All of them")
+    value = chain.input(IMAGE)
+    for part in parts:
+        value = chain.group(part, {"Image": value}).out("Image", "color")
+    chain.output("Image", value)
+    for part in parts:
+        ensure_group(part).use_fake_user = True
+    bpy.ops.wm.save_as_mainfile(filepath=str(node_trees.SHELF), copy=True)
+    index = node_trees.index_of(node_trees.SHELF, {part.name: part for part in parts})
+    node_trees.SHELF.with_suffix(".json").write_text(index)
+    node_trees._shelf.cache_clear()
+    emptied()
+    built.clear()
+    older = ensure_group(child("Two"))
+    opened, linking = [], node_trees.linking
+    monkeypatch.setattr(node_trees, "linking", lambda path: opened.append(path) or linking(path))
+    tree = ensure_group(chain)
+    assert (built, opened) == (["Two", "Chain"], [str(node_trees.SHELF)])
+    used = [node.node_tree.name for node in tree.nodes if node.bl_idname == "CompositorNodeGroup"]
+    assert used == ["One", "Two", "Large"]
+    assert older not in set(bpy.data.node_groups)
+    assert not bpy.data.libraries
+    assert ensure_group(chain) == tree
+
+
 def test_what_the_file_has_of_it_stays_and_what_is_older_is_replaced(cache, built, tmp_path):
     ensure_group(large(tmp_path))
     emptied()

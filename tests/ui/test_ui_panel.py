@@ -3,6 +3,7 @@
 
 import math
 from dataclasses import fields
+from types import SimpleNamespace
 
 import bpy
 import numpy as np
@@ -19,7 +20,7 @@ from noisy_world.scenes.ply_writer import write_ply
 from noisy_world import panel
 from noisy_world.perturbations import registry
 from noisy_world.panel.sidebar import width_of
-from noisy_world.panel import fields as described, document, sections, presets
+from noisy_world.panel import fields as described, document, entries, sections, presets
 
 
 # --- the list ---
@@ -89,6 +90,25 @@ def test_an_override_starts_at_the_severitys_value_and_what_is_off_is_left_out()
     assert steps_of(settings()) == ()
 
 
+def test_three_parameters_that_are_a_colour_are_one_picker_which_sets_them():
+    bpy.ops.noisy_world.add_step(perturbation="fog_depth")
+    (step,) = settings().steps
+    shown = []
+    layout = SimpleNamespace(prop=lambda _, name, **__: shown.append(name))
+    entries._draw_parameters(layout, step, registry()["fog_depth"], ("air", "air_red", "air_green", "air_blue"))
+    assert shown == ["air", "air_colour"]
+    step.fog_depth.air_red = 0.25
+    assert tuple(step.fog_depth.air_colour) == (0.25, 0.800000011920929, 0.800000011920929)  # float32
+    step.fog_depth.air_colour = (0.5, 0.25, 2.0)  # of lit scenes light is brighter than white
+    ((_, values),) = document.perturb_of(settings())[0].items()
+    assert {name: values[name] for name in values if name.startswith(("air_r", "air_g", "air_b"))} == {
+        "air_red": 0.5,
+        "air_green": 0.25,
+        "air_blue": 2.0,
+    }
+    assert step.fog_depth.bl_rna.properties["air_colour"].subtype == "COLOR_GAMMA"
+
+
 def test_properties_are_in_blenders_units_and_presets_in_their_own():
     # Blender shows angles of radians in degrees, lengths in metres, and a camera's in millimetres, as they are stored.
     units = {"deg": ("ROTATION", "ANGLE"), "m": ("LENGTH", "DISTANCE"), "mm": ("CAMERA", "DISTANCE_CAMERA")}
@@ -118,8 +138,8 @@ BESIDE_PX = 94  # for a label beside its field, in a sidebar as it opens: photog
 
 def in_title_case(label):
     words = [word for word in label.split() if not word.startswith(("(", "/"))]
-    return all(word[0].isupper() or (place and word in ("by", "of", "to", "and", "from", "the")) or len(label) == 2
-               for place, word in enumerate(words))  # fmt: skip
+    small = ("by", "in", "of", "to", "and", "from", "the")
+    return all(word[0].isupper() or (place and word in small) or len(label) == 2 for place, word in enumerate(words))
 
 
 def test_every_property_and_choice_has_a_tooltip_and_a_label_in_title_case():

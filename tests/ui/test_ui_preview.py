@@ -9,6 +9,7 @@ import pytest
 from calls import calls_made
 from group_tools import picture
 from preview_tools import IDENTIFIERS, SIZE, add, cycles_scene, steps_of
+from refusals import refused
 from shown import evaluate_scene, image_of
 
 from noisy_world.nodes.chain_scene import (
@@ -463,6 +464,13 @@ def test_paths_are_those_that_are_rendered(scene):
     step = steps_of({"motion_deviation": {"rotation_deg": 0.0, "translation_m": 0.05}})[0]
     expected = move([step], Trajectory(c2w, np.arange(30.0)), IDENTIFIERS).c2w
     assert np.abs(drawn_paths.deviated_poses(scene, c2w) - expected).max() < 3e-9  # what is rendered is rounded
+
+
+def test_a_recording_that_cannot_be_read_leaves_the_path_that_was_loaded_before(scene):
+    drawn = drawn_paths.Drawn((), None, None, np.repeat(np.eye(4)[None], 3, axis=0))
+    scene.noisy_world.mesh_source = "RECORDING"
+    refused(drawn_paths.current_row, scene, 3, names="folder")
+    assert drawn_paths._carried(scene, drawn, None) == []
 
 
 def test_lines_go_along_the_path_and_where_the_camera_looks():

@@ -44,6 +44,7 @@ from ..perturbations.kinds import SEVERITIES, ColourPerturbation, FrameContext, 
 from ..perturbations.shares import WHOLE, has_colour, has_share, sha256_of, whole_mask
 from ..perturbations.steps import Step
 
+SLIDER_REACH = 1.5  # where a parameter's slider ends, as a multiple of its strongest severity; chosen
 BYTE_PLACES = (1.0, 2.0**8, 2.0**16)
 
 Decided: TypeAlias = Mapping[str, Mapping[str, FrameContext]]
@@ -212,6 +213,13 @@ def roomy_capacity_of(step: Step[ColourPerturbation]) -> dict[str, float]:
     """Return `capacity_of` with room, for a group that people see: a slider that moves on meets few groups to build."""
     kind = nodes_of(step).capacity
     return {name: room_for(largest, kind[name]) for name, largest in capacity_of(step).items()}
+
+
+def slider_capacities(perturbation: ColourPerturbation) -> list[dict[str, float]]:
+    """Return the capacities above the default that a perturbation's sliders meet, whose groups are shipped, too."""
+    kind = {} if perturbation.nodes is None else perturbation.nodes.capacity
+    ends = {name: SLIDER_REACH * max(perturbation.severities[name]) for name in kind}
+    return [{name: room_for(end, kind[name])} for name, end in ends.items() if end > kind[name]]
 
 
 def room_for(largest: float, default: float) -> float:

@@ -325,31 +325,51 @@ def _used_by(tree: bpy.types.NodeTree) -> list[bpy.types.ID]:
 
 def _read(graph: Graph) -> bpy.types.CompositorNodeTree | None:
     """Return the group of a description out of a file that holds it; None where none does."""
-    return next((tree for found in kept_groups(graph) if (tree := _read_from(found, graph.stamp)) is not None), None)
+    for kept in kept_groups(graph):
+        for tree in _read_from(kept.path, {kept.name: graph}).values():
+            return tree
+    return None
 
 
-def _read_from(kept: KeptGroup, stamp: str) -> bpy.types.CompositorNodeTree | None:
-    """Return a file's group as the open file's own; None where the file cannot be read or holds another.
+def _read_together(graphs: Iterable[Graph]) -> None:
+    """Read those of several groups that the shipped library holds and the file does not: opening it takes the time."""
+    wanted: dict[str, Graph] = {}
+    before: dict[str, bpy.types.ID | None] = {}
+    for graph in graphs:
+        old = made_before(bpy.data.node_groups, graph.name)
+        name = _shelf().get(_key(graph) or "")
+        if name is not None and not (old is not None and is_made_from(old, graph)):
+            wanted[name], before[name] = graph, old
+    if len(wanted) > 1:
+        for name, tree in _read_from(SHELF, wanted).items():
+            _replace(before[name], tree, wanted[name].name)
 
-    It is linked and made local, not appended: Blender would write the path of what it appends into the user's file.
+
+def _read_from(path: Path, wanted: Mapping[str, Graph]) -> dict[str, bpy.types.CompositorNodeTree]:
+    """Return a file's groups as the open file's own, without those that it does not hold as they are described.
+
+    wanted: the descriptions, by the names in the file. They are linked and made local, not appended: Blender would
+    write the path of what it appends into the user's file.
     """
-    if any(Path(bpy.path.abspath(library.filepath)) == kept.path for library in bpy.data.libraries):
-        return None  # the user has linked groups of the asset library, which stay linked
+    if any(Path(bpy.path.abspath(library.filepath)) == path for library in bpy.data.libraries):
+        return {}  # the user has linked groups of the asset library, which stay linked
     try:
-        with linking(str(kept.path)) as (source, target):
-            target.node_groups = [name for name in source.node_groups if name == kept.name]
+        with linking(str(path)) as (source, target):
+            names = [name for name in source.node_groups if name in wanted]
+            target.node_groups = list(names)
     except (OSError, UnicodeError):  # it is gone, or Blender has no words for the names of its folders
-        return None
-    library = next(item for item in bpy.data.libraries if Path(item.filepath) == kept.path)
+        return {}
+    library = next(item for item in bpy.data.libraries if Path(item.filepath) == path)
+    found: dict[str, bpy.types.CompositorNodeTree] = {}
     try:
-        (tree,) = target.node_groups or [None]
-        if not isinstance(tree, bpy.types.CompositorNodeTree) or tree.get(STAMP) != stamp:
-            return None
-        own = _made_local(tree)
-        assert isinstance(own, bpy.types.CompositorNodeTree)
-        return own
+        for name, tree in zip(names, target.node_groups, strict=True):
+            if isinstance(tree, bpy.types.CompositorNodeTree) and tree.get(STAMP) == wanted[name].stamp:
+                own = _made_local(tree)
+                assert isinstance(own, bpy.types.CompositorNodeTree)
+                found[name] = own
     finally:
         bpy.data.libraries.remove(library)
+    return found
 
 
 def _made_local(item: bpy.types.ID) -> bpy.types.ID:
@@ -384,6 +404,7 @@ def _built(graph: Graph) -> bpy.types.CompositorNodeTree:
 
 
 def _build(graph: Graph) -> bpy.types.CompositorNodeTree:
+    _read_together(node.group for node in graph.nodes if node.group is not None)
     children = {number: ensure_group(node.group) for number, node in enumerate(graph.nodes) if node.group is not None}
     tree = new_tree(f"{graph.name} (unfinished)")
     tree.description = graph.description

@@ -556,10 +556,13 @@ def _draw() -> None:
 
 
 def _carried(scene: bpy.types.Scene, drawn: Drawn, shader: gpu.types.GPUShader) -> list[tuple[Colour, Any]]:
-    """Return the lines of the body and the rig at the current frame, by colour."""
+    """Return the lines of the body and the rig at the current frame, by colour; none where the frame is not known."""
     if drawn.c2w is None:
         return []
-    row = current_row(scene, len(drawn.c2w))
+    try:
+        row = current_row(scene, len(drawn.c2w))
+    except NoisyWorldError:  # the panel names a recording that cannot be read by now, and its section says so
+        return []
     moved = drawn.c2w if drawn.moved is None or len(drawn.moved) != len(drawn.c2w) else drawn.moved
     found = []
     for rgb, ends in lines(panel_of(scene), drawn.c2w, row, moved[row]):

@@ -15,7 +15,7 @@ from ..perturbations.shares import COLOUR, MASK, MIX, WHITE, has_colour, has_sha
 from ..perturbations.steps import DEFAULT_SEVERITY
 from .new_entries import begin
 from .open_scene import follows, frame_range, is_shown, scene_frames
-from .properties import parameters_of, perturbation_of
+from .properties import colours_in, parameters_of, perturbation_of
 from .step_list import SHARE_COLOUR, SHARE_MASK, SHARE_MIX, add_step, curve_of, key_levels, move_entry, remove_entry
 from .tree import GIVEN, property_name, set_value, take, taking, to_line, value_of
 
@@ -201,6 +201,9 @@ def _fold(layout: bpy.types.UILayout, step: Any, part: str) -> bpy.types.UILayou
 
 
 def _draw_parameters(layout: bpy.types.UILayout, step: Any, perturbation: Perturbation, names: Sequence[str]) -> None:
+    """Draw parameters; three that are a colour as one."""
+    for picker, channels in colours_in(perturbation.parameters).items():
+        names = [picker if name == channels[0] else name for name in names if name not in channels[1:]]
     for name in names:
         _draw_parameter(layout, step, perturbation, name)
 

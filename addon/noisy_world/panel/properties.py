@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The panel's content as properties of a scene: the preset's tree, and what no preset holds."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import fields
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 import bpy
 
 from ..core.errors import NoisyWorldError, american, title
-from ..core.schema import label_of
+from ..core.schema import KeyInfo, label_of
+from ..nodes.chain import SLIDER_REACH
 from ..perturbations import registry
 from ..perturbations.kinds import SEVERITIES, Perturbation
 from ..perturbations.shares import WHITE
@@ -20,7 +21,19 @@ from ..sources import SOURCES
 from ..sources.recording import RecordingKeys
 from .fields import LARGEST_INT, LISTENERS, SCENE, choice, described, notify_once, sentence, tell
 from .step_list import add_step, remove_entry
-from .tree import GIVEN, GROUPS, HOOKS, group_of, is_taking, make_group, members_of, property_name, set_value, taking
+from .tree import (
+    GIVEN,
+    GROUPS,
+    HOOKS,
+    field_of,
+    group_of,
+    is_taking,
+    make_group,
+    members_of,
+    property_name,
+    set_value,
+    taking,
+)
 
 if TYPE_CHECKING:
     from bpy.stub_internal.rna_enums import PropertyFlagItems
@@ -118,6 +131,33 @@ def _take_severity(perturbation: Perturbation, parameter: str) -> Callable[[Any,
     return update
 
 
+CHANNELS = ("red", "green", "blue")
+
+
+def colours_in(parameters: type) -> dict[str, tuple[str, ...]]:
+    """Return the colours among a dataclass's fields: by the name of the picker, its red, green and blue."""
+    names = [item.name for item in fields(parameters)]
+    stems = [name.removesuffix("_red") for name in names if name.endswith("_red")]
+    found = {f"{stem}_colour": tuple(f"{stem}_{channel}" for channel in CHANNELS) for stem in stems}
+    return {picker: channels for picker, channels in found.items() if set(channels) <= set(names)}
+
+
+def _picker(parameters: type, picker: str, channels: tuple[str, ...]) -> Any:
+    """Return a property that shows three of a group as one colour, sRGB-encoded as they are."""
+    info: KeyInfo = field_of(parameters, channels[0]).metadata["key"]
+
+    def pick(group: Any, colour: Sequence[float]) -> None:
+        with notify_once():
+            for name, value in zip(channels, colour, strict=True):
+                setattr(group, name, value)
+
+    return bpy.props.FloatVectorProperty(
+        options=set(), name=american(title(picker)), description=sentence(info.meaning.replace("red of", "colour of")),
+        subtype="COLOR_GAMMA", size=3, min=info.minimum or 0.0, max=info.maximum or 1.0, soft_max=1.0,
+        get=lambda group: [getattr(group, name) for name in channels], set=pick,
+    )  # fmt: skip
+
+
 def _parameters_class(perturbation: Perturbation) -> type:
     """Return the property group of a perturbation's parameters, and of which of them are given."""
     cls, members = perturbation.parameters, {"exact": _text(options={"HIDDEN"})}
@@ -131,6 +171,7 @@ def _parameters_class(perturbation: Perturbation) -> type:
                 description="Set this parameter by hand instead of taking the severity's value",
                 update=_take_severity(perturbation, item.name),
             )
+    members |= {picker: _picker(cls, picker, channels) for picker, channels in colours_in(cls).items()}
     return make_group("NoisyWorld" + "".join(map(str.capitalize, perturbation.name.split("_"))) + "Parameters", members)
 
 
@@ -138,7 +179,7 @@ def _soft_range(perturbation: Perturbation, parameter: str) -> dict[str, float]:
     """Return where a slider ends: at nothing, and at half as much again as at the strongest severity."""
     table = perturbation.severities[parameter]
     low, high = min(table), max(table)
-    return {"soft_min": min(0.0, 1.5 * low), "soft_max": float(f"{max(1.5 * high, 0.5 * high):.2g}")}
+    return {"soft_min": min(0.0, SLIDER_REACH * low), "soft_max": float(f"{max(SLIDER_REACH * high, high / 2):.2g}")}
 
 
 def _snap_severity(step: Any, context: bpy.types.Context) -> None:
