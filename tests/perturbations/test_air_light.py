@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The air's light on lit frames: the sky's own, or a mean that lamps do not move."""
 
+import math
+
 import numpy as np
 import pytest
 from cases import cases
@@ -87,6 +89,27 @@ def test_a_window_lights_the_air_of_a_room_by_its_share_where_that_is_asked_for(
     found = made(room, depth_m, name, lit=lit, air="scene", air_around=around, lamps=0, **dense)[4, 4]
     luminance = (found if lit else linear(found.astype(np.float32) / 255)) @ (0.2126, 0.7152, 0.0722)
     assert luminance == pytest.approx(air, rel=0.01)
+
+
+@cases(
+    "name, rate_mm_h, per_m",
+    [
+        # The integral of 8000 exp(-4.1 R^-0.21 D) 2 pi (D / 2)^2, mm2 in a cubic metre; of flakes by their own size.
+        ("rain_depth", 40.0, math.pi * 8000 / (4.1 * 40**-0.21) ** 3 * 1e-6),
+        ("snow_depth", 6.0, math.pi * 100 ** (1 / 3) * 3800 * 6**-0.87 / (2.55 * 6**-0.48) ** 3 * 1e-6),
+    ],
+)
+def test_behind_a_mirror_all_that_falls_veils(name, rate_mm_h, per_m):
+    kind = registry()[name]
+    given = {"air": "colour", "air_red": 0.5, "air_green": 0.5, "air_blue": 0.5}
+    context = FrameContext(5, (7, "street", "x"), lit=True)
+    for leave_sky, sky_m in ((False, 500.0), (True, 0.0)):
+        air = kind.even_air(
+            dusk_street()[0], kind.parameters(rate_mm_h=rate_mm_h, leave_sky=leave_sky, **given), context
+        )
+        assert air.rates_per_m == pytest.approx([per_m] * 3, rel=1e-3)
+        assert air.light == pytest.approx([0.21404] * 3, rel=1e-4)
+        assert air.sky_m == sky_m
 
 
 def test_the_mean_of_what_is_even_is_that_and_no_pixels_are_dark():

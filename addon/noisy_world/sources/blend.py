@@ -55,7 +55,7 @@ class AirSpec:
         label="Sunlight's Way",
     )
     reflections: bool = key(
-        "whether fog_depth and haze lie behind surfaces that mirror, too; else what they show fades as they do",
+        "whether fog, haze, rain and snow are behind surfaces that mirror, too; else what these show fades as they do",
         default=False,
         identity="meaning",
         label="Air in Reflections",

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from ...core.camera_motion import camera_state_of
 from ...core.geometry import Intrinsics
+from ...core.mirrored import EvenAir
 from ...core.node_graph import BroughtImage, Graph, Socket
 from ...core.schema import Choice, key
 from ...core.srgb import LUMINANCE, decoded, encoded
@@ -346,6 +347,13 @@ def fallen_on(kind: Kind, rgb: Float32, parameters: Falling, context: FrameConte
         return encoded(band)
 
     return by_bands(linear, rgb.dtype, veiled, depth_m, opaque, surface | (not parameters.leave_sky))
+
+
+def mirrored_air(kind: Kind, linear: Float32, parameters: Falling, context: FrameContext) -> EvenAir:
+    """Return what falls behind surfaces that mirror, before light (H, W, 3): all of it veils there, none is drawn."""
+    light = _light(linear, kind, parameters, context).astype(np.float64)
+    rates_per_m = np.full(3, kind.air(parameters).particles.extinction_per_m)
+    return EvenAir(light, rates_per_m, 0.0 if parameters.leave_sky else parameters.void_m)
 
 
 @lru_cache(maxsize=64)

@@ -9,6 +9,7 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from ...core.mirrored import EvenAir
 from ...core.node_graph import Graph, Socket
 from ...core.schema import key
 from ..groups import Canvas
@@ -17,7 +18,7 @@ from ._air import FLAKE, around_by_depth
 from ._arrays import by_camera
 from ._falling_nodes import Laws, build_falling
 from ._particles import SWOLLEN, flake_speed_m_s, snow
-from ._weather import GIVEN_AIR, Falling, Kind, fallen_on, limits_of
+from ._weather import GIVEN_AIR, Falling, Kind, fallen_on, limits_of, mirrored_air
 
 BRIGHTNESS = 2.5  # with which it has the sky's own colour, or the colour that is given
 
@@ -54,6 +55,11 @@ def apply(rgb: NDArray[np.float32], parameters: SnowDepth, context: FrameContext
     return fallen_on(KIND, rgb, parameters, context)
 
 
+def even_air(linear: NDArray[np.float32], parameters: SnowDepth, context: FrameContext) -> EvenAir:
+    """Return what falls behind what mirrors, before light (H, W, 3)."""
+    return mirrored_air(KIND, linear, parameters, context)
+
+
 def build(canvas: Canvas, given: Mapping[str, Socket], _served: Mapping[str, float]) -> Socket:
     """Draw four shells of flakes, and the veil."""
     return build_falling(canvas, given, LAWS)
@@ -87,6 +93,7 @@ PERTURBATION = ColourPerturbation(
     nodes=Nodes(build, linear=True, draws_lit=True, by_camera=by_camera),
     needs_depth=True,
     by_depth=around_by_depth,
+    even_air=even_air,
     implied=GIVEN_AIR,
     uses_motion=True,
     goes_with_camera=True,
