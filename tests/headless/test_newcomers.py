@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Forty mistakes of somebody who has read the first pages: each is one line that ends in the remedy."""
+"""Fifty mistakes of somebody who has read the first pages: each is one line that ends in the remedy."""
 
 import pytest
 from worlds import ROOT
@@ -25,6 +25,10 @@ IN_THE_PRESET = {
     "name: noisy -> name: clean": "settings.1.name: 'clean' is given twice; give one another name",
     "name: noisy -> name: a/b": "letters, digits, dot, dash and underscore, a letter or digit first",
     "seed: 11 -> seed: 11\n  x: [}": "mapping values are not allowed here; mend this line, or the one before it",
+    "[{desync: {offset: -4}}] -> {desync: {offset: -4}}": "is a mapping, but has to be a list; put it in [ ]",
+    "{severity: 3} -> {severity: strong}": "is the text 'strong', but has to be a severity; allowed: 0, or 1 to 5",
+    "fx: 525 -> fx: 0.00525": "give focal length and principal point in pixels of the image",
+    "cx: 319.5 -> cx: 51950": "give focal length and principal point in pixels of the image",
     "backend: reference -> backend: cycles": "unknown value 'cycles'; known here: compositor, reference",
 }
 # Words on the command line, and how the line ends. notes is a folder with a text, empty.yaml an empty file.
@@ -36,6 +40,8 @@ IN_THE_WORDS = {
     "generate tour.yaml --dry-run --set camera.width": "--set camera.width: has to be key.path=value",
     "generate tour.yaml --dry-run --settings fog": "matches none of 3 settings; near it: clean, noisy, late_depth",
     "generate tour.yaml --dry-run --frames 500:600": "chooses none of the 120 frames of room; choose from 0:120",
+    "generate tour.yaml --dry-run --set scenes.0.mesh=empty.yaml": "empty.yaml: is empty; copy or export it again",
+    "check walk": "walk/depth.txt: is not there, though depth/ is; write it like rgb.txt, or remove depth/",
     "status nowhere": "nowhere: there is no such folder; name the folder that generate wrote",
     "status notes": "nor one that was begun; name the folder that generate wrote",
     "view notes --html look.pdf": "look.pdf: is no name of a page; let it end in .html",
@@ -70,6 +76,8 @@ def folder(tmp_path, monkeypatch):
     (tmp_path / "empty.yaml").write_text("")
     (tmp_path / "notes").mkdir()
     (tmp_path / "notes/readme.txt").write_text("hello")
+    (tmp_path / "walk/depth").mkdir(parents=True)
+    (tmp_path / "walk/rgb.txt").write_text("0.0 rgb/0.png\n")
     return tmp_path
 
 
@@ -80,8 +88,8 @@ def one_line(capsys):
     return said.err
 
 
-def test_they_are_forty():
-    assert len(IN_THE_PRESET) + len(IN_THE_WORDS) + len(IN_THE_OPTIONS) >= 40
+def test_they_are_fifty():
+    assert len(IN_THE_PRESET) + len(IN_THE_WORDS) + len(IN_THE_OPTIONS) >= 50
 
 
 @pytest.mark.parametrize("change", IN_THE_PRESET)

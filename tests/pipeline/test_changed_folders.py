@@ -18,6 +18,7 @@ from runs import run
 from noisy_world.layouts import LAYOUTS
 from noisy_world.core.errors import StorageError
 from noisy_world.core.progress import PlainProgress
+from noisy_world.dataset.folder_state import check_place
 from noisy_world.dataset.dataset_status import read_status
 from noisy_world.dataset.recipe import recipe_of
 from noisy_world.dataset.stored import finished_folder
@@ -142,6 +143,15 @@ def test_nothing_is_written_or_believed_through_a_link(tmp_path):
         out.rename(theirs)
         out.symlink_to(theirs)  # and so may the dataset's folder
         assert run(preset, out).frames_rendered == 0
+
+
+@pytest.mark.parametrize(
+    ("place", "words"), [("a", "is a file, not a folder"), ("a/b/c", "no folder can be made in it")]
+)
+def test_a_file_in_the_way_of_a_folder_is_named(tmp_path, place, words):
+    (tmp_path / "a").write_text("mine")
+    said = refused(check_place, tmp_path / place, names=words, error=StorageError)
+    assert said.startswith(f"{tmp_path / 'a'}: ")
 
 
 def test_a_manifest_of_something_else_is_left_alone(finished, tmp_path):

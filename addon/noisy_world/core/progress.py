@@ -145,7 +145,7 @@ class PlainProgress:
         self._left = TimeLeft(total, done, self._clock)
         self._last_s = self._clock()
         self._open = True
-        self.note(f"{label}: {total} frames" + (f", {done} there already" if done else ""))
+        self.note(f"{label}: {counted(total, 'frame')}" + (f", {done} there already" if done else ""))
 
     def advance(self, count: int = 1) -> None:
         """Print how many are done, and once they are known the rate and the time left, once in `every_s` seconds."""
@@ -157,7 +157,8 @@ class PlainProgress:
     def _say(self) -> None:
         self._last_s = self._clock()
         remaining = self._left.to_text()
-        self.note(f"{self._label}: {self._done}/{self._total} frames" + (f", {remaining}" if remaining else ""))
+        done = f"{self._done:,}/{counted(self._total, 'frame')}"
+        self.note(f"{self._label}: {done}" + (f", {remaining}" if remaining else ""))
 
     def note(self, text: str, subject: str = "") -> None:
         """Print a line."""

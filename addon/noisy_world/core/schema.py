@@ -305,7 +305,7 @@ def _parse_choice(choices: Collection[str], value: object, place: ConfigPath) ->
 
 def _parse_list(hints: tuple[Any, ...], value: object, place: ConfigPath, item: Field[Any]) -> tuple[Any, ...]:
     if isinstance(value, (str, bytes)) or not isinstance(value, Sequence):
-        raise place.error(f"is {describe(value)}, but has to be a list")
+        raise place.error(f"is {describe(value)}, but has to be a list", "put it in [ ]")
     if len(hints) == 2 and hints[1] is Ellipsis:
         hints = (hints[0],) * len(value)
     if len(value) != len(hints):

@@ -187,6 +187,8 @@ def check_place(out: Path) -> None:
     work = out / WORK_FOLDER
     if out.exists() and not out.is_dir():
         raise StorageError("is a file, not a folder", file=out, remedy=Action.OTHER_FOLDER)
+    if (above := next((item for item in out.parents if item.exists()), None)) is not None and not above.is_dir():
+        raise StorageError("is a file, so no folder can be made in it", file=above, remedy=Action.OTHER_FOLDER)
     if work.is_symlink() or (work.exists() and not work.is_dir()):
         raise StorageError("is not the folder that a run works in", file=work, remedy="remove it")
     others = out.is_dir() and any(item.name != WORK_FOLDER for item in out.iterdir())

@@ -17,6 +17,7 @@ from ..core.errors import InputError, Message, PresetKey, either
 from ..core.frame_request import FrameRequest
 from ..core.geometry import Intrinsics, invert_pose
 from ..core.lens import PINHOLE, DepthCamera, Optics
+from ..core.progress import counted
 from ..core.schema import ConfigPath
 from ..core.trajectory import NS_PER_S, Axes, FrameStamps, Stamps, Trajectory, rounded_poses
 from ..images.measured_depth import Registration
@@ -43,7 +44,7 @@ from ..sources import find_scenes
 from ..sources.scene_kinds import Scene
 from ..trajectories.rig import LEAST_BANDWIDTH_HZ, MOST_SAMPLES, Imu, Rig, Sensor, sensor_from_extrinsics
 from .depth_reach import DepthReach, depth_reach
-from .sequence import Numbers, PlannedSequence, lay_out, union
+from .sequence import Numbers, PlannedSequence, array_of, lay_out, union
 
 # The sensors of a robot in a plan: where they sit, what measures depth and when, and what cannot be combined.
 
@@ -943,7 +944,24 @@ def plan_notes(plan: Plan) -> list[str]:
     """Return what is to be said of a plan beside its format: what is left out, exposures, what is seen too much."""
     refused = [f"{item.folder} is left out: {item.setting} {item.why}" for item in plan.refused]
     reach = [] if plan.reach is None else [plan.reach.note]
-    return [*refused, *reach, *_long_exposures(plan), *_limits(plan), *_broken_depth(plan), *_aliased(plan)]
+    seen = [*_long_exposures(plan), *_limits(plan)]
+    return [*refused, *reach, *seen, *_broken_depth(plan), *_one_depth(plan), *_aliased(plan)]
+
+
+def _one_depth(plan: Plan) -> list[str]:
+    """Return a sentence where a sequence's pairing shows one frame's depth with every colour; one for all of them."""
+    found: list[tuple[str, int]] = []
+    for sequence in plan.sequences if "depth" in plan.format.modalities else ():
+        if not sequence.setting.pairing or sequence.depth_frames is None:
+            continue
+        shown = array_of(sequence.depth_frames)
+        if len(shown) > 1 and (shown == shown[0]).all() and shown[0] >= 0:
+            found.append((sequence.folder, len(shown)))
+    if not found:
+        return []
+    (folder, frames), more = found[0], len(found) - 1
+    also = f", like {counted(more, 'more sequence')}" if more else ""
+    return [f"{folder}: depth is paired from beyond its {counted(frames, 'frame')}, so all have the same{also}"]
 
 
 def _aliased(plan: Plan) -> list[str]:

@@ -116,6 +116,9 @@ class TumLayout(Layout):
         listing, of_depth = folder / "rgb.txt", folder / "depth.txt"
         has_depth = of_depth.is_file() or (folder / "depth").is_dir()
         pairs = None if listing.is_file() else _pairs_file(folder)
+        if pairs is None and (folder / "depth").is_dir() and not of_depth.is_file():
+            remedy = "write it like rgb.txt, or remove depth/"
+            raise InputError(of_depth, "is not there, though depth/ is", remedy=remedy)
         if pairs is None:
             rgb, depth = _listed(listing), _listed(of_depth) if has_depth else None
         else:

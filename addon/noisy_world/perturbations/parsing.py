@@ -402,7 +402,9 @@ def _parse_severity(
             raise place.at("levels").error("stands beside severity", "keep one of them")
         levels = values["levels"]
         if not isinstance(levels, Sequence) or isinstance(levels, (str, bytes)) or not levels:
-            raise place.at("levels").error(f"is {describe(levels)}, but has to be a list of severities")
+            raise place.at("levels").error(
+                f"is {describe(levels)}, but has to be a list of severities", "put them in [ ]"
+            )
         return None, tuple(_level(value, place.at("levels").at(k)) for k, value in enumerate(levels))
     assert severity is not None
     if severity != round(severity):
@@ -414,7 +416,7 @@ def _parse_severity(
 
 def _level(value: object, place: ConfigPath) -> float:
     if isinstance(value, bool) or not isinstance(value, (int, float)):
-        raise place.error(f"is {describe(value)}, but has to be a severity")
+        raise place.error(f"is {describe(value)}, but has to be a severity", "allowed: 0, or 1 to 5")
     if value != 0 and not SEVERITIES[0] <= value <= SEVERITIES[-1]:
         raise place.error(f"is {quoted(value)}, out of range", "allowed: 0, or 1 to 5")
     return float(value)

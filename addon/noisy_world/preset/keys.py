@@ -3,6 +3,7 @@
 
 import hashlib
 import json
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, make_dataclass, replace
 from pathlib import Path
@@ -709,6 +710,8 @@ def _check(spec: PresetSpec, place: ConfigPath) -> None:
         raise place.at("scenes").error("is empty", "name a scene")
     if not spec.settings:
         raise place.at("settings").error("is empty", "name a setting, {name: clean} for instance")
+    if spec.camera is not None:
+        _check_view(spec.camera, place.at("camera"))
     if spec.camera is not None and spec.camera.far_m <= spec.camera.near_m:
         problem = Message(f"is {spec.camera.far_m:g} m, not beyond ", PresetKey("near_m"))
         raise place.at("camera").at("far_m").error(problem)
@@ -722,6 +725,22 @@ def _check(spec: PresetSpec, place: ConfigPath) -> None:
                 _check_sensor(sensor, place.at("rig").at(name))
         if spec.rig.depth:
             check_depth_camera(spec.rig.depth, place.at("rig").at("depth"))
+
+
+WIDEST_DEG = 89.0  # off the axis: no pinhole camera sees so far, and numbers in another unit do; chosen
+
+
+def _check_view(camera: CameraSpec, place: ConfigPath) -> None:
+    """Raise InputError where a focal length or a principal point cannot be in pixels."""
+    for focal, middle, length in (("fx", "cx", "width"), ("fy", "cy", "height")):
+        focal_px, middle_px, length_px = (getattr(camera, name) for name in (focal, middle, length))
+        farthest_px = max(abs(-0.5 - middle_px), abs(length_px - 0.5 - middle_px))
+        if (angle_deg := math.degrees(math.atan2(farthest_px, focal_px))) > WIDEST_DEG:
+            raise place.at(focal).error(
+                f"is {focal_px:g} px, with which {middle} {middle_px:g} and {length} {length_px} make it see "
+                f"{angle_deg:.1f} degrees off its axis",
+                "give focal length and principal point in pixels of the image",
+            )
 
 
 def _check_render(spec: RenderSpec, place: ConfigPath) -> None:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from typing import Any
 
+from ..core.progress import counted
 from ..core.schema import ConfigPath, key, quoted
 
 LONGEST_NAME = 200  # of a folder; file systems hold 255 bytes
@@ -81,7 +82,8 @@ def selected(names: Sequence[str], globs: Sequence[str] | None, place: ConfigPat
         raise place.error("is empty", "name one, or leave it out")
     for glob in globs:
         if not any(fnmatchcase(name, glob) for name in names):
-            problem = f"{quoted(glob)} matches none of {len(names)} {place.path.rpartition('.')[2]}"
+            kind = place.path.rpartition(".")[2].removesuffix("s")
+            problem = f"{quoted(glob)} matches none of {counted(len(names), kind)}"
             raise place.error(problem, f"near it: {', '.join(near_names(glob, names))}")
     return [name for name in names if any(fnmatchcase(name, glob) for glob in globs)]
 

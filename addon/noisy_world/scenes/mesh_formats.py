@@ -52,6 +52,8 @@ def not_a_ply(path: Path, start: bytes) -> InputError:
 
 def not_a_mesh(path: Path, found: MeshFormat | None) -> InputError:
     """Return the error of a file that is no mesh that is read; found: the format that it has."""
+    if not path.stat().st_size:
+        return InputError(path, "is empty", remedy="copy or export it again")
     if found is None:
         read = ", ".join(["PLY", *(item.name for item in _FORMATS if item.blender)])
         return InputError(path, f"no mesh file that is known: {read}", remedy="export it as one of these")

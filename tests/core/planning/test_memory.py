@@ -25,7 +25,7 @@ def test_what_a_plan_takes_grows_with_its_pixels_and_with_what_is_done_to_them(t
     plain = "settings=[{name: clean}]"
     noisy = "settings=[{name: n, perturb: [{gaussian_noise: {severity: 3}}]}]"
     small = memory_bytes(plan_of(tmp_path, plain, "render.engine=embree"))
-    wide = ("camera.width=20000", "camera.height=20000")
+    wide = ("camera.width=20000", "camera.height=20000", "camera.fx=10000", "camera.fy=10000")
     large = memory_bytes(plan_of(tmp_path, plain, "render.engine=embree", *wide))
     assert large - small >= COLOUR_AND_DEPTH * (20_000**2 - 64 * 48)
     assert memory_bytes(plan_of(tmp_path, noisy, "render.engine=embree", *wide)) > large

@@ -6,7 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 from refusals import refused
+from worlds import write_world
 
+from noisy_world.dataset.plan import make_plan, plan_notes
+from noisy_world.preset.keys import read_preset
 from noisy_world.perturbations.kinds import MotionPerturbation
 from noisy_world.perturbations.parsing import parse_steps
 from noisy_world.perturbations.steps import Setting
@@ -121,3 +124,16 @@ def test_poses_and_stamps_of_the_frames():
     assert paths.rgb.stamps_s.tolist() == [0.0, 0.1, 0.25]  # the camera's rate stays
     assert list(paths.named()) == ["rgb", "nominal"]
     assert paths.nominal.c2w[:, 0, 3].tolist() == [0, 6, 12]
+
+
+def test_a_pairing_that_reaches_beyond_all_frames_is_told(tmp_path):
+    settings = [
+        {"name": "late", "perturb": [{"desync": {"offset": -4}}]},
+        {"name": "early", "perturb": [{"desync": {"offset": 4}}]},
+        {"name": "near", "perturb": [{"desync": {"offset": -2}}]},
+    ]
+    plan = make_plan(read_preset(write_world(tmp_path, frames=4, settings=settings)))
+    told = [text for text in plan_notes(plan) if "paired" in text]
+    (scene,) = {sequence.scene for sequence in plan.sequences}
+    said = f"late/{scene}: depth is paired from beyond its 4 frames, so all have the same"
+    assert told == [f"{said}, like 1 more sequence"]
