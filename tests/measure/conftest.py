@@ -1,8 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A walk through an embedded room with an IMU, made once for all tests of this folder."""
 
+import os
+
 import pytest
 import yaml
+from locked import locked
 from runs import run
 
 NOISE = {"std": 0.02}
@@ -31,8 +34,12 @@ WALK = {
 
 @pytest.fixture(scope="session")
 def walk(tmp_path_factory):
-    """The folder of a dataset: clean/room and noisy/room."""
-    folder = tmp_path_factory.mktemp("walk")
-    (folder / "preset.yaml").write_text(yaml.safe_dump(WALK))
-    run(folder / "preset.yaml", folder / "out")
+    """The folder of a dataset: clean/room and noisy/room. Whichever process asks first makes it for the others too."""
+    own = tmp_path_factory.getbasetemp()
+    folder = (own.parent if "PYTEST_XDIST_WORKER" in os.environ else own) / "walk"
+    folder.mkdir(exist_ok=True)
+    with locked(folder / "lock"):
+        if not (folder / "out/run.json").exists():
+            (folder / "preset.yaml").write_text(yaml.safe_dump(WALK))
+            run(folder / "preset.yaml", folder / "out")
     return folder / "out"

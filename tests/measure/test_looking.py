@@ -19,6 +19,7 @@ from scipy.stats import t as student
 from noisy_world.cli import command
 from noisy_world.core.schema import ConfigPath
 from noisy_world.core.trajectory import FrameStamps, Stamps
+from noisy_world.measure import looking
 from noisy_world.measure.figure import Figure, jackknifed
 from noisy_world.measure.looking import look_at, measured, remarks_on
 from noisy_world.measure.motion import Steps
@@ -115,9 +116,16 @@ def doubled(source):
     return replace(made, stored=replace(made.stored, trajectory=path))
 
 
+@pytest.fixture(scope="module")
+def sound(walk):
+    """What is told of each setting of the walk, of the noisy one its noise too."""
+    noisy = recording(walk / "noisy/room")
+    return {"clean": told(recording(walk / "clean/room")), "noisy": measured("walk", noisy, noisy.camera(None))}
+
+
 @pytest.mark.parametrize("setting", ["clean", "noisy"])
-def test_nothing_is_said_of_a_sound_recording(walk, setting):
-    found = told(recording(walk / setting / "room"))
+def test_nothing_is_said_of_a_sound_recording(sound, setting):
+    found = sound[setting]
     assert found.faults == ()
     assert found.figures["rate_hz"].value == pytest.approx(20, rel=1e-6)
     late = found.figures["depth_late_frames"]
@@ -239,8 +247,21 @@ def checked(capsys, *words):
     return status, capsys.readouterr().out
 
 
-def test_the_command_says_it_on_a_page_and_as_json(walk, capsys):
+def known(monkeypatch, name, found):
+    """Let a command find at once what was found before; return the list of the files that it then asks about."""
+    asked = []
+
+    def look(name, source, camera):
+        asked.append(source.stored.rgb_files[0])
+        return found
+
+    monkeypatch.setattr(looking, name, look)
+    return asked
+
+
+def test_the_command_says_it_on_a_page_and_as_json(walk, sound, capsys, monkeypatch):
     folder = walk / "clean/room"
+    asked = known(monkeypatch, "look_at", sound["clean"])
     status, page = checked(capsys, folder)
     assert status == 0
     assert "nothing wrong" in page
@@ -250,10 +271,13 @@ def test_the_command_says_it_on_a_page_and_as_json(walk, capsys):
     assert scene["faults"] == []
     assert scene["frames"] == 100
     assert {figure["name"] for figure in scene["figures"]} > {"rate_hz", "void_share", "imu_clock_s"}
+    assert [folder in path.parents for path in asked] == [True, True]
 
 
-def test_measure_prints_noise_too(walk, capsys):
+def test_measure_prints_noise_too(walk, sound, capsys, monkeypatch):
+    asked = known(monkeypatch, "measured", sound["noisy"])
     assert command.main(["measure", str(walk / "noisy/room"), "--json"]) == 0
+    assert [walk / "noisy/room" in path.parents for path in asked] == [True]
     (scene,) = json.loads(capsys.readouterr().out)["scenes"]
     found = {figure["name"]: figure for figure in scene["figures"]}
     assert {"colour_gaussian_std", "gyro_noise_density", "doubled_share"} < set(found)
