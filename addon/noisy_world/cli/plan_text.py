@@ -67,9 +67,7 @@ def print_plan(plan: "Plan", out: Path | str) -> None:
     free = free_memory_bytes()
     here = "" if free is None else f"; {size_text(free)} are free here"
     usual = size_text(usual_memory_bytes(plan))
-    print(
-        f"memory     {size_text(memory_bytes(plan))} or more in each process, about {usual} with a room's scene{here}"
-    )
+    print(f"memory     {size_text(memory_bytes(plan))} or more in each process, usually about {usual}{here}")
 
 
 def render_lines(plan: "Plan") -> Iterator[str]:
