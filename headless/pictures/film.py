@@ -43,7 +43,7 @@ FILM = (
     Link("snow_depth", {"Frame Rate": 24.0}, {"Severity": ((18, 0.0), (21, 1.0), (34, 4.0))}),
     Link(
         "lens_frost",
-        {OVERRIDE: True, "Opacity": 1.5, "Growth": 0.0},
+        {OVERRIDE: True, "Opacity": 1.5, "Growth": 0.0, "Feathers": True, "Halo": 0.3},
         {"Coverage": ((32, 0.0), (36, 0.08), (66, 0.6))},
     ),
     Link("gaussian_noise", {OVERRIDE: True}, {"Std": ((52, 0.0), (60, 0.045))}),

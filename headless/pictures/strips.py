@@ -5,7 +5,8 @@
         [--given '{caustic: 1}'] [--frames 8]
 
 PLACES: a folder of `places.py`. OUT: gets PLACE_NAME.png. Arrays carry out the node groups, so what is seen is what the
-compositor shows. given: parameters beside the severity, as YAML.
+compositor shows. A step is as it is newly added to the place, with the pattern that looks as in the world, and as wide
+in the frame as in one of 1200 pixels. given: parameters in place of those, as YAML.
 """
 
 import argparse
@@ -28,12 +29,17 @@ from noisy_world.core.geometry import Intrinsics
 from noisy_world.core.schema import ConfigPath
 from noisy_world.perturbations import registry
 from noisy_world.perturbations.execution import perturb_light
-from noisy_world.perturbations.kinds import FrameContext
+from noisy_world.perturbations.kinds import FrameContext, Perturbation
+from noisy_world.perturbations.new_steps import new_step
 from noisy_world.perturbations.parsing import parse_steps
 from pictures.street import read_frame
 
 SEED = 1
-JUDGED = ("rain_depth", "lens_drops", "lens_frost", "lens_dirt", "fog_depth")
+REFERENCE_PX = 1200  # the width for which sizes in pixels are meant
+JUDGED = (
+    *("rain_depth", "snow_depth", "fog_depth", "haze"),
+    *("lens_drops", "lens_frost", "lens_dirt", "sensor_noise"),
+)
 
 
 def main(arguments: list[str]) -> int:
@@ -65,9 +71,11 @@ def strip(folder: Path, name: str, values: dict[str, Any], most: int) -> NDArray
     """Return frames of a place side by side, perturbed, as bytes. values: of the step, as a preset has them."""
     cameras = json.loads((folder / "cameras.json").read_text(encoding="utf-8"))
     lens = Intrinsics(*(cameras[key] for key in ("width", "height", "fx", "fy", "cx", "cy")))
-    (step,) = parse_steps([{name: values}], ConfigPath("--given"), registry())
     poses = {int(file[:4]): np.array(pose) for file, pose in cameras["c2w"].items()}
     numbers = sorted(poses)
+    first = read_frame(folder / f"{numbers[0]:04}.exr")
+    newly = new_values(registry()[name], first.depth_m, lens.width_px / REFERENCE_PX)
+    (step,) = parse_steps([{name: newly | values}], ConfigPath("--given"), registry())
     shown = []
     for place, number in enumerate(numbers[:most]):
         frame = read_frame(folder / f"{number:04}.exr")
@@ -86,6 +94,21 @@ def strip(folder: Path, name: str, values: dict[str, Any], most: int) -> NDArray
         made = frame.rgb if step.severity == 0 else perturb_light(step, frame.rgb, step.severity, lit)
         shown.append(as_picture(made))
     return np.hstack(shown)
+
+
+def new_values(perturbation: Perturbation, depth_m: NDArray[np.float32], scale: float) -> dict[str, Any]:
+    """Return what a step has that is newly added to a scene of this depth, but for sizes in pixels: times a scale.
+
+    What severity sets, and grain of a sensor's pixels, is not scaled.
+    """
+    values = new_step(perturbation, (), depth_m).values
+    if perturbation.temporals:
+        values["temporal"] = perturbation.natural
+    if perturbation.stage == "lens":
+        own = vars(perturbation.parameters())
+        sizes = [name for name in own if name.endswith("_px") and name not in perturbation.severities]
+        values |= {name: own[name] * scale for name in sizes}
+    return values
 
 
 def as_picture(linear: NDArray[np.float32]) -> NDArray[np.uint8]:

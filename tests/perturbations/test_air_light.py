@@ -91,6 +91,19 @@ def test_a_window_lights_the_air_of_a_room_by_its_share_where_that_is_asked_for(
     assert luminance == pytest.approx(air, rel=0.01)
 
 
+@cases("given", [{}, {"falloff_m": 1e5, "camera_height_m": 0.0}, {"air": "auto"}])
+def test_a_window_is_seen_through_as_much_air_as_is_said(given):
+    light, depth_m = np.full((8, 8, 3), 0.4, np.float32), np.full((8, 8), 5.0, np.float32)
+    depth_m[:4] = 0
+    given = {"air": "colour", "air_red": 0, "air_green": 0, "air_blue": 0, "lamps": 0} | given
+    lit = given["air"] == "colour"
+    for void_m, seen in ((0.0, 0.0), (8.0, 0.05 ** (8 / 10))):
+        found = made(light, depth_m, "fog_depth", lit=lit, visibility_m=10, airlight=0, void_m=void_m, **given)
+        found = found if lit else linear(found.astype(np.float32) / 255)
+        assert found[1, 1] == pytest.approx(0.4 * np.array([seen] * 3), abs=2e-3)
+        assert found[6, 6] == pytest.approx(0.4 * np.array([0.05**0.5] * 3), abs=2e-3)
+
+
 @cases(
     "name, rate_mm_h, per_m",
     [

@@ -59,6 +59,20 @@ def test_the_reach_of_fog_is_that_of_its_severities(given, visibility_m):
     assert step.parameters(step.severity).visibility_m == visibility_m
 
 
+@cases(
+    "depth_m, given, says",
+    [
+        ([2.0, 6.0, 0.0], {"air_around": True, "void_m": 6.0}, "Indoors"),
+        ([2.0, 60.0, 0.0], {"air_around": False}, "Outdoors"),
+        ([0.0], {"air_around": False}, "no depth is known"),
+    ],
+)
+def test_air_indoors_is_lit_by_all_that_is_seen_and_lies_before_a_window_too(depth_m, given, says):
+    made = new_step(registry()["haze"], (), np.float32([depth_m]))
+    assert dict(made.given) == given
+    assert says in made.says[0]
+
+
 def test_severities_of_what_has_none_cannot_be_stretched():
     with pytest.raises(ValueError, match="stretched"):
         replace(registry()["fog_depth"], stretched={"reach": "visibility_m"})

@@ -30,11 +30,8 @@ def test_fog_begins_by_how_far_the_camera_sees(distance_m, outdoors):
     assert np.allclose(depth_m, distance_m, rtol=1e-4)  # planar: the same at the corners
     assert bpy.ops.noisy_world.add_step(perturbation="fog_depth") == {"FINISHED"}
     ((_, values),) = perturb_of(settings())[-1].items()
-    chosen = {
-        "outdoors": outdoors,
-        "air_around": not outdoors,
-        "reach": 1.5 if outdoors else 1.3,
-    }  # of 40 m, and of 3 m
+    chosen = {"outdoors": outdoors, "reach": 1.5 if outdoors else 1.3, "air_around": not outdoors}
+    chosen |= {} if outdoors else {"void_m": 4.0}
     assert values == {"severity": 3.0, **chosen, **registry()["fog_depth"].newly, "temporal": "drift"}
 
 

@@ -151,22 +151,34 @@ def around_key() -> bool:
 FAR_M, FAR_SHARE = 15.0, 0.1  # chosen: a tenth of what is seen of a room is hardly farther
 
 
-def reach_of(depth_m: Float32) -> tuple[float, float]:
-    """Return how far a tenth of what a frame shows is, and half, metres; 0 where nothing is known.
+def reach_of(depth_m: Float32) -> tuple[float, float, float]:
+    """Return how far a tenth of what a frame shows is, half of it, and all, metres; 0 where nothing is known.
 
     depth_m: (H, W), 0 = void, which says nothing: of a recording it was not measured.
     """
     known = depth_m[depth_m > 0]
     if not len(known):
-        return 0.0, 0.0
-    return float(np.quantile(known, 1 - FAR_SHARE)), float(np.median(known))
+        return 0.0, 0.0, 0.0
+    return float(np.quantile(known, 1 - FAR_SHARE)), float(np.median(known)), float(known.max())
 
 
 def around_by_depth(depth_m: Float32) -> tuple[Mapping[str, Any], str]:
     """Return whether the air's light is that of a room: by how far a tenth of what a frame (H, W), metres, shows is."""
-    far_m, _ = reach_of(depth_m)
-    where = "Outdoors: the sky" if far_m > FAR_M else "Indoors: all that is seen"
-    return {"air_around": far_m <= FAR_M}, f"{where} lights the air, as a tenth is farther than {far_m:.3g} m"
+    far_m, _, farthest_m = reach_of(depth_m)
+    if not far_m:
+        return {"air_around": False}, "The sky lights the air, as no depth is known"
+    why = f"lights the air, as a tenth of what is seen is farther than {far_m:.3g} m"
+    if far_m > FAR_M:
+        return {"air_around": False}, f"Outdoors: the sky {why}"
+    return air_of_rooms(farthest_m), f"Indoors: all that is seen {why}"
+
+
+def air_of_rooms(farthest_m: float) -> Mapping[str, Any]:
+    """Return what air has indoors: all that is seen lights it, and there is as much of it before a window as walls.
+
+    farthest_m: how far one sees.
+    """
+    return {"air_around": True, "void_m": float(f"{farthest_m:.2g}")}
 
 
 def lamps_key() -> float:

@@ -31,6 +31,7 @@ from ._air import (
     air_key,
     air_light,
     air_nodes,
+    air_of_rooms,
     around_key,
     blocks_of,
     blurred,
@@ -84,6 +85,9 @@ class FogDepth:
     air_around: bool = around_key()
     lamps: float = lamps_key()
     leave_sky: bool = key("void stays as it is", default=False)
+    void_m: float = key(
+        "void counts as this far; 0 is without end", default=0.0, unit="m", minimum=0, maximum=1e6, later=True
+    )
     falloff_m: float = key(
         "height in which the fog thins to 37 %; 0 is as dense everywhere", default=0.0, unit="m", minimum=0, maximum=1e5
     )
@@ -107,6 +111,7 @@ class FogDepth:
         "outdoors": "On: severities are those of streets, where one sees further than in rooms",
         "reach": "Higher: severities are of a scene in which one sees further",
         "airlight": "Higher: the fog gets lighter; 0 is smoke, 1 is white",
+        "void_m": "Lower, above 0: more of the sky is seen through the fog, as through a window",
         "falloff_m": "Above 0 the fog lies on the ground: lower, and roofs and sky come out of it",
         "camera_height_m": "Higher: the camera stands more above low fog, and sees more",
         "unevenness": "Higher: the fog comes in clumps, with clearer air between",
@@ -350,14 +355,15 @@ def even_air(linear: Float32, parameters: FogDepth, context: FrameContext) -> Ev
     """Return the fog behind what mirrors, before light (H, W, 3): as dense everywhere as visibility says."""
     light = np.broadcast_to(air_of(encoded(linear), parameters, context), (3,)).astype(np.float64)
     rates_per_m = np.full(3, EXTINCTION / parameters.visibility_m)
-    return EvenAir(light, rates_per_m, 0.0 if parameters.leave_sky else math.inf)
+    return EvenAir(light, rates_per_m, 0.0 if parameters.leave_sky else parameters.void_m or math.inf)
 
 
 def optical_depth(parameters: FogDepth, context: FrameContext, size: tuple[int, ...]) -> Float32:
     """Return (H, W): the fog's optical depth before each pixel of the context's depth."""
     farthest_m = np.float32(FARTHEST * parameters.visibility_m)
     depth_m = context.depth_m
-    distance_m = np.where(depth_m > 0, np.minimum(depth_m, farthest_m), farthest_m)
+    void_m = np.minimum(np.float32(parameters.void_m or np.inf), farthest_m)
+    distance_m = np.where(depth_m > 0, np.minimum(depth_m, farthest_m), void_m)
     if parameters.leave_sky:
         distance_m[sky_in(depth_m)] = 0
     camera_state = camera_state_of(context.motion)
@@ -432,7 +438,8 @@ def distance_nodes(canvas: Canvas, given: Given) -> Socket:
     known_m = graph.math("MAXIMUM", 0.0, depth_m)
     farthest_m = given["visibility_m"] * FARTHEST
     void = graph.math("LESS_THAN", known_m, 1e-30, label="Void")
-    return graph.math("MINIMUM", graph.math("MULTIPLY_ADD", void, farthest_m, known_m), farthest_m)
+    void_m = graph.choose(given["void_m"] > 0.0, given["void_m"], farthest_m, "float")
+    return graph.math("MINIMUM", graph.math("MULTIPLY_ADD", void, void_m, known_m), farthest_m)
 
 
 def thinned_nodes(canvas: Canvas, given: Given, distance_m: Socket) -> Socket:
@@ -598,7 +605,7 @@ def apply(rgb: NDArray[np.float32], parameters: FogDepth, context: FrameContext)
     rate = np.float32(-EXTINCTION / parameters.visibility_m)
 
     def veiled(band: NDArray[np.float32], depth_m: NDArray[np.float32]) -> NDArray[np.float32]:
-        distance_m = np.where(depth_m > 0, depth_m, np.float32(np.inf))
+        distance_m = np.where(depth_m > 0, depth_m, np.float32(parameters.void_m or np.inf))
         if parameters.leave_sky:
             distance_m[sky_in(depth_m)] = 0
         light = _decoded(band)
@@ -664,14 +671,15 @@ def by_depth(depth_m: Float32) -> tuple[Mapping[str, Any], str]:
     least 55 % of its contrast at severity 3, in a cupboard as in a valley. depth_m: (H, W), 0 = void, which says
     nothing: of a recording it was not measured.
     """
-    far_m, middle_m = reach_of(depth_m)
+    far_m, middle_m, farthest_m = reach_of(depth_m)
     if not far_m:
         return {"outdoors": False}, "Indoors: visibilities of rooms, as no depth is known"
     outdoors = far_m > FAR_M
     reach = float(f"{np.clip(middle_m / (STREET_M if outdoors else ROOM_M), 0.001, 1000):.2g}")
     which = "Outdoors: visibilities of streets" if outdoors else "Indoors: visibilities of rooms"
     why = f"a tenth of what is seen is farther than {far_m:.3g} m, and half than {middle_m:.3g} m"
-    return {"outdoors": outdoors, "air_around": not outdoors, "reach": reach}, f"{which}, times {reach:g}, as {why}"
+    air = {"air_around": False} if outdoors else air_of_rooms(farthest_m)
+    return {"outdoors": outdoors, "reach": reach, **air}, f"{which}, times {reach:g}, as {why}"
 
 
 PERTURBATION = ColourPerturbation(
