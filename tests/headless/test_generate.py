@@ -175,10 +175,10 @@ def left_in_memory():
 
 
 def is_held(folder):
-    """Tell whether a living process holds the lock of a folder, or has just removed it."""
+    """Tell whether a living process holds the lock of a folder or has just removed it, or another user has it."""
     try:
         descriptor = os.open(folder, os.O_RDONLY)
-    except FileNotFoundError:
+    except (FileNotFoundError, PermissionError):
         return True
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
