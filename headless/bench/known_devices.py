@@ -14,7 +14,7 @@ import json
 import sys
 import tempfile
 import threading
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
@@ -28,19 +28,20 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from noisy_world.core.geometry import Intrinsics
+from noisy_world.core.geometry import Intrinsics, rotation_from_rotvec
 from noisy_world.core.progress import PlainProgress
 from noisy_world.core.schema import ConfigPath
-from noisy_world.core.trajectory import FrameStamps
+from noisy_world.core.trajectory import FrameStamps, Trajectory
 from noisy_world.dataset.plan import make_plan
 from noisy_world.dataset.run import Run
 from noisy_world.images.pixels import as_bytes
 from noisy_world.measure.figure import Figure
+from noisy_world.measure.lateness import imu_clock_by_poses
 from noisy_world.measure.looking import RecordingFigures, measured
 from noisy_world.measure.twin import Twin, twin_of
 from noisy_world.preset.keys import check_document
 from noisy_world.sources.recording import Recording, read_recording
-from noisy_world.trajectories.rig import ImuModel, measure
+from noisy_world.trajectories.rig import Imu, ImuModel, RecordedImu, Rig, Sensor, measure
 
 Values = dict[str, Any]
 
@@ -54,6 +55,13 @@ EXPOSED_MS = 10.0  # by which flicker is seen where no shutter says it; its own 
 LEAST_SWING = 0.01
 LAGS_PX = (1, 2, 4)
 STRAIGHT = {"from_m": 0.0, "linear": 0.0, "steep": 0.0, "lateral_px": 0.0, "lateral_steep_px": 0.0}
+HOLE_LAW = (
+    ("least light", "least_light", "hole_least_light"),
+    ("spread", "reflectance_spread", "hole_light_spread"),
+    ("size of clumps", "clump_px", "hole_clump_px"),
+    ("frames of clumps", "clump_frames", "hole_clump_frames"),
+)
+CLOCK_S, MOSTLY = 60.0, 0.7
 HOT_LEVELS = 80, 150  # of 255, what a hot pixel is brighter by
 MOST_HOT = 255  # of 255 that it reaches
 
@@ -63,7 +71,8 @@ class Device:
     """What is put on a walk. steps: perturbations of its setting. Others are done to what the generator wrote.
 
     quality: of JPEG, 0: none. row_std, hot_share: of full scale, and of the pixels. jitter_s: deviation of the stamps.
-    drops: frames that are lost. late_frames: of depth.
+    drops: frames that are lost. late_frames: of depth. clock_ppm: how much faster the
+    IMU's clock goes, over a path of CLOCK_S, as walks are too short.
     """
 
     name: str
@@ -76,6 +85,7 @@ class Device:
     jitter_s: float = 0.0
     drops: int = 0
     seed: int = 0
+    clock_ppm: float = 0.0
 
     def given(self, perturbation: str) -> Values:
         """Return a step's parameters; none where it is no step of this."""
@@ -132,7 +142,7 @@ def _drawn(rng: np.random.Generator, name: str, late: float, imu: ImuModel) -> D
     steps.append({"axial_noise": law})
     if often(0.5):
         steps.append({"depth_random_missing": {"missing_percent": even(2, 20)}})
-    return Device(
+    device = Device(
         name,
         tuple(steps),
         imu,
@@ -144,6 +154,18 @@ def _drawn(rng: np.random.Generator, name: str, late: float, imu: ImuModel) -> D
         drops=int(rng.integers(1, 7)) if often(0.5) else 0,
         seed=int(rng.integers(1 << 30)),
     )
+    # Drawn last, so that all before is as it was.
+    law |= _hole_law(rng, steps)
+    return replace(device, clock_ppm=even(-400, 400))
+
+
+def _hole_law(rng: np.random.Generator, steps: Sequence[Values]) -> Values:
+    """Return parameters of holes by light for most devices that lose none at random."""
+    if rng.random() > MOSTLY or any("depth_random_missing" in step for step in steps):
+        return {}
+    spread, px = (round(float(rng.uniform(*ends)), 3) for ends in ((0.4, 1.5), (4, 16)))
+    light = {"least_light": _log(rng, 0.02, 0.08), "reflectance_spread": spread}
+    return light | {"clump_px": px, "clump_frames": int(rng.integers(1, 6))}
 
 
 # --- put on a walk ---
@@ -327,6 +349,7 @@ def cases_of(put: Put, found: RecordingFigures, twin: Twin) -> Iterator[Case]:
     for known in (*_of_pixels(put.device), *_of_light(put.device), *_of_depth(put.device), *_of_clocks(put)):
         yield known.case(put.device.name, found)
     yield from _sigmas(put.device, found, twin)
+    yield _clock_case(put.device)
 
 
 def _of_pixels(device: Device) -> Iterator[Known]:
@@ -367,6 +390,26 @@ def _of_depth(device: Device) -> Iterator[Known]:
     yield Known("correlation in time", in_time, "depth_correlation_1_frame", CORRELATION)
     if holes := device.given("depth_random_missing").get("missing_percent"):
         yield share("holes", holes / 100, "void_share")
+    for parameter, key, figure in HOLE_LAW:
+        if law.get("least_light"):
+            yield share(f"hole law, {parameter}", law[key], figure)
+
+
+def _clock_case(device: Device) -> Case:
+    """Return how an IMU's clock drifts against the poses of a minute; no image is seen."""
+    at_s = np.arange(0, CLOCK_S, 1 / RATE_HZ)
+    rng = np.random.default_rng([device.seed, 4])
+    hz, phase, weight = rng.uniform(0.1, 1.0, (6, 5)), rng.uniform(0, 2 * np.pi, (6, 5)), rng.normal(0, 0.1, (6, 5))
+    waves = np.sum(weight * np.sin(2 * np.pi * hz * at_s[:, None, None] + phase), axis=2)
+    c2w = np.tile(np.eye(4), (len(at_s), 1, 1))
+    c2w[:, :3, :3], c2w[:, :3, 3] = rotation_from_rotvec(waves[:, :3]), waves[:, 3:]
+    path, eye = Trajectory(c2w, at_s), np.eye(4)
+    imu = Imu(eye, device.imu, time_offset_s=0.01, clock_drift_ppm=device.clock_ppm)
+    samples = measure(path, imu, 0, (device.seed, "clock"))
+    recorded = RecordedImu(Rig(Sensor(eye), None, imu), samples, Path())
+    drift = imu_clock_by_poses(recorded, path, at_s)[1]
+    known = Known("drift of an IMU's clock", device.clock_ppm, drift.name, WITHIN * abs(device.clock_ppm))
+    return known.case(device.name, RecordingFigures("", 0, (0, 0), 0.0, 0, {drift.name: drift}))
 
 
 def _of_clocks(put: Put) -> Iterator[Known]:

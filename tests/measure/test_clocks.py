@@ -1,13 +1,17 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Clocks that are late and drift, and an IMU that rests, made in closed form."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from test_noise import Walk
 
 from noisy_world.core.geometry import rotation_from_rotvec
+from noisy_world.measure.figure import Figure
 from noisy_world.measure.imu_noise import imu_noise
+from noisy_world.measure.late_planes import lateness_of_planes
 from noisy_world.measure.lateness import depth_lateness, imu_clock_by_poses
 from noisy_world.measure.motion import Steps
 
@@ -48,6 +52,27 @@ def test_depth_that_is_late_and_drifts(late_frames, ms_per_min):
     short, untold = depth_lateness(steps, at_s / 10)
     assert short.value == late.value
     assert "apart" in untold.untold
+
+
+def test_depth_that_is_late_by_planes_of_it():
+    """A camera goes to and fro along a wall; depth's range flow is not asked."""
+    late_frames, untold = 1.3, Figure.none("depth_late_frames", "not asked")
+    frames = np.arange(34)
+
+    def place_m(frame):
+        return 0.25 * np.sin(2 * np.pi * frame / 17)
+
+    def noise(z):
+        return RNG.normal(0, 0.001, z.shape) * z**2
+
+    walk = Walk(place_m(frames - late_frames), noise, by_colour_m=place_m(frames))
+    walk.stamps = SimpleNamespace(rgb=SimpleNamespace(seconds=frames / 30))
+    late = lateness_of_planes(walk, walk.steps, untold)
+    assert late.value == pytest.approx(late_frames, abs=0.1)
+    assert late.low < late_frames < late.high
+    assert late.half_width < 0.5
+    few = replace(walk.steps, run=np.arange(len(walk.steps)) // 6)
+    assert lateness_of_planes(walk, few, untold) is untold
 
 
 def resting(values, at_ns):

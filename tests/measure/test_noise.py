@@ -16,7 +16,7 @@ from noisy_world.measure.depth_holes import HoleFrame, depth_holes
 from noisy_world.measure.depth_noise import depth_noise
 from noisy_world.measure.footage import Look, footage_of
 from noisy_world.measure.imu_noise import imu_noise
-from noisy_world.measure.motion import Steps
+from noisy_world.measure.motion import Followed, Steps
 from noisy_world.perturbations.shipped._depth_devices import cosine_of_incidence
 from noisy_world.sources.recording import read_recording
 
@@ -124,28 +124,39 @@ def test_correlation_of_depth_noise():
 
 
 class Walk(Looks):
-    """Looks along a wall with relief, by a camera that moves along it by `step_m` a frame."""
+    """Looks along a wall with relief, by a camera that is at places `at_m` along it, and by colour at `by_colour_m`."""
 
     size_px = WIDE, HIGH
     lens = SimpleNamespace(distortion=None)
 
-    def __init__(self, step_m, noise, high_m=0.006, count=COUNT + 6):
+    def __init__(self, at_m, noise, high_m=0.006, by_colour_m=None):
         rays = self.plane(np.mgrid[:HIGH, :WIDE].reshape(2, -1).T[:, ::-1]).reshape(HIGH, WIDE, 2)
         grey, colour = np.zeros((HIGH, WIDE), np.uint8), np.zeros((HIGH, WIDE, 3), np.uint8)
-        for frame in range(count):
+        for place_m in at_m:
             depth_m = np.full((HIGH, WIDE), 2.0)
             for _ in range(5):
-                x, y = rays[..., 0] * depth_m + step_m * frame, rays[..., 1] * depth_m
+                x, y = rays[..., 0] * depth_m + place_m, rays[..., 1] * depth_m
                 # Waves of 20 cm on a wall that goes back at one side.
                 relief_m = high_m * (np.sin(31 * x + 7 * y) + np.cos(27 * y - 10 * x))
-                depth_m = (2.0 + 0.4 * step_m * frame + relief_m) / (1 - 0.4 * rays[..., 0])
+                depth_m = (2.0 + 0.4 * place_m + relief_m) / (1 - 0.4 * rays[..., 0])
             self.append(Look(grey, (depth_m + noise(depth_m)).astype(np.float32), grey, colour))
+        count = len(at_m) - 1
+        moves = np.zeros((count, 6))
+        moves[:, 3] = -np.diff(at_m if by_colour_m is None else by_colour_m)
+        here, inverse = RNG.uniform(-0.5, 0.5, (60, 2)), RNG.uniform(0.3, 0.7, 60)
+        there = [here + [move, 0] * inverse[:, None] + RNG.normal(0, 1e-4, (60, 2)) for move in moves[:, 3]]
+        none = np.zeros(count, np.bool_)
         self.steps = Steps(
-            np.stack([np.arange(count - 1), np.arange(1, count)], axis=1),
-            np.zeros(count - 1, np.int64),
-            np.tile([0.0, 0, 0, -step_m, 0, 0], (count - 1, 1)) * np.linspace(0.9, 1.1, count - 1)[:, None],
-            *[np.zeros(0)] * 5,
+            np.stack([np.arange(count), np.arange(1, count + 1)], axis=1),
+            np.zeros(count, np.int64),
+            moves,
+            np.zeros((count, 6, 6)),
+            np.zeros((count, 6)),
+            none,
+            none,
+            np.zeros(count),
             {},
+            tuple(Followed(here, each, inverse, np.zeros((2, 60, 2)), CAMERA.fx_px) for each in there),
         )
 
     def depth(self, frame):
@@ -163,9 +174,10 @@ def test_relief_of_surfaces_is_no_noise():
         white = gaussian_filter(rng.normal(0, 1, z.shape), 1.5)
         return 0.001 * z**2 * (white / white.std() + rng.normal(0, 1, z.shape))
 
-    walk = Walk(0.03, patches)
+    at_m = 0.03 * np.arange(COUNT + 6)
+    walk = Walk(at_m, patches, by_colour_m=1.05 * at_m)
     found = depth_noise(walk, range(COUNT), Registered(walk, walk.steps, 0.0))
-    plain, flat = (depth_noise(each, range(COUNT)) for each in (walk, Walk(0.03, patches, high_m=0.0)))
+    plain, flat = (depth_noise(each, range(COUNT)) for each in (walk, Walk(at_m, patches, high_m=0.0)))
     for (z, figure), (_, whole), (at, known) in zip(found.curve, plain.curve, flat.curve, strict=True):
         assert figure.value == pytest.approx(known.value * (z / at) ** 2, rel=0.12)
         assert whole.value > figure.value
@@ -175,7 +187,7 @@ def test_relief_of_surfaces_is_no_noise():
     for lag, figure in zip((1, 2, 4), found.correlation[:3], strict=True):
         assert figure.value == pytest.approx(0.5 * np.exp(-(lag**2) / 9), abs=0.05)
     assert abs(found.correlation[4].value) < 0.05
-    still = Walk(0.0, patches)
+    still = Walk(0 * at_m, patches)
     bound = depth_noise(still, range(COUNT), Registered(still, still.steps, 0.0))
     for (z, figure), (at, known) in zip(bound.curve, flat.curve, strict=True):
         assert figure.low < known.value * (z / at) ** 2 < 1.1 * figure.high

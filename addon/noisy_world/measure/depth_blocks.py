@@ -18,6 +18,7 @@ from .footage import Float32, Float64, RecordingView
 from .motion import Steps, tukey
 
 # Chosen, as all below.
+SIDE = 9  # of small blocks in pixels
 EDGE = 0.15  # times its distance: a block that spans more is an edge
 LAGS = 6, 8, 11, 15, 20, 27  # frames to the other frame: the first over which enough moves
 MOVED = 1 / 24  # of the width, that surfaces have to move by: noise that stays at its pixels is left behind
@@ -53,6 +54,10 @@ class Blocks:
         """Return some of them."""
         places = self.which[rows], self.corner_px[rows]
         return Blocks(self.side, *places, self.z[rows], self.slope[rows], self.left[rows], self.bend[rows])
+
+    def evenly(self, count: int) -> "Blocks":
+        """Return so many of them at most, evenly over the image."""
+        return self.taken(np.unique(np.linspace(0, len(self) - 1, count).astype(int)))
 
 
 @cache
@@ -151,8 +156,18 @@ class There:
     plane: Float64
     middle: Float64
 
+    def equations(self) -> tuple[Float64, Float64]:
+        """Return the normal equations (6, 6) and (6,) of what the motion is off by, in the noise's units.
 
-def _there(blocks: Blocks, moved: Float64, depth_m: Float32, rays: Rays, step: int = 1) -> There:
+        Rotation vector and translation, in the other camera's axes: points lie on planes (Chen and Medioni, 1992).
+        """
+        ways = np.concatenate([-np.cross(self.plane, self.middle), self.plane / self.z[:, None]], axis=1)
+        spread = 1.4826 * float(np.median(np.abs(self.off))) + LEAST_SPREAD_PER_M
+        weighted = ways * (tukey(self.off, LEAST_SPREAD_PER_M) / spread**2)[:, None]
+        return weighted.T @ ways, -weighted.T @ self.off
+
+
+def seen_in(blocks: Blocks, moved: Float64, depth_m: Float32, rays: Rays, step: int = 1) -> There:
     """Return blocks in another frame. moved: (4, 4), from the first camera's axes to the other's.
 
     step: every how many pixels are taken.
@@ -192,24 +207,22 @@ def _there(blocks: Blocks, moved: Float64, depth_m: Float32, rays: Rays, step: i
 
 
 def _aligned(blocks: Blocks, moved: Float64, depth_m: Float32, rays: Rays) -> Float64:
-    """Return a motion (4, 4) that was made exact by depth itself: points lie on planes (Chen and Medioni, 1992)."""
-    some = blocks.taken(np.unique(np.linspace(0, len(blocks) - 1, ALIGNED_BLOCKS).astype(int)))
+    """Return a motion (4, 4) that was made exact by depth itself."""
+    some = blocks.evenly(ALIGNED_BLOCKS)
     prior = np.diag([TURN_RAD**-2] * 3 + [SHIFT_M**-2] * 3)
     for _ in range(ROUNDS):
-        seen = _there(some, moved, depth_m, rays, ALIGNED_STEP)
+        seen = seen_in(some, moved, depth_m, rays, ALIGNED_STEP)
         if len(seen.rows) < LEAST_BLOCKS:
             return moved
-        ways = np.concatenate([-np.cross(seen.plane, seen.middle), seen.plane / seen.z[:, None]], axis=1)
-        spread = 1.4826 * float(np.median(np.abs(seen.off))) + LEAST_SPREAD_PER_M
-        weighted = ways * (tukey(seen.off, LEAST_SPREAD_PER_M) / spread**2)[:, None]
-        change = np.linalg.solve(weighted.T @ ways + prior, -weighted.T @ seen.off)
-        moved = _step(change) @ moved
+        normal, right = seen.equations()
+        change = np.linalg.solve(normal + prior, right)
+        moved = as_matrix(change) @ moved
         if np.abs(change).max() < STILL:
             break
     return moved
 
 
-def _step(move: Float64) -> Float64:
+def as_matrix(move: Float64) -> Float64:
     """Return a rotation vector and a translation (6,) as a matrix (4, 4)."""
     made = np.eye(4)
     made[:3, :3], made[:3, 3] = rotation_from_rotvec(move[:3]), move[3:]
@@ -249,7 +262,7 @@ class Registered:
         )
         self._poses = [np.eye(4)]
         for move in self._moves[:-1]:
-            self._poses.append(_step(move) @ self._poses[-1])
+            self._poses.append(as_matrix(move) @ self._poses[-1])
         self._row_of = {int(frame): row for row, frame in enumerate(steps.frames[:, 0])}
         self._run = steps.run
         self.rays = Rays(footage)
@@ -301,11 +314,11 @@ class Registered:
     def _pose(self, at: float) -> Float64:
         """Return the motion (4, 4) of the world from the first step to a place between them."""
         row = int(np.clip(np.floor(at), 0, len(self._moves) - 1))
-        return _step((at - row) * self._moves[row]) @ self._poses[row]
+        return as_matrix((at - row) * self._moves[row]) @ self._poses[row]
 
     def again(self, blocks: Blocks, other: Other) -> There:
         """Return blocks in the other frame, with what planes over them leave."""
-        seen = _there(blocks, other.moved, other.depth_m, self.rays)
+        seen = seen_in(blocks, other.moved, other.depth_m, self.rays)
         terms, finds = _terms(blocks.side)
         return replace(seen, left=seen.left - (seen.left @ finds) @ terms)
 

@@ -14,13 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.geometry import Intrinsics
-from .depth_blocks import LEAST_BLOCKS, Blocks, Other, Registered, blocks_in
+from .depth_blocks import LEAST_BLOCKS, SIDE, Blocks, Other, Registered, blocks_in
 from .depth_holes import HoleFrame, depth_holes
 from .figure import BLOCKS, Figure, blocks_of, jackknifed
 from .footage import Float32, Float64, RecordingView
 
 # Chosen, as all below.
-SIDE, WIDE_SIDE = 9, 24  # of blocks in pixels: for the deviation, and for correlation
+WIDE_SIDE = 24  # of blocks in pixels, for correlation; SIDE for the deviation
 DISTANCES_M = (0.3, 0.5, 0.8, 1.1, 1.4, 1.7, 2.0, 2.5, 3.0, 3.6, 4.5, 6.0, 8.0, 12.0)
 MOST_BLOCKS = 1200  # of a frame, that are looked for in another
 REPEATED = (

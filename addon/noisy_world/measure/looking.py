@@ -18,6 +18,7 @@ from .figure import BLOCKS, Figure, Place
 from .fixed_noise import fixed_noise
 from .footage import RecordingView, footage_of
 from .imu_noise import imu_noise
+from .late_planes import lateness_of_planes
 from .lateness import CLOCK, LATE, depth_lateness, imu_clock, imu_clock_by_poses
 from .motion import Steps, steps_of
 from .parallax import AS_READ, Parallax, parallax
@@ -244,10 +245,15 @@ def _late(heap: _Heap, footage: RecordingView, steps: Steps, runs: Sequence[rang
     stamps_s = footage.stamps.rgb.seconds
     late, drift = depth_lateness(per_frame(steps, stamps_s), stamps_s)
     shifted = round(late.value) if late.value is not None and late.sure_beyond(LATE_FRAMES) else 0
-    if shifted:  # again with the depth that belongs to each frame, as motion by colour is measured with depth too
+    if (
+        shifted and not fine
+    ):  # again with the depth that belongs to each frame, as motion by colour is measured with depth too
         steps = steps_of(footage, runs, fine=fine, depth_later=shifted)
         more, again = depth_lateness(per_frame(steps, stamps_s), stamps_s)
         late, drift = (late, drift) if more.value is None else (more.plus(shifted), again)
+    if fine and len(steps):
+        late = lateness_of_planes(footage, steps, late)
+        shifted = round(late.value) if late.value is not None and late.sure_beyond(LATE_FRAMES) else 0
     # Stamps that say the same are no fault.
     rate_hz = footage.rate_hz or 1.0
     stamped = rate_hz * depth_stamps_later_s(footage.stamps.rgb.seconds, footage.stamps.depth.seconds)

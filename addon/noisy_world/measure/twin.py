@@ -17,10 +17,10 @@ from ..core.geometry import Intrinsics
 from ..core.lens import Distortion
 from ..core.schema import yaml_line
 from ..core.srgb import exact_colours
+from .depth_blocks import SIDE as DEPTH_SIDE
 from .depth_holes import BASELINE, SIDES
 from .depth_holes import LAW as HOLES
 from .depth_noise import HEAD_ON, LAGS_PX, LEAST_CORRELATION, SHIFT, left_share, shared_by
-from .depth_noise import SIDE as DEPTH_SIDE
 from .figure import Figure
 from .imu_noise import AT_REST, BANDWIDTHS
 from .looking import RecordingFigures

@@ -9,7 +9,7 @@ off, which a Kolmogorov-Smirnov test detects from some 1e10 samples on. The oute
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache, lru_cache, reduce
 from statistics import NormalDist
 from typing import TypeAlias, TypeVar
@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from ...core.graph_arrays import Words, hash_of_four
 from ...core.node_graph import Graph, GroupInput, Socket
+from ...core.streams import stream
 from ..groups import PURPOSES, seed_of
 from ..kinds import FrameContext
 
@@ -116,8 +117,14 @@ def drawn(
     if shared.share >= 1:
         return fields
     generator = context.pattern_stream(purpose, "own")
-    part, rest = math.sqrt(shared.share), scaled_normal(math.sqrt(1 - shared.share))
-    return tuple(scaled(field, part) + look_up(uniform_codes(generator, shape), rest) for field in fields)
+    part, rest = np.float32(math.sqrt(shared.share)), scaled_normal(math.sqrt(1 - shared.share))
+    made: list[NDArray[np.float32]] = []
+    for field in fields:
+        own = look_up(uniform_codes(generator, shape), rest)
+        field *= part  # in place, as it is no one else's
+        own += field
+        made.append(own)
+    return tuple(made)
 
 
 def scaled(draws: Draws, sigma: float) -> NDArray[np.float32]:
@@ -161,9 +168,11 @@ def _byte_quantiles() -> NDArray[np.float32]:
 
 def _stream_before(context: FrameContext, purpose: str, back: int) -> np.random.Generator:
     """Return the stream of a pattern so many frames earlier; those before the first frame have streams too."""
-    if back <= context.index:
-        return replace(context, index=context.index - back).pattern_stream(purpose)
-    return replace(context, index=back - context.index).pattern_stream(purpose, "before")
+    if not back:
+        return context.pattern_stream(purpose)
+    if back <= context.index:  # only of fresh patterns there are frames before
+        return stream(*context.identifiers, purpose, frame=context.index - back)
+    return stream(*context.identifiers, purpose, "before", frame=back - context.index)
 
 
 @lru_cache(maxsize=16)
