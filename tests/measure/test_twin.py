@@ -144,7 +144,9 @@ def test_shutter_lens_light_files_and_clocks_become_steps():
         Figure("imu_clock_s", 0.02, 0.015, 0.025),
         Figure("imu_clock_by_poses_s", 0.021, 0.02, 0.022),
         Figure.exact("jitter_s", 0.001, 9),
-        Figure.exact("missing_frames", 2, 9),
+        Figure.exact("missing_frames", 4, 9),
+        Figure.exact("doubled_share", 0.1, 9),
+        Figure.exact("doubled_depth_share", 0.08, 9),
     )
     twin = twin_of(found, CAMERA, None)
     assert twin.shutter == [
@@ -162,11 +164,16 @@ def test_shutter_lens_light_files_and_clocks_become_steps():
         {"jpeg_compression": {"quality": 80}},
     ]
     assert twin.delay_ms == -70.0
-    assert twin.pairing == []
+    assert COUNT == 16
+    assert twin.pairing == [{"desync": {"offset": 0, "lost_percent": 20.0, "repeated_percent": 8.0}}]
+    late = twin_of(
+        found_of(Figure("depth_late_frames", 3.0, 2.9, 3.1), Figure.exact("missing_frames", 4, 9)), CAMERA, None
+    )
+    assert late.pairing == [{"desync": {"offset": -3, "lost_percent": 20.0}}]
     clock = {"time_offset_s": 0.021, "clock_drift_ppm": 50.0}
     assert twin.imu == {"gyro_noise_density": 0.002, "bandwidth_hz": 64.0} | clock
     assert any("accel_bandwidth_hz" in line for line in twin.untold)
-    for name in ("white_balance_range_stops", "column_noise_std", "jpeg_420_share", "jitter_s", "missing_frames"):
+    for name in ("white_balance_range_stops", "column_noise_std", "jpeg_420_share", "jitter_s", "doubled_share"):
         assert any(line.startswith(name) for line in twin.untold)
     (setting,) = (
         each for each in check_document(yaml.safe_load(preset_text(twin, found)), Path("t")).spec.settings[1:]

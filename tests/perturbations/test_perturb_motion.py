@@ -136,6 +136,21 @@ def test_depth_comes_later_and_the_ends_are_clamped_or_dropped():
     assert pairs(1, offset=1) == [0]
 
 
+def test_frames_are_lost_and_depth_is_repeated_as_often_as_asked():
+    count = 5000
+    lost = np.array(pairs(count, offset=0, lost_percent=20))
+    assert abs(np.mean(lost < 0) - 0.2) < 0.02  # 3.5 deviations of a binomial share
+    assert (lost[lost >= 0] == np.flatnonzero(lost >= 0)).all()
+    again = np.array(pairs(count, offset=-2, repeated_percent=30, lost_percent=20))
+    assert (np.flatnonzero(again < 0) == np.flatnonzero(lost < 0)).all()
+    late = np.arange(count) - again
+    shown = again >= 0
+    assert late[3:][shown[3:]].min() == 2
+    # Repeated once, twice: the depth is as much older, with probabilities of .3 and .3^2.
+    assert abs(np.mean(late[shown] > 2) - 0.3) < 0.025
+    assert abs(np.mean(late[shown] > 3) - 0.09) < 0.016
+
+
 def test_dynamic_offsets_are_even_among_three():
     count = 3000
     found = np.array(pairs(count, offset=10, mode="dynamic"))[: count - 11] - np.arange(count - 11)

@@ -426,16 +426,23 @@ def _imu(twin: Twin, found: RecordingFigures) -> None:
 
 
 def _stamps(twin: Twin, found: RecordingFigures) -> None:
-    """Say what is of stamps: frames of a preset are even, and none is lost."""
-    for name, told in (
-        ("jitter_s", "deviation of the stamps, in seconds"),
-        ("missing_frames", "frames were lost"),
-        ("doubled_share", "of the frames show what the one before showed"),
-        ("doubled_depth_share", "of the images of depth show what the one before showed"),
+    """Add frames that were lost, and depth that came twice; stamps of a preset are even."""
+    missing = _value(found, "missing_frames") or 0.0
+    shares = {
+        "lost_percent": missing / max(missing + found.frames, 1),
+        "repeated_percent": _value(found, "doubled_depth_share") or 0.0,
+    }
+    keys = {name: _plain(100 * share, 3) for name, share in shares.items() if share > 0}
+    if keys:
+        earlier = twin.pairing.pop()["desync"] if twin.pairing else {"offset": 0}
+        twin.pairing.append({"desync": earlier | keys})
+    for name, least, told in (
+        ("jitter_s", LEAST_JITTER_S, "deviation of the stamps, in seconds; those of a preset come evenly"),
+        ("doubled_share", 0.0, "of the frames show the colour of the one before; a preset's have their own"),
     ):
         value = _value(found, name)
-        if value and value > (LEAST_JITTER_S if name == "jitter_s" else 0):
-            twin.untold.append(f"{name}: {value:.3g} {told}; frames of a preset come evenly, each with its own image")
+        if value and value > least:
+            twin.untold.append(f"{name}: {value:.3g} {told}")
 
 
 # --- the files ---

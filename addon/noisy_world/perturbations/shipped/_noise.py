@@ -121,8 +121,7 @@ def drawn(
     made: list[NDArray[np.float32]] = []
     for field in fields:
         own = look_up(uniform_codes(generator, shape), rest)
-        field *= part  # in place, as it is no one else's
-        own += field
+        own += np.multiply(field, part, out=field)  # in place, as it is no one else's
         made.append(own)
     return tuple(made)
 

@@ -41,15 +41,35 @@ class Desync:
             "drop": Choice("Drop", "The frame is left out"),
         },
     )
+    lost_percent: float = key(
+        "share of the frames that are lost, colour and depth, drawn for each",
+        unit="%",
+        default=0.0,
+        minimum=0,
+        maximum=99,
+        later=True,
+    )
+    repeated_percent: float = key(
+        "share of the frames whose depth is that of the frame before again, drawn for each",
+        unit="%",
+        default=0.0,
+        minimum=0,
+        maximum=100,
+        later=True,
+    )
     TOOLTIPS: ClassVar[Mapping[str, str]] = {
         "offset": "Above 0: depth was taken after its color. Below 0: before it, as depth that comes late",
         "mode": "Whether all frames are off by the same, or each by a draw of its own",
         "edge": "What happens where depth would come from before the first frame or after the last",
+        "lost_percent": "Higher: more frames are missing, as a busy recorder loses them",
+        "repeated_percent": "Higher: more frames show the depth of the one before once more",
     }
 
 
 def apply(count: int, parameters: Desync, context: SequenceContext) -> NDArray[np.int64]:
     """Return (count,) int64: for each frame the one whose depth is paired with it, -1 where the frame is left out.
+
+    A frame that is lost is left out, and what is repeated is what the frame before shows, lost or not.
 
     D'[i] = D[i + offset] (paper, section "RGB-D desynchronization", which calls an offset above 0 a delay): depth that
     was taken after its colour. Depth that arrives late, by a latency of n frames, has the offset -n.
@@ -58,8 +78,16 @@ def apply(count: int, parameters: Desync, context: SequenceContext) -> NDArray[n
     if parameters.mode == "dynamic":
         source += context.integers(count, -1, 2)
     if parameters.edge == "clamp":
-        return np.clip(source, 0, count - 1)
-    return np.where((source >= 0) & (source < count), source, -1)
+        source = np.clip(source, 0, count - 1)
+    else:
+        source = np.where((source >= 0) & (source < count), source, -1)
+    if parameters.repeated_percent > 0:
+        again = np.flatnonzero(100 * context.stream("repeated").random(count) < parameters.repeated_percent)
+        for frame in again[again > 0]:  # in their order, as one may be repeated twice
+            source[frame] = source[frame - 1]
+    if parameters.lost_percent > 0:
+        source[100 * context.stream("lost").random(count) < parameters.lost_percent] = -1
+    return source
 
 
 PERTURBATION = PairingPerturbation(
