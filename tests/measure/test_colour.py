@@ -9,6 +9,7 @@ import pytest
 
 from noisy_world.core.schema import ConfigPath
 from noisy_world.measure.coding import coding
+from noisy_world.measure.colour_noise import colour_noise
 from noisy_world.measure.fixed_noise import fixed_noise
 from noisy_world.measure.footage import footage_of
 from noisy_world.measure.recorded_light import light_figures, light_of
@@ -87,12 +88,13 @@ def clean(walk):
         return [footage.colour(frame).copy() for frame in range(FRAMES)], footage.camera
 
 
-def lit(clean, change):
-    """Figures of the walk's light; change: of a frame, its number and its stamp."""
+def lit(clean, change, jitter_s=0.0):
+    """Figures of the walk's light; change: of a frame, its number and its stamp. jitter_s: of what stamps say of it."""
     images, camera = clean
     stamps_s = np.arange(FRAMES) / RATE_HZ
     made = [change(image, number, float(stamps_s[number])) for number, image in enumerate(images)]
-    stamps = SimpleNamespace(rgb=SimpleNamespace(seconds=stamps_s))
+    off_s = jitter_s * np.random.default_rng(1).standard_normal(FRAMES)
+    stamps = SimpleNamespace(rgb=SimpleNamespace(seconds=stamps_s + off_s))
     footage = SimpleNamespace(colour=lambda frame: made[frame], camera=camera, stamps=stamps)
     return {figure.name: figure for figure in light_figures(light_of(footage, [range(FRAMES)]))}
 
@@ -141,13 +143,28 @@ def test_exposure_that_follows_nothing_has_no_lag(clean):
     assert "does not follow" in swung["auto_exposure_lag_s"].untold
 
 
-def test_flicker(clean):
-    def under_lamps(image, number, stamp_s):
-        return apply(image, "flicker", modulation=0.2, exposure_ms=4.0, stamp_s=stamp_s, seed=3, frame=number)
+@pytest.mark.parametrize(("readout_ms", "jitter_s"), [(0.0, 0.0), (18.0, 0.0), (0.0, 0.0025)])
+def test_flicker(clean, readout_ms, jitter_s):
+    """Also where lines are read one by one, and where stamps jitter by a quarter of the lamps' period."""
 
-    swing = lit(clean, under_lamps)["flicker_swing_100_hz"]
+    def under_lamps(image, number, stamp_s):
+        given = {"modulation": 0.2, "exposure_ms": 4.0, "readout_ms": readout_ms}
+        return apply(image, "flicker", **given, stamp_s=stamp_s, seed=3, frame=number)
+
+    figures = lit(clean, under_lamps, jitter_s)
+    swing, readout = figures["flicker_swing_100_hz"], figures["flicker_readout_ms"]
     assert swing.value == pytest.approx(0.2 * np.sinc(0.4), rel=0.05)
     assert swing.low < 0.2 * np.sinc(0.4) < swing.high
+    if readout_ms:
+        assert readout.value == pytest.approx(readout_ms, rel=0.05)
+        assert readout.low < readout_ms < readout.high
+    else:
+        assert "not seen" in readout.untold
+
+
+def test_stamps_that_jitter_hide_what_no_clock_shows(clean):
+    hidden = lit(clean, lambda image, *_: image, jitter_s=0.004)["flicker_swing_100_hz"]
+    assert "jitter" in hidden.untold
 
 
 def test_vignetting(clean):
@@ -176,6 +193,17 @@ def test_hot_pixels_stay_while_the_camera_moves(clean):
     assert found.low < share < found.high
     assert fixed(images)[0].value < 1e-4
     assert "stands still" in fixed([images[0]] * 12)[0].untold
+
+
+def test_a_jpeg_hides_pixels_of_their_own_and_the_law_of_noise():
+    images = [RNG.normal(level, 12, (192, 256, 3)).astype(np.uint8) for level in np.linspace(60, 190, 8)]
+    looks = [SimpleNamespace(colour=image) for image in images]
+    footage = SimpleNamespace(look=looks.__getitem__, colour=images.__getitem__)
+    assert "JPEG" in fixed_noise(footage, range(8), jpeg=True)[0].untold
+    found = colour_noise(footage, range(8), jpeg=True)
+    assert found.curve
+    assert "JPEG" in found.gaussian_std.untold
+    assert "JPEG" in found.per_photon.untold
 
 
 @pytest.mark.parametrize("turned", [False, True])

@@ -373,9 +373,10 @@ def test_the_command_writes_both_files_once(walk, tmp_path, capsys):
     (tmp_path / "preset.yaml").write_text(yaml.safe_dump(PRESET | only_depth))
     assert make_plan(read_preset(tmp_path / "preset.yaml")).cameras["room"].width_px == 240
     (twin,) = (setting for setting in make_plan(read_preset(preset)).settings if setting.name == "twin")
-    # A Kinect's disparity in eighths of a pixel; texture hides the noise of colour.
-    assert "structured_light" in [step.perturbation.name for step in twin.steps]
-    assert "# colour_gaussian_std: cannot be told here, because" in preset.read_text()
+    # A Kinect's disparity in eighths of a pixel; noise of three channels, of which EuRoC's grey is the mean (BT.601).
+    steps = {step.perturbation.name: step.given for step in twin.steps}
+    assert "structured_light" in steps
+    assert steps["gaussian_noise"]["std"] == pytest.approx(0.02 * np.linalg.norm((0.299, 0.587, 0.114)), rel=0.1)
     before = device.read_bytes()
     assert command.main(words) == 1
     assert "is there already" in capsys.readouterr().err

@@ -32,15 +32,21 @@ MOST_EDGES = 5000  # of a frame
 FLOW_PX = 400  # the width at which motion is followed, at most
 LEAST_EDGES = 2000
 CLIPPED_PX2 = 4.0  # variance of an edge: wider ones count as this
-WIDEST_PX, FARTHEST_PX = 1.6, 5.5  # deviation and way of an edge: wider ones are looked at in a smaller image
+WIDEST_PX = 1.0, 1.6  # deviation of the lens: more is looked at in a smaller image; of that, in one still smaller
+FARTHEST_PX = 5.5  # way of an edge: more is looked at in a smaller image
 LEVELS = 3
 WAYS_CLIPPED_PX = 10.0
+CHANNELS = np.array([[0.3, 0.4, 0.3]], np.float32)  # of red, green and blue
 STILL_PX = 1.0  # way across an edge during the exposure, or that of a tenth of the edges: their widths tell the lens
 ANGLES, CONTRASTS = 6, 4  # classes of edges within which width is compared
 SHARES = np.linspace(-0.6, 1.3, 39)  # exposures that are tried, of the interval; below 0 wider edges move less
 LEAST_SURE = 0.35  # half an interval of an exposure's share that tells nothing
-OWN_PX2, OWN_ERROR_PX2 = 0.2, 0.12  # variance of edges that are in focus, by texture and pixels, as known ones have it
-LENS, LENS_ERROR = 1.0, 0.06  # of a deviation: a disk's slope is less than a Gaussian's, found on known ones
+# The sharper edges tell the lens, as a scene has soft ones of its own. How sharp these are differs from scene to scene:
+# of known blurs on known rooms their variance is this much and this share of the lens's, at the recorded size and in
+# smaller images, with that error.
+SHARPER = 0.3
+OWN_PX2, SEEN, SCENES_PX2 = (0.0, 0.04), (0.66, 0.78), (0.34, 0.12)
+LENS_ERROR = 0.06  # of a deviation: a disk's slope is less than a Gaussian's
 EXPOSURE_ERROR = 0.07  # of its square, found on known ones
 WIDTH_ERROR_PX2 = 0.1  # variance by which near and far things, which move differently, are differently sharp
 
@@ -78,10 +84,10 @@ def blur_figures(footage: RecordingView, frames: Sequence[int]) -> tuple[Figure,
     found: list[_Widths] = []
     for level in range(LEVELS):
         edges = _joined([each.edges(level, number) for number, each in enumerate(seen)])
-        if len(edges.ratio) < LEAST_EDGES:
-            break
+        if len(edges.ratio) < LEAST_EDGES / 2**level:
+            continue  # noise may hide edges that a smaller image shows
         found.append(_widths(edges, 2.0**level, len(seen)))
-        if level and not found[-1].wide:
+        if level and len(found) > 1 and not found[-1].wide:
             break
     if not found:
         return tuple(Figure.none(name, "too few edges are seen") for name in NAMES)
@@ -104,8 +110,8 @@ def evenly_between(frames: Sequence[int], stamps_s: Float64) -> list[int]:
 
 @dataclass(frozen=True)
 class _Widths:
-    """Of an image that is `times` smaller: the exposure's square and its error; the variance of edges without their
-    motion, and its error; the way during the exposure that a tenth of the edges surpass.
+    """Of an image that is `times` smaller: the exposure's square and its error; the variance of what the lens spreads,
+    and its error; the way during the exposure that a tenth of the edges surpass.
     """
 
     times: float
@@ -118,7 +124,12 @@ class _Widths:
     @property
     def wide(self) -> bool:
         """Whether a smaller image tells more."""
-        return self.variance > WIDEST_PX**2 or self.way_px > FARTHEST_PX
+        return self.soft or self.way_px > FARTHEST_PX
+
+    @property
+    def soft(self) -> bool:
+        """Whether a smaller image tells more of the lens."""
+        return self.variance > WIDEST_PX[self.times > 1] ** 2
 
 
 def _widths(edges: _Edges, times: float, count: int) -> _Widths:
@@ -131,9 +142,12 @@ def _widths(edges: _Edges, times: float, count: int) -> _Widths:
     share = math.sqrt(max(square, 0.0))
     still = share * edges.across < max(STILL_PX, share * float(np.quantile(edges.across, 0.1)))
     widths, whose = _variance(edges.ratio[still], share * edges.across[still]), groups[still]
-    own = float(np.median(widths))
-    by_block = np.array([float(np.median(widths[whose != block])) for block in range(BLOCKS)])
-    return _Widths(times, square, error, own, jackknifed(by_block), share * way)
+    smaller = int(times > 1)
+    sharp = float(np.quantile(widths, SHARPER))
+    by_block = np.array([float(np.quantile(widths[whose != block], SHARPER)) for block in range(BLOCKS)])
+    lens = (sharp - OWN_PX2[smaller]) / SEEN[smaller]
+    lens_error = math.hypot(jackknifed(by_block) / SEEN[smaller], SCENES_PX2[smaller], 2 * LENS_ERROR * lens)
+    return _Widths(times, square, error, lens, lens_error, share * way)
 
 
 def _exposure(found: _Widths, ways_px: Float32, count: int, rate_hz: float | None) -> Iterator[Figure]:
@@ -151,10 +165,9 @@ def _exposure(found: _Widths, ways_px: Float32, count: int, rate_hz: float | Non
 
 
 def _defocus(levels: Sequence[_Widths], count: int) -> Figure:
-    found = next((each for each in levels if each.variance <= WIDEST_PX**2), levels[-1])
-    error = math.hypot(found.variance_error, OWN_ERROR_PX2, 2 * LENS_ERROR * found.variance)
-    ends = [max(found.variance - OWN_PX2 + side * WITHIN * error, 0.0) for side in (-1, 0, 1)]
-    low, value, high = (found.times * LENS * math.sqrt(end) for end in ends)
+    found = next((each for each in levels if not each.soft), levels[-1])
+    ends = [max(found.variance + side * WITHIN * found.variance_error, 0.0) for side in (-1, 0, 1)]
+    low, value, high = (found.times * math.sqrt(end) for end in ends)
     return Figure(NAMES[-1], value, low, high, count)
 
 
@@ -177,7 +190,8 @@ class _Frame:
         flow = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_FAST)
         ahead, back = (np.asarray(flow.calc(small[1], small[end], np.zeros((0, 0)))) for end in (2, 0))
         self._way = np.asarray((ahead - back) / 2 * (wide / size_px[0]), np.float32)
-        self._light = linear_of_bytes()[around[1][..., 1]]
+        # All channels have less noise together than one.
+        self._light = np.asarray(cv2.transform(linear_of_bytes()[around[1]], CHANNELS), np.float32)
 
     def ways_px(self) -> Float32:
         """Return (N,): how far what is seen moves from frame to frame, evenly over the image."""

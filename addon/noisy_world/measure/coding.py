@@ -46,10 +46,11 @@ class EncodedSource(Protocol):
 
 @dataclass(frozen=True)
 class Coding:
-    """The compression of colour, by its files. remarks: what has to be said of it."""
+    """The compression of colour, by its files. remarks: what has to be said of it. jpeg: whether it was a JPEG."""
 
     figures: tuple[Figure, ...]
     remarks: tuple[str, ...] = ()
+    jpeg: bool = False
 
 
 @dataclass(frozen=True)
@@ -91,7 +92,7 @@ def coding(footage: RecordingView, frames: Sequence[int]) -> Coding:
         remarks.append(f"quality of the JPEGs differs from file to file: {quality.min():.0f} to {quality.max():.0f}")
     if (hidden := float(np.median([hidden_std(tables.luminance) for tables in found]))) > SEEN:
         remarks.append(f"the JPEGs hide noise of less than {hidden:.2g} of 255: they take nine tenths of its variance")
-    return Coding(tuple(figures), tuple(remarks))
+    return Coding(tuple(figures), tuple(remarks), jpeg=True)
 
 
 def hidden_std(steps: NDArray[np.int64]) -> float:

@@ -3,10 +3,14 @@
 
 A block of noise alone leaves a variance that is spread as chi-squared; texture and edges leave more. So the lowest
 variances of each intensity tell: where the share below 0.7 sigma^2 is to that below 0.88 sigma^2 as chi-squared has it.
+
+Texture lies in low frequencies, noise of independent pixels in all alike. So where neighbours' noise is not alike, the
+upper half of a block's frequencies tells it. Where it is, that may be texture, or noise that was denoised: all
+frequencies tell the value, and the upper half how low it may be.
 """
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from itertools import pairwise
 
@@ -18,19 +22,25 @@ from .footage import Float32, Float64, RecordingView
 
 # Chosen, as all below.
 SIDE = 8  # of a block in pixels
-TERMS = 6  # of a surface of second order
+TERMS = 2 * SIDE  # of a surface of second order, and of what rows and columns have of their own
 FREE = SIDE * SIDE - TERMS
+UPPER = 8  # the least sum of a cosine's half waves across and down a block, in the upper half of its frequencies
 LEVELS = np.linspace(8.0, 248.0, 13)  # edges of the bins of intensity, of 255
+CLIPPED = 2.5  # deviations that black and white have to be away
 LOW, HIGH = 0.7, 0.88  # times sigma^2: below these the two shares are taken
 LEAST_BLOCKS = 300  # of an intensity, in all frames
 LEAST_BELOW = 30  # of them below HIGH sigma^2
+LEAST_TOLD = 0.3  # of 255: of less, rounding leaves nothing
 LEAST_SIGMA, MOST_SIGMA, TRIED = 0.05, 120.0, 400
 SMOOTHER = 0.3  # share of a frame's blocks in which red is looked at
 SMOOTHEST = 0.1  # share of the blocks that are looked at where none is of noise alone
 # Relative error of a deviation by what texture adds to the smoothest blocks, found on known noise: the first over the
 # share of blocks that have none, within the others.
 TEXTURE, LEAST_ERROR, MOST_ERROR = 0.012, 0.015, 0.15
+UPPER_ERROR = 0.015  # the same of the upper frequencies
+LEAST_LEVELS = 3  # intensities that tell photons from even noise
 ROUNDED = 1 / 12  # variance of what rounding to whole numbers adds
+TOGETHER = 0.8  # correlation of red and green that no sensor's own noise has
 CORRELATED = 0.2  # neighbours' noise: more is no noise of a sensor's own pixels
 
 CURVE = "colour_noise"
@@ -69,78 +79,61 @@ class ColourNoise:
 class _Blocks:
     """Of blocks: mean, variance that is left and product of horizontal neighbours that are left, (N,); their frame.
 
-    red, together: (N,) variance of red, and its product with green; NaN but for the smoother blocks.
+    upper: (N,) variance by the upper frequencies. red, together: (N,) variance of red, and its product with green; NaN
+    but for the smoother blocks.
     """
 
     mean: Float64
     variance: Float64
+    upper: Float64
     beside: Float64
     red: Float64
     together: Float64
     frame: Float64
 
 
-def colour_noise(footage: RecordingView, frames: Sequence[int]) -> ColourNoise:
-    """Return the noise of colour in some frames. Raises InputError where one of them is damaged."""
+@dataclass(frozen=True)
+class _Level:
+    """Noise at an intensity.
+
+    at: the intensity, of 255. count: of blocks. sigma, error: by all frequencies, of 255. upper, upper_error: by the
+    upper half. noise: (N,) which blocks are of noise alone.
+    """
+
+    at: float
+    count: int
+    sigma: float
+    error: float
+    upper: float
+    upper_error: float
+    noise: NDArray[np.bool_]
+
+
+def colour_noise(footage: RecordingView, frames: Sequence[int], *, jpeg: bool = False) -> ColourNoise:
+    """Return the noise of colour in some frames. Raises InputError where one of them is damaged.
+
+    jpeg: whether they were JPEGs: these take more of the noise of dark places, and of a chroma that is halved, so what
+    is left has no law of its sensor.
+    """
     blocks = _joined(_of_frame(footage.look(frame).colour, number) for number, frame in enumerate(frames))
     groups = blocks_of(len(frames))[blocks.frame.astype(int)]
-    curve: list[tuple[float, Figure]] = []
-    whole: list[tuple[float, float, float]] = []
-    parted: list[list[tuple[float, float, float]]] = [[] for _ in range(BLOCKS)]
-    kept: list[tuple[float, Float64]] = []
-    textures: list[tuple[float, float]] = []
-    plainly = np.zeros(len(blocks.mean), np.bool_)
-    for low, high in pairwise(LEVELS.tolist()):
-        here = (blocks.mean >= low) & (blocks.mean < high)
-        if here.sum() < LEAST_BLOCKS or (sigma := _sigma(blocks.variance[here])) is None:
-            continue
-        level = float(np.mean(blocks.mean[here]))
-        parts = [_sigma(blocks.variance[here & (groups != group)]) for group in range(BLOCKS)]
-        known = np.array([sigma if part is None else part for part in parts])
-        plain = _plain_share(blocks.variance[here], sigma)
-        texture = min(max(TEXTURE / plain, LEAST_ERROR), MOST_ERROR)
-        error = float(np.hypot(jackknifed(known), texture * sigma))
-        figure = Figure.within(f"{CURVE}_at_{level:.0f}", sigma, error, int(here.sum()), "blocks")
-        curve.append((level, figure.on(CURVE, level)))
-        weight = float(np.sqrt(here.sum())) * plain
-        textures.append((texture, weight))
-        whole.append((level, sigma, weight))
-        for group, value in enumerate(known.tolist()):
-            parted[group].append((level, value, weight))
-        noise = here & (np.abs(blocks.variance / (sigma**2 + ROUNDED) - 1) < 0.4)
-        plainly |= noise
-        kept.append((float(noise.sum()), np.array([blocks.beside[noise].sum(), blocks.variance[noise].sum()])))
-    if not curve:
+    bins = (
+        (blocks.mean >= low) & (blocks.mean < high) & (blocks.variance > 0) for low, high in pairwise(LEVELS.tolist())
+    )
+    levels = [level for here in bins if (level := _level(blocks, here, groups)) is not None]
+    # Near black and white those blocks alone are whole whose noise is small by chance.
+    levels = [level for level in levels if CLIPPED * level.sigma < min(level.at, 255 - level.at)] or levels
+    if not levels:
         return _without_noise(blocks)
-    count = int(sum(number for number, _ in kept))
-    correlation = _correlation(kept)
-    fitted, left_out = _law(whole), np.array([_law(part) for part in parted])
-    variance = float(np.mean([(sigma / 255) ** 2 for _, sigma, _ in whole]))
-    by_texture = float(np.average([share for share, _ in textures], weights=[weight for _, weight in textures]))
-    apart = by_texture * variance**0.5, 2 * by_texture * variance
-    constant_error, slope_error = _law_errors(curve, count=len(whole))
-    gaussian = float(fitted[0])
-    # An error of the constant part is one of its root; what one part takes, the other lacks.
-    even = constant_error / max(2 * gaussian, constant_error**0.5) if constant_error > 0 else 0.0
-    law = [
-        Figure.within(
-            name,
-            float(fitted[place]),
-            float(np.sqrt(jackknifed(left_out[:, place]) ** 2 + apart[place] ** 2 + joint**2)),
-            len(curve),
-            "intensities",
-        )
-        for place, (name, joint) in enumerate(
-            (("colour_gaussian_std", even), ("colour_variance_per_intensity", slope_error))
-        )
-    ]
-    if len(curve) < 3:
-        law[1] = Figure.none(law[1].name, "too few intensities are seen")
-    error = 1 / max(count, 1) ** 0.5
-    beside = Figure.within("colour_noise_correlation", correlation, error, count, "blocks")
+    plainly = np.any([level.noise for level in levels], axis=0)
+    count = int(plainly.sum())
+    correlation = _correlation(blocks, plainly)
+    beside = Figure.within("colour_noise_correlation", correlation, 1 / max(count, 1) ** 0.5, count, "blocks")
     channels = _between_channels(blocks, plainly, groups)
+    alike = correlation > CORRELATED
+    curve = tuple((level.at, _on_curve(level, alike=alike)) for level in levels)
     remark = ""
-    if correlation > CORRELATED:
+    if alike:
         remark = (
             f"neighbours' noise of colour is correlated by {correlation:.2f}: it was denoised, compressed or resampled "
             "after it arose, and what is left is less than the sensor's own"
@@ -150,7 +143,69 @@ def colour_noise(footage: RecordingView, frames: Sequence[int]) -> ColourNoise:
             f"noise of red and green is correlated by {channels.value:.2f}: colour was compressed, denoised or made of "
             "a mosaic after noise arose, and each channel has less than the sensor's own"
         )
-    return ColourNoise(tuple(curve), law[0], law[1], beside, channels, remark)
+    law = _law_figures(levels, alike=alike)
+    why = ""
+    if jpeg:
+        why = "a JPEG took part of it, and another part at each intensity: what is left stands at the intensities"
+    elif alike and channels.sure_beyond(TOGETHER):
+        curve = ()
+        why = "what smooth blocks vary by is alike in red and green, as texture is, or noise that was compressed"
+    if why:
+        law = Figure.none(law[0].name, why), Figure.none(law[1].name, why)
+    return ColourNoise(curve, *law, beside, channels, remark)
+
+
+def _level(blocks: _Blocks, here: NDArray[np.bool_], groups: NDArray[np.int64]) -> _Level | None:
+    """Return the noise of some blocks, of one intensity; None where it is hidden."""
+    sigma = _sigma(blocks.variance[here]) if here.sum() >= LEAST_BLOCKS else None
+    if sigma is None or sigma < LEAST_TOLD:
+        return None
+    upper = _sigma(blocks.upper[here], _cosines().shape[1])
+
+    def apart(variances: Float64, free: int, whole: float) -> float:
+        parts = [_sigma(variances[here & (groups != group)], free) for group in range(BLOCKS)]
+        return jackknifed(np.array([whole if part is None else part for part in parts]))
+
+    plain = _plain_share(blocks.variance[here], sigma)
+    by_texture = sigma * min(max(TEXTURE / plain, LEAST_ERROR), MOST_ERROR)
+    error = float(np.hypot(apart(blocks.variance, FREE, sigma), by_texture))
+    upper_error = error
+    if upper is None:
+        upper = sigma
+    else:
+        upper_error = float(np.hypot(apart(blocks.upper, _cosines().shape[1], upper), UPPER_ERROR * upper))
+        if sigma < upper + upper_error:  # there is no texture: what all frequencies say is more exact
+            share = error**-2 / (error**-2 + upper_error**-2)
+            upper, upper_error = upper + share * (sigma - upper), min(error, upper_error)
+    noise = here & (np.abs(blocks.variance / (sigma**2 + ROUNDED) - 1) < 0.4)
+    return _Level(float(np.mean(blocks.mean[here])), int(here.sum()), sigma, error, upper, upper_error, noise)
+
+
+def _on_curve(level: _Level, *, alike: bool) -> Figure:
+    """Return a level as a figure. alike: whether neighbours' noise is, so that texture cannot be told from it."""
+    name = f"{CURVE}_at_{level.at:.0f}"
+    by_upper = Figure.within(name, level.upper, level.upper_error, level.count, "blocks").on(CURVE, level.at)
+    if not alike:
+        return by_upper
+    return _down_to(Figure.within(name, level.sigma, level.error, level.count, "blocks"), by_upper).on(CURVE, level.at)
+
+
+def _down_to(figure: Figure, other: Figure) -> Figure:
+    """Return a figure whose interval reaches down to that of another."""
+    if figure.low is None or other.low is None:
+        return figure
+    return replace(figure, low=min(figure.low, other.low))
+
+
+def _law_figures(levels: Sequence[_Level], *, alike: bool) -> tuple[Figure, Figure]:
+    """Return both parts of the law of variance against intensity."""
+    at = np.array([level.at for level in levels])
+    by_upper = _law(at, *(np.array([getattr(each, name) for each in levels]) for name in ("upper", "upper_error")))
+    if not alike:
+        return by_upper
+    by_all = _law(at, *(np.array([getattr(each, name) for each in levels]) for name in ("sigma", "error")))
+    even, slope = (_down_to(one, other) for one, other in zip(by_all, by_upper, strict=True))
+    return even, slope
 
 
 def _without_noise(blocks: _Blocks) -> ColourNoise:
@@ -163,7 +218,7 @@ def _without_noise(blocks: _Blocks) -> ColourNoise:
     smooth = blocks.variance <= np.quantile(blocks.variance, SMOOTHEST)
     most = float(np.sqrt(np.median(blocks.variance[smooth])))
     count = int(smooth.sum())
-    beside = _correlation([(float(count), np.array([blocks.beside[smooth].sum(), blocks.variance[smooth].sum()]))])
+    beside = _correlation(blocks, smooth)
     why = f"noise of independent pixels is hidden: even smooth blocks vary otherwise, by {most:.2g} of 255"
     gaussian, slope = (Figure.none(name, why) for name in names[:2])
     remark = (
@@ -190,10 +245,15 @@ def _between_channels(blocks: _Blocks, chosen: NDArray[np.bool_], groups: NDArra
 
 @cache
 def _surface() -> tuple[Float32, float]:
-    """Return orthonormal surfaces of a block (64, TERMS), and neighbours' correlation in what they leave of it."""
-    v, u = np.mgrid[:SIDE, :SIDE] - (SIDE - 1) / 2
-    terms = np.stack([np.ones(u.size), u.ravel(), v.ravel(), u.ravel() ** 2, v.ravel() ** 2, (u * v).ravel()], axis=1)
-    basis = np.linalg.qr(terms)[0]
+    """Return orthonormal surfaces, rows and columns of a block (64, TERMS).
+
+    And how neighbours are correlated in what these leave of a block of noise.
+    """
+    v, u = np.mgrid[:SIDE, :SIDE].reshape(2, -1)
+    middle = (SIDE - 1) / 2
+    terms = [*(v == np.arange(SIDE)[:, None]), *(u == np.arange(SIDE)[:, None]), (u - middle) * (v - middle)]
+    vectors, sizes, _ = np.linalg.svd(np.stack(terms, axis=1).astype(np.float64), full_matrices=False)
+    basis = vectors[:, sizes > 1e-9]
     left = np.eye(SIDE * SIDE) - basis @ basis.T
     cube = left.reshape(SIDE, SIDE, SIDE, SIDE)
     here = np.arange(SIDE - 1)
@@ -202,7 +262,7 @@ def _surface() -> tuple[Float32, float]:
 
 
 def _left(values: Float32) -> Float32:
-    """Return what a surface of second order leaves of blocks, (N, 64) each."""
+    """Return what surfaces, rows and columns leave of blocks, (N, 64) each."""
     basis = _surface()[0]
     return np.asarray(values - (values @ basis) @ basis.T, np.float32)
 
@@ -214,6 +274,8 @@ def _of_frame(image: NDArray[np.uint8], number: int) -> _Blocks:
     left = _left(values)
     square = left.reshape(-1, SIDE, SIDE)
     variance = np.einsum("ij,ij->i", left, left).astype(np.float64) / FREE
+    waves = values @ _cosines()
+    upper = np.einsum("ij,ij->i", waves, waves).astype(np.float64) / waves.shape[1]
     of_red, together = np.full((2, len(values)), np.nan)
     if len(values):
         smooth = variance <= np.quantile(variance, SMOOTHER)
@@ -222,7 +284,13 @@ def _of_frame(image: NDArray[np.uint8], number: int) -> _Blocks:
         together[smooth] = (other * left[smooth]).sum(axis=1) / FREE
     beside = np.einsum("ijk,ijk->i", square[:, :, 1:], square[:, :, :-1]).astype(np.float64) / (SIDE * (SIDE - 1))
     return _Blocks(
-        values.mean(axis=1).astype(np.float64), variance, beside, of_red, together, np.full(len(values), float(number))
+        values.mean(axis=1).astype(np.float64),
+        variance,
+        upper,
+        beside,
+        of_red,
+        together,
+        np.full(len(values), float(number)),
     )
 
 
@@ -235,24 +303,36 @@ def _cut(channel: NDArray[np.uint8]) -> NDArray[np.uint8]:
 
 def _joined(parts: Iterable[_Blocks]) -> _Blocks:
     held = list(parts)
-    names = ("mean", "variance", "beside", "red", "together", "frame")
+    names = ("mean", "variance", "upper", "beside", "red", "together", "frame")
     return _Blocks(*(np.concatenate([getattr(part, name) for part in held]) for name in names))
 
 
 @cache
-def _shares() -> tuple[float, float]:
-    """Return the shares of chi-squared below LOW and HIGH times its mean, by FREE degrees of freedom."""
-    values = np.random.default_rng(0).chisquare(FREE, 400_000) / FREE
+def _shares(free: int) -> tuple[float, float]:
+    """Return the shares of chi-squared below LOW and HIGH times its mean, by degrees of freedom."""
+    values = np.random.default_rng(0).chisquare(free, 400_000) / free
     return float(np.mean(values < LOW)), float(np.mean(values < HIGH))
 
 
-def _sigma(variances: Float64) -> float | None:
-    """Return the deviation of the noise that the lowest of variances (N,) are of; None where they tell none."""
+@cache
+def _cosines() -> Float32:
+    """Return the cosines of a block's upper frequencies (64, K), orthonormal (as the discrete cosine transform)."""
+    at = np.arange(SIDE)
+    waves = np.cos(np.pi * (at[:, None] + 0.5) * at / SIDE) * np.sqrt((1 + (at > 0)) / SIDE)
+    both = np.einsum("yv,xu->yxvu", waves, waves).reshape(SIDE * SIDE, -1)
+    return np.asarray(both[:, (at[:, None] + at).ravel() >= UPPER], np.float32)
+
+
+def _sigma(variances: Float64, free: int = FREE) -> float | None:
+    """Return the deviation of the noise that the lowest of variances (N,) are of; None where they tell none.
+
+    free: of how many degrees of freedom each is.
+    """
     ordered = np.sort(variances)
     tried = np.geomspace(LEAST_SIGMA, MOST_SIGMA, TRIED)
     low, whole = (np.searchsorted(ordered, times * tried**2) for times in (LOW, HIGH))
     enough = whole >= max(LEAST_BELOW, 0.01 * len(ordered))
-    ratio = low / np.maximum(whole, 1) - _shares()[0] / _shares()[1]
+    ratio = low / np.maximum(whole, 1) - np.divide(*_shares(free))
     crossing = np.flatnonzero(enough[1:] & (ratio[1:] >= 0) & (ratio[:-1] < 0))
     if not len(crossing):
         return None
@@ -264,43 +344,37 @@ def _sigma(variances: Float64) -> float | None:
 
 def _plain_share(variances: Float64, sigma: float) -> float:
     """Return the share of variances (N,) that are of noise of a deviation alone, above 0."""
-    return max(float(np.mean(variances < HIGH * (sigma**2 + ROUNDED))) / _shares()[1], 0.01)
+    return max(float(np.mean(variances < HIGH * (sigma**2 + ROUNDED))) / _shares(FREE)[1], 0.01)
 
 
-def _law(points: list[tuple[float, float, float]]) -> Float64:
-    """Fit (3,) intensity, deviation, weight by variance = gaussian^2 + slope * intensity, of full scale; both >= 0."""
-    level, sigma, weight = (np.array(column) for column in zip(*points, strict=True))
-    x, y = level / 255, (sigma / 255) ** 2
-    scaled = weight / y  # relative errors of the variance are alike
-    terms = np.stack([np.ones_like(x), x], axis=1)
-    if len(x) < 3:
-        return np.array([float(np.sqrt(np.average(y, weights=weight))), 0.0])
-    constant, slope = np.linalg.lstsq(terms * scaled[:, None], y * scaled, rcond=None)[0]
+def _law(at: Float64, sigma: Float64, error: Float64) -> tuple[Figure, Figure]:
+    """Fit variance = gaussian^2 + slope * intensity, of full scale, both >= 0, to levels (N,) of 255."""
+    names = "colour_gaussian_std", "colour_variance_per_intensity"
+    x, y, errors = at / 255, (sigma / 255) ** 2, 2 * sigma * error / 255**2
+    few = len(x) < LEAST_LEVELS
+    terms = np.stack([np.ones_like(x), x], axis=1)[:, : 1 if few else 2] / errors[:, None]
+    covariance = np.linalg.pinv(terms.T @ terms)
+    constant, *slopes = (covariance @ terms.T @ (y / errors)).tolist()
+    constant_error, *slope_errors = np.sqrt(np.diag(covariance)).tolist()
+    if few:
+        # All of it may be photons': the even part is that much at most.
+        high = float(np.sqrt(constant + WITHIN * constant_error))
+        even = Figure(names[0], float(np.sqrt(constant)), 0.0, high, len(x), "intensities")
+        return even, Figure.none(names[1], "too few intensities are seen")
+    slope, slope_error = slopes[0], slope_errors[0]
     if slope < 0:
-        constant, slope = np.average(y, weights=scaled**2), 0.0
+        constant, slope = float(np.average(y, weights=errors**-2)), 0.0
     elif constant < 0:
-        constant, slope = 0.0, np.sum(scaled**2 * x * y) / np.sum(scaled**2 * x * x)
-    return np.array([float(np.sqrt(constant)), float(slope)])
+        constant, slope = 0.0, float(np.sum(x * y / errors**2) / np.sum((x / errors) ** 2))
+    low, value, high = (np.sqrt(max(constant + side * WITHIN * constant_error, 0.0)) for side in (-1, 0, 1))
+    even = Figure(names[0], float(value), float(low), float(high), len(x), "intensities")
+    low, high = (max(slope + side * WITHIN * slope_error, 0.0) for side in (-1, 1))
+    return even, Figure(names[1], slope, low, high, len(x), "intensities")
 
 
-def _law_errors(curve: Sequence[tuple[float, Figure]], count: int) -> tuple[float, float]:
-    """Return the errors of both parts of the law, together, by those of its points; 0 of fewer than three."""
-    if count < 3:
-        return 0.0, 0.0
-    level, sigma, error = (
-        np.array(column)
-        for column in zip(*((at, figure.value, figure.half_width / WITHIN) for at, figure in curve), strict=True)
-    )
-    terms = np.stack([np.ones_like(level), level / 255], axis=1)
-    of_variance = 2 * sigma * np.maximum(error, LEAST_ERROR * sigma) / 255**2
-    weighted = terms / of_variance[:, None]
-    constant, slope = np.sqrt(np.diag(np.linalg.pinv(weighted.T @ weighted))).tolist()
-    return float(constant), float(slope)
-
-
-def _correlation(kept: list[tuple[float, Float64]]) -> float:
-    """Return neighbours' correlation of the noise, against that which the fit alone makes."""
-    beside, variance = np.sum([sums for _, sums in kept], axis=0)
+def _correlation(blocks: _Blocks, chosen: NDArray[np.bool_]) -> float:
+    """Return neighbours' correlation of the noise in some blocks, against that which the fit alone makes."""
+    beside, variance = blocks.beside[chosen].sum(), blocks.variance[chosen].sum()
     by_fit = _surface()[1]
     measured = float(beside / max(variance * FREE / (SIDE * SIDE), 1e-12))
     return (measured - by_fit) / (1 - by_fit)

@@ -24,13 +24,14 @@ FLOOR, RELATIVE = 0.35, 0.05  # error, of 255 and relative, by what lies along r
 HOT, ROWS, COLUMNS = "hot_pixel_share", "row_noise_std", "column_noise_std"
 
 
-def fixed_noise(footage: RecordingView, frames: Sequence[int]) -> tuple[Figure, ...]:
+def fixed_noise(footage: RecordingView, frames: Sequence[int], *, jpeg: bool = False) -> tuple[Figure, ...]:
     """Return hot pixels, and the noise of rows and columns, of some frames that are apart.
 
-    Raises InputError where one of them is damaged.
+    jpeg: whether they were JPEGs. Raises InputError where one of them is damaged.
     """
     images = [footage.colour(frame) for frame in frames]
-    return _hot(images), _lines(images, ROWS), _lines([image.swapaxes(0, 1) for image in images], COLUMNS)
+    hot = Figure.none(HOT, "a JPEG spreads single pixels over those beside them") if jpeg else _hot(images)
+    return hot, _lines(images, ROWS), _lines([image.swapaxes(0, 1) for image in images], COLUMNS)
 
 
 def _hot(images: Sequence[NDArray[np.uint8]]) -> Figure:

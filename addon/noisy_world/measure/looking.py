@@ -16,12 +16,14 @@ from .depth_blocks import Registered, evenly
 from .depth_noise import depth_noise
 from .figure import BLOCKS, Figure, Place
 from .fixed_noise import fixed_noise
+from .flickering import READOUT
 from .footage import RecordingView, footage_of
 from .imu_noise import imu_noise
 from .late_planes import lateness_of_planes
 from .lateness import CLOCK, LATE, depth_lateness, imu_clock, imu_clock_by_poses
 from .motion import Steps, steps_of
 from .parallax import AS_READ, Parallax, parallax
+from .readout import NAMES as READOUTS
 from .readout import readout
 from .recorded_light import light_figures, light_of
 from .shaking import shaking
@@ -154,13 +156,15 @@ def _with_noise(found: RecordingFigures, footage: RecordingView, steps: Steps | 
         remark = f"noise is measured where there are {BLOCKS} frames or more"
         return replace(found, figures=found.figures | {noise.name: noise for noise in inertial}, remarks=(remark,))
     stamps_s = footage.stamps.rgb.seconds
-    colour = colour_noise(footage, frames)
     compressed = coding(footage, frames)
-    figures = [*colour.figures, *fixed_noise(footage, frames), *compressed.figures, *inertial]
+    colour = colour_noise(footage, frames, jpeg=compressed.jpeg)
+    fixed = fixed_noise(footage, frames, jpeg=compressed.jpeg)
+    figures = [*colour.figures, *fixed, *compressed.figures, *inertial]
     figures += blur_figures(footage, evenly_between(frames, stamps_s))
-    figures += readout(without_gaps(steps, stamps_s), footage.rate_hz) if steps is not None else ()
-    figures += shaking(footage, steps)
-    figures += light_figures(light_of(footage, runs_of(len(footage), LIGHT_FRAMES, parts=2)))
+    light = light_figures(light_of(footage, runs_of(len(footage), LIGHT_FRAMES, parts=2)))
+    if steps is not None:
+        figures += _readouts(readout(without_gaps(steps, stamps_s), footage.rate_hz), light)
+    figures += [*shaking(footage, steps), *light]
     if footage.has_depth:
         figures += _depth_figures(footage, frames, steps, found.figures[LATE])
     remarks = (*((colour.remark,) if colour.remark else ()), *compressed.remarks)
@@ -182,6 +186,14 @@ def _depth_figures(
     stamped = (footage.rate_hz or 1.0) * depth_stamps_later_s(stamps.rgb.seconds, stamps.depth.seconds)
     registered = Registered(footage, steps, (late.value or 0.0) + stamped)
     return depth_noise(footage, evenly(registered.frames, NOISE_FRAMES), registered).figures
+
+
+def _readouts(by_motion: Sequence[Figure], light: Sequence[Figure]) -> Iterator[Figure]:
+    """Yield the readouts by motion; that from top to bottom by bands of flicker, where these tell it more exactly."""
+    by_bands = next(figure for figure in light if figure.name == READOUT)
+    for figure in by_motion:
+        down = figure.name == READOUTS[0] and by_bands.half_width < figure.half_width
+        yield replace(by_bands, name=figure.name) if down else figure
 
 
 def remarks_on(source: Source, camera: Intrinsics, making: int) -> Iterator[str]:

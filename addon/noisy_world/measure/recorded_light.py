@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from ..core.srgb import LUMINANCE
 from .figure import BLOCKS, WITHIN, Figure, blocks_of, jackknifed
+from .flickering import BandedLight, flicker
 from .footage import Float32, Float64, RecordingView, linear_of_bytes
 
 # Chosen, as all below.
@@ -28,11 +29,9 @@ APART = 0.35  # difference of log light: more is another surface
 LEAST = 200  # places that two frames share: of fewer, as in blur, many are followed wrongly
 TUKEY, REWEIGHTED = 4.7, 3
 ROUNDED = 0.01  # deviation of log light by whole numbers of 255, at middle grey
-# Found on known ones: of flicker, absolute and relative; of a range of exposure, in stops, whatever and for each step;
-# of vignetting.
-SWING_ERROR, RANGE_ERROR, VIGNETTING_ERROR = (0.0005, 0.02), (0.008, 0.0006), 0.012
-LAMPS_HZ = (100.0, 120.0)  # twice the mains'
-FOLDED = 0.3  # of its swing that a flicker has to show between frames, before it can be told
+# Found on known ones: of a range of exposure, in stops, whatever and for each step; of vignetting.
+RANGE_ERROR, VIGNETTING_ERROR = (0.008, 0.0006), 0.012
+BANDS = 16  # of lines in which flicker is looked at
 FOLLOWED = 0.8  # of the steps: where fewer can be followed, those may be wrong that can
 LEAST_STEPS = 24
 LEAST_PAIRS = 5000
@@ -50,7 +49,7 @@ class SharedSurface:
 
     frames: their numbers. run: the run that they are of. where: (N, 2) the squared distance from the axis in both, of
     half a diagonal. light: (N, 3) natural logarithm of the second's light over the first's, by channel. first: (N, 3)
-    that of the first's.
+    that of the first's. lines: (N, 2) where they are in both, of the height, from -1/2 to 1/2.
     """
 
     frames: tuple[int, int]
@@ -58,13 +57,15 @@ class SharedSurface:
     where: Float64
     light: Float64
     first: Float64
+    lines: Float64
 
 
 @dataclass(frozen=True)
 class RecordedLight:
     """Frames' numbers and mean light, of full scale, (N,); what neighbours share, and frames that are FAR apart.
 
-    steps: how many neighbours there are, and how many frames so far apart that are looked at.
+    steps: how many neighbours there are, and how many frames so far apart that are looked at. patch: what is compared,
+    of the height.
     """
 
     frames: tuple[int, ...]
@@ -73,6 +74,7 @@ class RecordedLight:
     far: list[SharedSurface]
     stamps_s: Float64
     steps: tuple[int, int]
+    patch: float
 
 
 def light_of(footage: RecordingView, runs: Sequence[range]) -> RecordedLight:
@@ -81,12 +83,13 @@ def light_of(footage: RecordingView, runs: Sequence[range]) -> RecordedLight:
     mean: list[float] = []
     shared: list[SharedSurface] = []
     far: list[SharedSurface] = []
-    looked = [0, 0]
+    looked, high_px = [0, 0], 1
     for number, run in enumerate(runs):
         seen: dict[int, _Seen] = {}
         for frame in run:
             light, seen[frame] = _seen(footage.colour(frame))
             mean.append(light)
+            high_px = len(seen[frame][0])
             since = frame - run.start
             for place, (apart, whose) in enumerate(((1, shared), *(((FAR, far),) if since % FAR == 0 else ()))):
                 if (before := seen.get(frame - apart)) is not None:
@@ -102,6 +105,7 @@ def light_of(footage: RecordingView, runs: Sequence[range]) -> RecordedLight:
         far,
         np.asarray(footage.stamps.rgb.seconds, np.float64),
         (looked[0], looked[1]),
+        PATCH_PX / high_px,
     )
 
 
@@ -135,8 +139,8 @@ def _even(grey: NDArray[np.uint8]) -> NDArray[np.uint8]:
     return np.clip(128 + 127 * over, 0, 255).astype(np.uint8)
 
 
-def _shared(footage: RecordingView, one: _Seen, other: _Seen) -> tuple[Float64, Float64, Float64]:
-    """Return of places seen twice, where they are (N, 2), how their light changes, and its logarithm before (N, 3).
+def _shared(footage: RecordingView, one: _Seen, other: _Seen) -> tuple[Float64, Float64, Float64, Float64]:
+    """Return of places seen twice, where they are (N, 2), how their light changes, its logarithm before (N, 3), lines.
 
     Places lie evenly over the first image: of what is chosen for standing out, the other image shows less.
     """
@@ -163,17 +167,22 @@ def _shared(footage: RecordingView, one: _Seen, other: _Seen) -> tuple[Float64, 
     good &= np.isfinite(light).all(axis=1)
     middle = np.median(light[good], axis=0) if good.any() else np.zeros(3)
     good[good] = (np.abs(light[good] - middle) < APART).all(axis=1)
-    return places[good], light[good], first[good]
+    lines = (np.stack([v, y], axis=1) + 0.5) / high - 0.5
+    return places[good], light[good], first[good], lines[good]
 
 
 @dataclass(frozen=True)
 class _Steps:
-    """Of steps between frames (M,): their frames (M, 2), run, gain (M, 3) in natural logarithm, its error (M,)."""
+    """Of steps between frames (M,): their frames (M, 2), run, gain (M, 3) in natural logarithm, its error (M,).
+
+    banded: their light by bands of lines.
+    """
 
     frames: NDArray[np.int64]
     run: NDArray[np.int64]
     gain: Float64
     error: Float64
+    banded: BandedLight
 
 
 def light_figures(light: RecordedLight) -> tuple[Figure, ...]:
@@ -183,10 +192,11 @@ def light_figures(light: RecordedLight) -> tuple[Figure, ...]:
         for whose, steps in zip((light.shared, light.far), light.steps, strict=True)
     )
     vignetting, loss = _vignetting(far)
-    steps = _gains(shared, loss)
-    flicker, left = _flicker(steps, light.stamps_s)
+    steps = _gains(shared, loss, light.patch)
+    flickers, by_lamps = flicker(steps.banded, light.stamps_s)
+    left = steps.gain.mean(axis=1) - by_lamps
     exposure = _exposure(steps, left, light.stamps_s)
-    return (*_brightness(light.mean), *exposure, _lag(light, steps, left, exposure[0]), *flicker, vignetting)
+    return (*_brightness(light.mean), *exposure, _lag(light, steps, left, exposure[0]), *flickers, vignetting)
 
 
 def _brightness(means: Float64) -> tuple[Figure, ...]:
@@ -246,14 +256,16 @@ def _tukey(off: Float64) -> Float64:
     return np.clip(1 - (off / (TUKEY * spread)) ** 2, 0, None) ** 2 + 1e-9
 
 
-def _gains(shared: Sequence[SharedSurface], loss: float) -> _Steps:
+def _gains(shared: Sequence[SharedSurface], loss: float, patch: float) -> _Steps:
+    """Return how light changes in steps. loss: of vignetting. patch: of what is compared, of the height."""
     gains: list[Float64] = []
     errors: list[float] = []
+    bands: list[tuple[Float64, Float64, Float64]] = []
     for pair in shared:
         passed = np.log(1 - np.clip(loss * pair.where, None, 0.99))
         light = pair.light - (passed[:, 1] - passed[:, 0])[:, None]
         middle = np.median(light, axis=0)
-        first = np.exp(pair.first)
+        first, weight = np.exp(pair.first), np.ones_like(light)
         for _ in range(REWEIGHTED):
             weight = np.clip(1 - ((light - middle) / (TUKEY * _spread(light - middle))) ** 2, 0, None) ** 2
             # Of sums of light: of logarithms, places that are seen from nearer, and so less blurred, would be darker.
@@ -261,64 +273,35 @@ def _gains(shared: Sequence[SharedSurface], loss: float) -> _Steps:
             middle = np.log(np.maximum(second, 1e-9) / np.maximum((weight * first).sum(axis=0), 1e-9))
         gains.append(middle)
         errors.append(float(_spread(light - middle).mean()) / len(light) ** 0.5)
+        bands.append(_bands(pair.lines, light.mean(axis=1), first.mean(axis=1) * weight.min(axis=1)))
     frames = np.array([pair.frames for pair in shared], np.int64).reshape(-1, 2)
     run = np.array([pair.run for pair in shared], np.int64)
-    return _Steps(frames, run, np.array(gains).reshape(-1, 3), np.array(errors))
+    change, lines, weight = (
+        np.array([band[place] for band in bands]).reshape(-1, BANDS, *more)
+        for place, more in ((0, ()), (1, (2,)), (2, ()))
+    )
+    banded = BandedLight(frames, change, lines, weight, (1 / BANDS, patch))
+    return _Steps(frames, run, np.array(gains).reshape(-1, 3), np.array(errors), banded)
+
+
+def _bands(lines: Float64, change: Float64, weight: Float64) -> tuple[Float64, Float64, Float64]:
+    """Return how light changes in bands of lines (BANDS,), where these are in both frames (BANDS, 2), and weights.
+
+    lines: (N, 2) of places. change: (N,) of their light. weight: (N,), 0 of what is another surface.
+    """
+    band = np.clip(((lines[:, 0] + 0.5) * BANDS).astype(int), 0, BANDS - 1)
+    whole = np.bincount(band, weight, BANDS)
+    enough = (np.bincount(band, weight > 0, BANDS) >= LEAST // BANDS) & (whole > 0)
+    divisor = np.where(enough, whole, np.nan)
+    # Of sums of light, as gains are.
+    changed = np.log(np.maximum(np.bincount(band, weight * np.exp(change), BANDS), 1e-12) / divisor)
+    where = np.stack([np.bincount(band, weight * line, BANDS) / divisor for line in lines.T], axis=1)
+    return changed, np.nan_to_num(where), np.where(enough, whole, 0.0)
 
 
 def _spread(off: Float64) -> Float64:
     """Return the deviation of changes of light (N, 3), by channel, at least that of rounding to whole numbers."""
     return np.maximum(1.4826 * np.median(np.abs(off), axis=0), ROUNDED)
-
-
-def _flicker(steps: _Steps, stamps_s: Float64) -> tuple[tuple[Figure, ...], Float64]:
-    """Return the swing of light at LAMPS_HZ, as whole frames show it, and what gains are left (M,) without it."""
-    luminance = steps.gain.mean(axis=1)
-    figures: list[Figure] = []
-    best: tuple[float, Float64] = 0.0, luminance
-    for hertz in LAMPS_HZ:
-        name = f"flicker_swing_{hertz:.0f}_hz"
-        if len(luminance) < LEAST_STEPS:
-            figures.append(Figure.none(name, "too few frames in a row show the same"))
-            continue
-        angle = 2 * np.pi * hertz * stamps_s[steps.frames]
-        terms = np.stack([np.cos(angle[:, 1]) - np.cos(angle[:, 0]), np.sin(angle[:, 1]) - np.sin(angle[:, 0])], axis=1)
-        if np.sqrt((terms**2).sum(axis=1).mean()) < FOLDED:
-            figures.append(Figure.none(name, "at this rate of frames each frame sees the same of it"))
-            continue
-        groups = blocks_of(len(luminance))
-        fitted = _swing(angle, luminance)
-        left_out = np.array([_swing(angle[groups != group], luminance[groups != group]) for group in range(BLOCKS)])
-        swing = float(np.hypot(fitted[0], fitted[1]))
-        by_part = [jackknifed(left_out[:, place]) for place in (0, 1)]
-        error = float(np.hypot(by_part[0], by_part[1])) / 2**0.5
-        figures.append(
-            Figure.within(
-                name, swing, float(np.hypot(error, SWING_ERROR[0] + SWING_ERROR[1] * swing)), len(luminance), "steps"
-            )
-        )
-        if swing > 4 * error and swing > best[0]:
-            best = swing, luminance - _change(angle, fitted)
-    return tuple(figures), best[1]
-
-
-def _change(angle: Float64, swing: Float64) -> Float64:
-    """Return the change (M,) of log light from one angle of lamps (M, 2) to the next; swing: (2,) cosine and sine."""
-    light = 1 + swing[0] * np.cos(angle) + swing[1] * np.sin(angle)
-    return np.diff(np.log(np.maximum(light, 0.02)), axis=1)[:, 0]
-
-
-def _swing(angle: Float64, luminance: Float64) -> Float64:
-    """Fit (2,) by Gauss and Newton's method with Tukey's weights."""
-    found = np.zeros(2)
-    for _ in range(8):
-        light = np.maximum(1 + found[0] * np.cos(angle) + found[1] * np.sin(angle), 0.02)
-        slopes = np.stack([np.diff(wave(angle) / light, axis=1)[:, 0] for wave in (np.cos, np.sin)], axis=1)
-        off = luminance - _change(angle, found)
-        weight = np.sqrt(_tukey(off))
-        found = found + np.linalg.lstsq(slopes * weight[:, None], off * weight, rcond=None)[0]
-        found = found / max(1.0, float(np.hypot(found[0], found[1])) / 0.95)
-    return found
 
 
 def _exposure(steps: _Steps, luminance: Float64, stamps_s: Float64) -> tuple[Figure, ...]:

@@ -230,6 +230,10 @@ def _coding(twin: Twin, found: RecordingFigures) -> None:
 
 def _colour(twin: Twin, found: RecordingFigures) -> None:
     std, slope = _value(found, "colour_gaussian_std"), _value(found, "colour_variance_per_intensity") or 0.0
+    left = [each.value for each in found.figures.values() if each.curve == "colour_noise" and each.value is not None]
+    if std is None and left:
+        std = float(np.sqrt(np.mean(np.square(left)))) / 255
+        twin.untold.append("colour_gaussian_std: gaussian_noise has what is left at the intensities, all together")
     if std is None:
         return
     if slope > 1 / MOST_PHOTONS:
