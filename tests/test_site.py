@@ -35,7 +35,7 @@ SEARCHED = """(async () => {
   field.dispatchEvent(new Event("input", { bubbles: true }));
   field.dispatchEvent(new KeyboardEvent("keyup", { bubbles: true, key: "g" }));
   const found = () => [...document.querySelectorAll(".md-search-result__item h1")].map((title) => title.textContent);
-  for (let tries = 0; tries < 100 && found().length === 0; tries++) await new Promise((go) => setTimeout(go, 50));
+  for (let tries = 0; tries < 2000 && found().length === 0; tries++) await new Promise((go) => setTimeout(go, 50));
   const shown = document.querySelector(".md-search__output").getBoundingClientRect();
   return shown.width > 100 && shown.height > 100 ? found() : [];
 })()"""

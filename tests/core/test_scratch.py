@@ -57,7 +57,7 @@ def holder(memory):
 def end(process):
     process.stdin.close()
     process.stdout.close()
-    process.wait(20)
+    process.wait(300)
 
 
 @pytest.mark.parametrize("place", ["memory", "disk"])
@@ -68,7 +68,7 @@ def test_the_next_sweeps_what_a_killed_process_left(memory, place):
     try:
         assert left.parent == kept.parent == parent
         killed.send_signal(signal.SIGKILL)
-        killed.wait(20)
+        killed.wait(300)
         assert (left / "frame.exr").exists(), "nothing could remove it"
         with_own = ScratchFolder(1)
         assert not left.exists()

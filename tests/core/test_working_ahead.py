@@ -14,7 +14,7 @@ def test_order_and_bound():
     def work(item):
         begun.append(item)
         if item == 0:
-            release.wait(10)  # the others overtake the first
+            release.wait(300)  # the others overtake the first
         return -item
 
     done = done_ahead(work, iter(range(100)), threads=3, ahead=5, name="test")

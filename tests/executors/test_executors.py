@@ -37,7 +37,7 @@ def ready(order, progress):
         if name == "wrong":
             raise NoisyWorldError("wrong: is not right")
         if name == "waits":
-            stop.wait(60)
+            stop.wait(600)
         return {{"order": order}}
 
     yield perform
@@ -179,7 +179,7 @@ def test_a_worker_whose_parent_is_gone_ends(executors, tmp_path):
     worker.stdin.flush()
     assert "advance" in worker.stdout.readline()
     worker.stdin.close()
-    assert worker.wait(30) == INTERRUPTED
+    assert worker.wait(300) == INTERRUPTED
 
 
 def test_neighbours_go_to_one_worker():

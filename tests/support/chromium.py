@@ -14,7 +14,7 @@ from typing import Any
 # Until the page's own script has shown what it reads.
 READY = """(async () => {
   for (let tries = 0; document.documentElement.dataset.ready === undefined; tries++) {
-    if (tries > 400) throw new Error("the page is not ready");
+    if (tries > 4000) throw new Error("the page is not ready");
     await new Promise((go) => setTimeout(go, 25));
   }
 })()"""
@@ -23,7 +23,7 @@ READY = """(async () => {
 SIZED = """(async () => {
   const picture = () => new Promise((go) => requestAnimationFrame(go));
   for (let tries = 0; innerWidth !== %d; tries++) {
-    if (tries > 400) throw new Error(`the window is ${innerWidth} px wide`);
+    if (tries > 4000) throw new Error(`the window is ${innerWidth} px wide`);
     await picture();
   }
   await picture();
@@ -145,4 +145,4 @@ def browser() -> Iterator[Tab]:
             os.close(write)
             os.close(read)
             process.terminate()
-            process.wait(timeout=20)
+            process.wait(timeout=300)

@@ -17,7 +17,7 @@ def child(text, **options):
     return BackgroundRun([sys.executable, "-c", TALK + text], **options)
 
 
-def until(run, condition, timeout_s=20):
+def until(run, condition, timeout_s=300):
     end_s = time.monotonic() + timeout_s
     while not condition(run):
         assert time.monotonic() < end_s, vars(run)
