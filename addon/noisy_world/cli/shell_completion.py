@@ -143,9 +143,9 @@ def script(shell: str, parsers: Parsers) -> str:
 # --- manual pages ---
 
 
-def manual_page(command: Command, parser: Parser, version: str, day: datetime | None = None) -> str:
-    """Return a subcommand's manual page in troff's man macros. day: its date, today's by default."""
-    date = (day or datetime.now(UTC)).strftime("%Y-%m-%d")
+def manual_page(command: Command, parser: Parser, version: str) -> str:
+    """Return a subcommand's manual page in troff's man macros. Its date is today's."""
+    date = datetime.now(UTC).strftime("%Y-%m-%d")
     name = f"{PROGRAM}-{command.name}"
     usage = parser.format_usage().removeprefix("usage: ").split()
     lines = [

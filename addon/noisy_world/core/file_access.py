@@ -111,9 +111,9 @@ def read_array(path: FileName) -> "NDArray[Any]":
         return np.load(file, allow_pickle=False)
 
 
-def check_regular(path: FileName, *, largest_bytes: int | None = None) -> None:
+def check_regular(path: FileName) -> None:
     """Raise OSError where a name, for a library that opens files by name, is no regular file."""
-    _check(os.stat(path), path, largest_bytes)  # noqa: PTH116 - thousands are asked for, and a Path costs as much
+    _check(os.stat(path), path, None)  # noqa: PTH116 - thousands are asked for, and a Path costs as much
 
 
 def _check(found: os.stat_result, path: FileName, largest_bytes: int | None) -> None:

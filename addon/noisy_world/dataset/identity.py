@@ -236,11 +236,10 @@ GREY = {"rgb": "grey, 8 bits: 0.299 R + 0.587 G + 0.114 B of sRGB-encoded values
 # --- the identity ---
 
 
-def identity(plan: Plan, renderer: Mapping[str, str], *, paths: bool = True) -> dict[str, Any]:
+def identity(plan: Plan, renderer: Mapping[str, str]) -> dict[str, Any]:
     """Return what decides every byte of a dataset, as plain JSON values.
 
-    renderer: the versions of what renders, by name. paths: whether to hash the scenes' paths, for which a generated
-    path has to be made.
+    renderer: the versions of what renders, by name.
 
     What is compared is what the preset means: settings have their steps with all parameters, whether they were swept,
     written out or left to their defaults. The preset's document stands beside that for people. Which frames a run makes
@@ -260,7 +259,7 @@ def identity(plan: Plan, renderer: Mapping[str, str], *, paths: bool = True) -> 
         "rig": None if plan.rig is None else _rig(plan.rig),
         "render": {name: getattr(spec.render, name) for name in ("engine", "device", "samples")} if rendered else None,
         "output": _output(plan.format),
-        "scenes": {scene.name: _scene(plan, scene, cameras[scene.name], paths) for scene in plan.scenes},
+        "scenes": {scene.name: _scene(plan, scene, cameras[scene.name]) for scene in plan.scenes},
         "settings": {setting.name: RecordedSetting.of(setting).content() for setting in plan.settings},
         "sequences": {sequence.folder: counts[sequence.scene] for sequence in plan.sequences},
         "versions": {**_packages(plan), **renderer, **base_versions()},
@@ -279,9 +278,9 @@ def _of_part(name: str) -> bool:
     return name.split(".", maxsplit=1)[0] in ("scenes", "settings")
 
 
-def plain_identity(plan: Plan, renderer: Mapping[str, str], *, paths: bool = True) -> dict[str, Any]:
+def plain_identity(plan: Plan, renderer: Mapping[str, str]) -> dict[str, Any]:
     """Return the identity as it is read back from a file: JSON turns tuples into lists, for instance."""
-    return json.loads(canonical(identity(plan, renderer, paths=paths)))
+    return json.loads(canonical(identity(plan, renderer)))
 
 
 def _sensor(sensor: Sensor | None) -> list[list[float]] | None:
@@ -316,15 +315,16 @@ def _output(format_: OutputFormat) -> dict[str, Any]:
     }
 
 
-def _scene(plan: Plan, scene: Scene, camera: Intrinsics, paths: bool) -> dict[str, Any]:
+def _scene(plan: Plan, scene: Scene, camera: Intrinsics) -> dict[str, Any]:
     """Return what belongs to a scene. Its entry in the preset is for people; the path is compared by its poses."""
-    path: dict[str, Any] = {"frames": scene.frame_count}
-    if paths:
-        path["sha256"] = path_sha256(scene.path, scene.source.stamps_s, scene.frame_count)
-        own = [render for render in plan.renders if render.scene.name == scene.name]
-        looked = any(render.exposure or (render.unit is not None and render.unit.clock) for render in own)
-        if looked or (plan.rig is not None and plan.rig.imu is not None):
-            path[BETWEEN] = between_sha256(scene.path)
+    path: dict[str, Any] = {
+        "frames": scene.frame_count,
+        "sha256": path_sha256(scene.path, scene.source.stamps_s, scene.frame_count),
+    }
+    own = [render for render in plan.renders if render.scene.name == scene.name]
+    looked = any(render.exposure or (render.unit is not None and render.unit.clock) for render in own)
+    if looked or (plan.rig is not None and plan.rig.imu is not None):
+        path[BETWEEN] = between_sha256(scene.path)
     return {
         "entry": relevant_entry(scene.entry),
         "inputs": _inputs(scene),

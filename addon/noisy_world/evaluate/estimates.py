@@ -345,19 +345,17 @@ def estimate_of(path: Path, read: FilePoses, frames: Frames | None) -> Estimate:
     return Estimate(frames.stamps_s[numbers[order]], read.poses[order])
 
 
-def match_frames(
-    estimate: Estimate, frames_s: NDArray[np.float64], within_s: float = MAX_DIFFERENCE_S
-) -> tuple[Estimate, str]:
+def match_frames(estimate: Estimate, frames_s: NDArray[np.float64]) -> tuple[Estimate, str]:
     """Return the poses that belong to frames, under the frames' stamps (N,), and a sentence on the others, "" of none.
 
     By the rule by which scores pair poses with true ones, `associate_poses`. Where no pose belongs to a frame, all are
     returned under their own stamps, so that their score says so.
     """
-    rows, of_frames = associate_poses(estimate.stamps_s, frames_s, within_s)
+    rows, of_frames = associate_poses(estimate.stamps_s, frames_s, MAX_DIFFERENCE_S)
     others = len(estimate) - len(rows)
     if not others:
         return Estimate(frames_s[of_frames], estimate.c2w[rows]), ""
-    how = f"within {within_s:g} s by their stamps"
+    how = f"within {MAX_DIFFERENCE_S:g} s by their stamps"
     if not len(rows):
         off_s = float(
             np.abs(estimate.stamps_s[:, None] - _reading_nearest(frames_s, estimate.stamps_s)).min(initial=np.inf)

@@ -48,7 +48,7 @@ class Laid:
     rmse_m: float
 
 
-def lay(points_m: Points, truth_m: Points, *, largest_m: float = LARGEST_M) -> Laid:
+def lay(points_m: Points, truth_m: Points) -> Laid:
     """Move points (N, 3) onto others (M, 3), each at least three; where too few have pairs, they stay."""
     tree = tree_of(truth_m)
     middle_m = truth_m.mean(axis=0)
@@ -56,7 +56,7 @@ def lay(points_m: Points, truth_m: Points, *, largest_m: float = LARGEST_M) -> L
     share, rmse_m = 0.0, np.inf
     for left in range(ITERATIONS, -1, -1):
         moved = points_m @ whole[:3, :3].T + whole[:3, 3]
-        apart_m, which = to_points(moved, tree, largest_m=largest_m)
+        apart_m, which = to_points(moved, tree, largest_m=LARGEST_M)
         paired = np.isfinite(apart_m)
         before = share, rmse_m
         share = float(paired.mean())

@@ -45,7 +45,7 @@ from .frame_tracking import (
     read_depth,
     smoothed,
 )
-from .map_fusion import VOXEL_M, fuse
+from .map_fusion import fuse
 from .system_input import FrameEntry, FrameIndex
 
 if TYPE_CHECKING:
@@ -447,7 +447,6 @@ def fused_map(
     keyframes: Sequence[FrameResult],
     *,
     smooth: bool = True,
-    voxel_m: float = VOXEL_M,
     stopped: Callable[[], bool] = lambda: False,
 ) -> Mesh | None:
     """Return the surface that the keyframes saw, None where they saw nothing."""
@@ -459,7 +458,7 @@ def fused_map(
         for frame in kept:
             yield MapFrame(entries[frame.index], camera, index.depth_scale_per_m, smooth)
 
-    return fuse(frames(), [frame.c2w for frame in kept], camera, voxel_m=voxel_m, stopped=stopped).mesh
+    return fuse(frames(), [frame.c2w for frame in kept], camera, stopped=stopped).mesh
 
 
 def write_map(folder: Path, mesh: Mesh) -> None:

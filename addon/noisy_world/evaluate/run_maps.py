@@ -19,7 +19,7 @@ from ..scenes.polygon_mesh import MEANT, Mesh, is_embedded, room_seeds
 from ..sources.rendered_mesh import read_mesh
 from .cases import MAP
 from .estimates import MAX_DIFFERENCE_S, Estimate, associate_poses
-from .map_fusion import FAR_M, VOXEL_M, Fused, fuse
+from .map_fusion import VOXEL_M, Fused, fuse
 from .map_metrics import moved
 from .pose_errors import Similarity, aligned_poses
 
@@ -98,8 +98,6 @@ def map_of_run(
     by: Similarity | None,
     frames: Sequence,
     camera: Intrinsics,
-    *,
-    voxel_m: float = VOXEL_M,
 ) -> RunMap:
     """Return the map of the run in a folder, moved as its path is: map.ply where it is there, else one that is fused.
 
@@ -115,7 +113,7 @@ def map_of_run(
             return RunMap(moved(mesh, by.matrix), "system")
         except InputError as error:
             return RunMap(None, problem=str(error))
-    mesh = fuse_along(estimate, frames, camera, by=by, voxel_m=voxel_m).mesh
+    mesh = fuse_along(estimate, frames, camera, by=by).mesh
     return RunMap(mesh, "" if mesh is None else "fused")
 
 
@@ -133,9 +131,7 @@ def fuse_along(
     camera: Intrinsics,
     *,
     by: Similarity | None = None,
-    max_difference_s: float = MAX_DIFFERENCE_S,
     voxel_m: float = VOXEL_M,
-    far_m: float = FAR_M,
 ) -> Fused:
     """Fuse the frames that have an estimated pose, as stamps say; images of the others are not read.
 
@@ -143,8 +139,8 @@ def fuse_along(
     then lies in the true world, with the frames' own scale, also where the estimate has another.
     """
     stamps_s = np.array([frame.stamp_s for frame in frames])
-    rows, of_frames = associate_poses(estimate.stamps_s, stamps_s, max_difference_s)
+    rows, of_frames = associate_poses(estimate.stamps_s, stamps_s, MAX_DIFFERENCE_S)
     c2w = estimate.c2w[rows] if by is None else aligned_poses(estimate.c2w[rows], by)
     poses = dict(zip(of_frames.tolist(), c2w, strict=True))
     every = (poses.get(index) for index in range(len(frames)))
-    return fuse(frames, every, camera, voxel_m=voxel_m, far_m=far_m)
+    return fuse(frames, every, camera, voxel_m=voxel_m)

@@ -45,14 +45,14 @@ ROUNDS = 8
 TF_IDF_L1 = "0 0"  # weighting and score of DBoW2
 
 
-def train(frames: int = FRAMES) -> str:
-    """Return the vocabulary, trained on so many pictures, as DBoW2's text. It is the same each time."""
+def train() -> str:
+    """Return the vocabulary, trained on FRAMES pictures, as DBoW2's text. It is the same each time."""
     import cv2
 
     threads = cv2.getNumThreads()
     cv2.setNumThreads(1)
     try:
-        return vocabulary_text([descriptors(frame) for frame in rendered(frames)])
+        return vocabulary_text([descriptors(frame) for frame in rendered(FRAMES)])
     finally:
         cv2.setNumThreads(threads)
 

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The true map: a scene's mesh, or a recording's true depth fused along the true path, as far as cameras saw it."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from enum import StrEnum
@@ -432,12 +432,11 @@ def true_map_of_recording(
     culling: Culling = Culling.FRUSTUM_OCCLUSION,
     samples: int = SAMPLES,
     seed: int = 0,
-    stopped: Callable[[], bool] = lambda: False,
 ) -> TrueMap:
     """Return the true map of frames without noise, with rgb, depth_m and c2w.
 
     Finer voxels than a map's own: what is fused with an error of some millimetres measures nothing below that.
     """
-    fused = fuse(frames, (frame.c2w for frame in frames), camera, voxel_m=voxel_m, stopped=stopped)
+    fused = fuse(frames, (frame.c2w for frame in frames), camera, voxel_m=voxel_m)
     views = RecordedViews(frames, camera)
     return TrueMap(fused.mesh, views, "fused", culling=culling, samples=samples, seed=seed)

@@ -163,11 +163,6 @@ class Bag:
         """Return the connections of a topic."""
         return tuple(item for item in self.connections if item.topic == topic)
 
-    def rows_of(self, *topics: str) -> MessageRows:
-        """Return the messages of topics, in the order of the files."""
-        numbers = [item.number for topic in topics for item in self.of_topic(topic)]
-        return self.rows.take(np.flatnonzero(np.isin(self.rows.connection, numbers)))
-
     def data(self, rows: MessageRows, row: int, most: int | None = None, *, raw: bool = False) -> bytes:
         """Return the data of a message, or the first bytes of it. Raises InputError where they cannot be read.
 

@@ -208,15 +208,15 @@ def _camera_of(path: Path, size_px: SizePx | None) -> Intrinsics:
     raise InputError(path, "says no intrinsics", remedy=_CAMERA_FILE_REMEDY)
 
 
-def matrix_in(path: Path, value: Any, where: str, side: int = 3) -> NDArray[np.float64]:
-    """Return a square matrix of JSON, row by row, flat or as rows. Raises InputError where it is none."""
+def matrix_in(path: Path, value: Any, where: str) -> NDArray[np.float64]:
+    """Return a matrix (3, 3) of JSON, row by row, flat or as rows. Raises InputError where it is none."""
     flat = (
         [each for row in value for each in (row if isinstance(row, list) else [row])] if isinstance(value, list) else []
     )
     numbers = [finite_number(each) for each in flat]
-    if len(numbers) != side * side or None in numbers:
-        raise InputError(path, f"is no matrix of {side} x {side} numbers", where=where)
-    return np.array(numbers, dtype=np.float64).reshape(side, side)
+    if len(numbers) != 9 or None in numbers:
+        raise InputError(path, "is no matrix of 3 x 3 numbers", where=where)
+    return np.array(numbers, dtype=np.float64).reshape(3, 3)
 
 
 def _open3d(path: Path, inside: dict[str, Any]) -> Intrinsics:

@@ -41,7 +41,6 @@ from .layout import MILLIMETRES, RECORDED_HZ, RecordedLayout, counted_note, intr
 from .numbered import LARGEST_NUMBER, Cameras
 from .stored_recording import (
     PAIRING_S,
-    SCALES_PER_M,
     MatchedFrames,
     PosePolicy,
     SizePx,
@@ -51,6 +50,7 @@ from .stored_recording import (
     associate_frames,
     checked_intrinsics,
     chosen_by_pose,
+    depth_scale_key,
     recorded_text,
     size_of,
     truth_file,
@@ -108,15 +108,8 @@ class ImageFilesSpec:
 class DepthFilesSpec(ImageFilesSpec):
     """Where the depth images are, and what is in them; a bare text is their files."""
 
-    scale_per_m: float | None = key(
-        "steps a metre; default 1000 for whole numbers, 1 for floating point",
-        unit="steps/m",
-        default=None,
-        minimum=SCALES_PER_M[0],
-        maximum=SCALES_PER_M[1],
-        identity="meaning",
-        slider=(1, 10_000),
-        label="Depth Scale",
+    scale_per_m: float | None = depth_scale_key(
+        "steps a metre; default 1000 for whole numbers, 1 for floating point", least_shown=1
     )
     void: tuple[float, ...] = key(
         "values that say that nothing was measured, beside 0 and what is not finite: [65535]",

@@ -19,6 +19,7 @@ from ..core.file_access import finite_number, read_bytes, read_text
 from ..core.frame_table import FRAMES, given_lines
 from ..core.geometry import Intrinsics
 from ..core.lens import PINHOLE, Optics
+from ..core.schema import key
 from ..core.trajectory import FrameStamps, Stamps, Trajectory
 from ..images.image_files import (
     WholeFile,
@@ -70,6 +71,22 @@ INTRINSICS_TOLERANCE_PX = 1e-3  # chosen: people round to about as many digits w
 
 # Chosen: a step of 10 m to one of 0.1 um. Metres per step, such as 0.001 or 1 / 5000, are below it.
 SCALES_PER_M = (0.1, 1e7)
+
+
+def depth_scale_key(meaning: str, *, least_shown: float = 100) -> Any:
+    """Declare a key for the steps a metre of depth images. least_shown: where its slider begins."""
+    least, most = SCALES_PER_M
+    return key(
+        meaning,
+        unit="steps/m",
+        default=None,
+        minimum=least,
+        maximum=most,
+        identity="meaning",
+        slider=(least_shown, 10_000),
+        label="Depth Scale",
+    )
+
 
 SizePx: TypeAlias = tuple[int, int]
 """Width and height in pixels."""
@@ -497,25 +514,25 @@ class MatchedFrames:
 
 
 def associate(
-    first_s: NDArray[np.float64], second_s: NDArray[np.float64], within_s: float = PAIRING_S
+    first_s: NDArray[np.float64], second_s: NDArray[np.float64]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Return the rows of two lists of stamps that belong together, in the order of the first.
 
     first_s (N,), second_s (M,): seconds, increasing. Raises ValueError where more than MAX_CANDIDATES pairs are closer
-    than within_s.
+    than PAIRING_S.
     """
     # The window is wider than the limit by float64's rounding; the limit itself is applied to the difference.
-    wide_s = within_s + 4 * np.spacing(np.abs(first_s) + within_s)
+    wide_s = PAIRING_S + 4 * np.spacing(np.abs(first_s) + PAIRING_S)
     begin = np.searchsorted(second_s, first_s - wide_s, side="left")
     end = np.searchsorted(second_s, first_s + wide_s, side="right")
     count = end - begin
     total = int(count.sum())
     if total > MAX_CANDIDATES:
-        raise ValueError(f"{total} pairs of stamps are closer than {within_s:g} s")
+        raise ValueError(f"{total} pairs of stamps are closer than {PAIRING_S:g} s")
     first = np.repeat(np.arange(len(first_s)), count)
     second = np.arange(total) - np.repeat(np.cumsum(count) - count, count) + np.repeat(begin, count)
     apart_s = np.abs(first_s[first] - second_s[second])
-    close = apart_s < within_s
+    close = apart_s < PAIRING_S
     first, second, apart_s = first[close], second[close], apart_s[close]
     partner: dict[int, int] = {}
     taken: set[int] = set()

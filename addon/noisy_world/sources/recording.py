@@ -28,7 +28,7 @@ from ..images.measured_depth import VOID_CHOICES, VOID_MEANING, MeasuredDepth, V
 from ..layouts import Modality, OutputFormat, PosePolicy, find_sequence, recognising
 from ..layouts.described import BAG_SUFFIXES, BagTopics, Key, SequenceSpec, check_sequence, name_key, read_described
 from ..layouts.layout import counted_note
-from ..layouts.stored_recording import RATE_HZ, SCALES_PER_M, StoredFrame, StoredSequence, same_camera, unposed
+from ..layouts.stored_recording import RATE_HZ, StoredFrame, StoredSequence, depth_scale_key, same_camera, unposed
 from ..preset.scene_keys import SceneKeys
 from ..preset.sensor_keys import DistortionSpec, ImuClockSpec, check_distortion, sound_lens
 from ..render.source import ColourAndDepth, RenderOptions, SimpleSource, Source, SourceCapabilities
@@ -106,15 +106,8 @@ class RecordingKeys(SceneKeys):
         identity="meaning",
         label="Register Depth",
     )
-    depth_scale_per_m: float | None = key(
-        "steps a metre of a sequence's depth images, where it is not what its files or its layout say",
-        unit="steps/m",
-        default=None,
-        minimum=SCALES_PER_M[0],
-        maximum=SCALES_PER_M[1],
-        identity="meaning",
-        slider=(100, 10_000),
-        label="Depth Scale",
+    depth_scale_per_m: float | None = depth_scale_key(
+        "steps a metre of a sequence's depth images, where it is not what its files or its layout say"
     )
     void: Void = key(VOID_MEANING, default="unmeasured", choices=VOID_CHOICES, label="Void")
     imu: ImuClockSpec | None = key("what is done to the clock of an IMU that was recorded", default=None)

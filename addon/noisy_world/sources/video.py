@@ -23,7 +23,7 @@ from ..images.measured_depth import VOID_CHOICES, VOID_MEANING, MeasuredDepth, V
 from ..images.video_files import VideoFile, VideoReader, read_video
 from ..layouts import Modality, OutputFormat
 from ..layouts.layout import MILLIMETRES
-from ..layouts.stored_recording import SCALES_PER_M, unposed
+from ..layouts.stored_recording import depth_scale_key, unposed
 from ..preset.scene_keys import SceneKeys
 from ..render.source import ColourAndDepth, RenderOptions, SimpleSource, Source, SourceCapabilities
 from .scene_kinds import GUESSED, FileSource, Lack, SceneEntry, camera_or_guess, filled, located_path
@@ -51,15 +51,8 @@ class VideoKeys(SceneKeys):
         identity="meaning",
         label="Depth",
     )
-    depth_scale_per_m: float | None = key(
-        "steps a metre of the depth beside a video; default 1000: millimetres",
-        unit="steps/m",
-        default=None,
-        minimum=SCALES_PER_M[0],
-        maximum=SCALES_PER_M[1],
-        identity="meaning",
-        slider=(100, 10_000),
-        label="Depth Scale",
+    depth_scale_per_m: float | None = depth_scale_key(
+        "steps a metre of the depth beside a video; default 1000: millimetres"
     )
     void: Void = key(VOID_MEANING, default="unmeasured", choices=VOID_CHOICES)
 
