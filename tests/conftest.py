@@ -15,8 +15,10 @@ WITHOUT_BLENDER = ("core", "perturbations", "pipeline", "rays", "recipes", "sour
 # ended. The first of Blender's build other node groups each, which the rest then read.
 FIRST = (
     "ui/window/test_add_on.py",
+    "ui/window/test_random_actions.py",
     "executors/test_ray.py",
     "storage/test_killed_runs.py",
+    "test_site.py",
     "headless/test_generate.py",
     "blender/test_compositor.py",
     "blender/test_lit_chain.py",
@@ -38,6 +40,18 @@ FIRST = (
     "evaluation/test_installed_evaluation.py",
     "blender/test_nodes_spatter.py",
     "blender/test_nodes_falling.py",
+    "evaluation/report/test_report_files.py",
+    "simulation/test_simulated_bodies.py",
+    "headless/test_noisy_rooms.py",
+    "ui/test_ui_this_scene.py",
+    "ui/test_ui_generate.py",
+    "test_extending.py",
+    "measure/test_looking.py",
+    "core/trajectories/test_bodies.py",
+    "measure/test_twin.py",
+    "rays/test_embedded_rooms.py",
+    "pipeline/test_shards.py",
+    "test_fuzz.py",
     "perturbations/test_installed.py",
 )
 
