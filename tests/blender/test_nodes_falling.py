@@ -19,20 +19,27 @@ def grey(level=0.15):
     return np.full((*SIZE, 3), level, np.float32)
 
 
-@cases(("name", "temporal"), [("snow_depth", "fresh"), ("rain_depth", "drift")])
-def test_streaks_are_as_many_as_strong_and_as_large(name, temporal):
-    check_streaks(name, temporal)
+@cases(("name", "temporal", "quick"), [("snow_depth", "fresh", True), ("rain_depth", "drift", False)])
+def test_streaks_are_as_many_as_strong_and_as_large(name, temporal, quick):
+    check_streaks(name, temporal, quick)
 
 
 @pytest.mark.long
-@cases(("name", "temporal"), [("snow_depth", "drift"), ("rain_depth", "fresh")])
-def test_streaks_that_come_otherwise_are_as_many_as_strong_and_as_large(name, temporal):
-    check_streaks(name, temporal)
+@cases(
+    ("name", "temporal", "quick"),
+    [
+        *(("snow_depth", temporal, False) for temporal in ("drift", "fresh")),
+        *(("rain_depth", *item) for item in (("fresh", False), ("drift", True), ("fresh", True))),
+    ],
+)
+def test_streaks_that_come_otherwise_are_as_many_as_strong_and_as_large(name, temporal, quick):
+    check_streaks(name, temporal, quick)
 
 
-def check_streaks(name, temporal):
+def check_streaks(name, temporal, quick):
     depth_m = np.full(SIZE, 12.0, np.float32)
     values = {"severity": 5, "least_mrad": 3.0, "gusts_m_s": 0.0, "depth_m": depth_m, "temporal": temporal}
+    values["coarse"] = quick
     # What drifts is the same around a camera at rest, so there each image has a seed of its own.
     seeds, frames = ((7,), range(6)) if temporal == "fresh" else (range(8), (0,))
     found, wanted = (

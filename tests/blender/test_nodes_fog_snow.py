@@ -153,13 +153,14 @@ def test_snow_has_the_references_spectrum():
 
 
 @pytest.mark.long
-def test_heavy_snow_has_the_references_spectrum():
-    check_spectrum(5)
+@cases("values", [{"severity": 5}, {"severity": 3, "coarse": True}])
+def test_heavy_snow_has_the_references_spectrum(values):
+    check_spectrum(**values)
 
 
-def check_spectrum(severity):
+def check_spectrum(severity, **values):
     rgb = flat(340, 600, 0.0)
-    ratios = spectrum_ratios("snow", rgb, 8, severity=severity, blending_ratio=1.0)
+    ratios = spectrum_ratios("snow", rgb, 8, severity=severity, blending_ratio=1.0, **values)
     # So few draws of the direction: 15 % holds over hundreds of them.
     assert np.abs(np.log(ratios[3:-1])).max() < math.log(1.25)
     assert np.abs(np.log(ratios)).max() < math.log(1.7)

@@ -1,6 +1,7 @@
 """The lens's node groups beside their references, closed forms and laws of offsets."""
 
 import math
+from functools import partial
 
 import cv2
 import numpy as np
@@ -48,6 +49,19 @@ def frame():
 @cases("name", ["defocus_blur", "gaussian_blur", "zoom_blur"])
 def test_blurs_are_their_references_up_to_the_border(name, frame):
     assert_equal(frame, [(name, {"severity": severity}) for severity in SEVERITIES])
+
+
+QUICK = {"bloom": {}, "defocus_blur": {}, "motion_blur": {"max_angle_deg": 0, "angle_deg": 33}, "zoom_blur": {}}
+
+
+@cases("name", QUICK)
+def test_quick_blurs_are_their_references_and_hardly_others(name, frame):
+    quick = [(name, {"severity": severity, "coarse": True, **QUICK[name]}) for severity in (3, 5)]
+    made, expected = each(frame, quick)
+    for one, other, severity in zip(made, expected, (3, 5), strict=True):
+        assert levels_apart(one, other)[0] < 1
+        (exact,) = by_reference(name, frame, severity=severity, **QUICK[name])
+        assert 0 < np.abs(other - exact).mean() < 0.15 * np.abs(exact - frame).mean()
 
 
 def test_a_disk_of_any_radius(frame):
@@ -271,18 +285,25 @@ def test_a_constant_frame_stays(level):
         assert levels_apart(made, flat)[0] < 0.01
 
 
-def test_elastic_nodes_displace_by_the_law_of_the_reference():
+@cases("quick", [False, True])
+def test_elastic_nodes_displace_by_the_law_of_the_reference(quick):
     """Strength and correlation of the displacement, inside and at the border, where noise is mirrored."""
     image = places(150, 200)
     laws = []
-    for make in (by_nodes, by_reference):
-        fields = np.array([offsets_taken(image, one) for one in make("elastic_transform", image, range(8), severity=4)])
+    values = {"alpha": 50.0, "sigma_share": 0.03} if quick else {"severity": 4}
+    makes = [
+        partial(make, coarse=True, **values) if quick else partial(make, **values) for make in (by_nodes, by_reference)
+    ]
+    for make in [*makes, partial(by_reference, **values)][: 2 + quick]:
+        fields = np.array([offsets_taken(image, one) for one in make("elastic_transform", image, range(8))])
         inner = fields[..., 12:-12, 12:-12]
         beside = [(inner[..., k:] * inner[..., :-k]).mean() / (inner**2).mean() for k in (1, 3)]
         below = [(inner[..., k:, :] * inner[..., :-k, :]).mean() / (inner**2).mean() for k in (1, 3)]
         border = fields[:, 0, 0, 12:-12].std(), fields[:, 1, 12:-12, 0].std()  # along the border, where it may
         laws.append([inner.std(), *beside, *below, *border])
-    np.testing.assert_allclose(*laws, rtol=0.1)
+    bars = [0.1] * 5 + [0.3 if quick else 0.1] * 2  # wide waves are few along the border
+    for law in laws[1:]:
+        assert (np.abs(np.divide(law, laws[0]) - 1) < bars).all(), (law, laws[0])
 
 
 @cases("name", ["zoom_blur", "elastic_transform"])

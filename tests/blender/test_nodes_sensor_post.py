@@ -39,8 +39,9 @@ def poisson(mean, most):
 # --- noise ---
 
 
-def test_gaussian_noise_is_normal_in_bulk_and_tails():
-    noise = (by_nodes("gaussian_noise", flat(0.5), std=0.05)[0].astype(np.float64) - 0.5) / 0.05
+@cases("quick", [False, True])
+def test_gaussian_noise_is_normal_in_bulk_and_tails(quick):
+    noise = (by_nodes("gaussian_noise", flat(0.5), std=0.05, coarse=quick)[0].astype(np.float64) - 0.5) / 0.05
     assert abs(noise.mean()) < 4 / math.sqrt(noise.size)
     assert noise.std() == pytest.approx(1, abs=4 / math.sqrt(2 * noise.size))
     assert normal_distance(noise) < 1.63  # at 1 %
@@ -51,9 +52,10 @@ def test_gaussian_noise_is_normal_in_bulk_and_tails():
     assert 4.8 < np.abs(noise).max() < 6.5
 
 
-@cases("name", ["gaussian_noise", "speckle_noise"])
-def test_channels_neighbours_and_frames_are_independent(name):
-    first, second = (item - item.mean() for item in by_nodes(name, flat(0.5, 300, 500), (3, 4), severity=1))
+@cases(("name", "quick"), [("gaussian_noise", True), ("speckle_noise", False)])
+def test_channels_neighbours_and_frames_are_independent(name, quick):
+    made = by_nodes(name, flat(0.5, 300, 500), (3, 4), severity=1, coarse=quick)
+    first, second = (item - item.mean() for item in made)
     pairs = [(first[..., 0], first[..., 1]), (first[..., 1], first[..., 2]), (first[..., 2], first[..., 0])]
     pairs += [(first[1:], first[:-1]), (first[:, 1:], first[:, :-1]), (first, second)]
     for one, other in pairs:
@@ -61,7 +63,7 @@ def test_channels_neighbours_and_frames_are_independent(name):
 
 
 def test_speckle_noise_is_a_normal_gain():
-    made = by_nodes("speckle_noise", flat(0.4), std=0.15)[0].astype(np.float64)
+    made = by_nodes("speckle_noise", flat(0.4), std=0.15, coarse=True)[0].astype(np.float64)
     assert normal_distance((made / 0.4 - 1) / 0.15) < 1.63
     assert not by_nodes("speckle_noise", flat(0, 20, 30), std=0.6)[0].any()
 
@@ -103,7 +105,10 @@ def test_impulses_are_as_many_as_asked_for_half_of_them_white(amount):
 @cases("severity", [1, 5])
 def test_a_frame_of_noise_is_distributed_as_the_references(name, severity):
     image = picture(500, 700, 3)
-    made, expected = by_nodes(name, image, severity=severity)[0], by_reference(name, image, severity=severity)[0]
+    made, expected = (
+        by_nodes(name, image, severity=severity, coarse=severity == 5)[0],
+        by_reference(name, image, severity=severity)[0],
+    )
     assert ks_distance(made, expected) < ks_bar(made, expected)
     shift, expected_shift = ((item - image).mean() * 255 for item in (made, expected))
     assert shift == pytest.approx(expected_shift, abs=0.5)
@@ -113,8 +118,9 @@ def test_a_frame_of_noise_is_distributed_as_the_references(name, severity):
 
 @cases("name", NOISES)
 def test_a_preview_shows_the_noise_of_the_pixels_it_shows(name):
-    whole = by_nodes(name, flat(0.5, 40, 60), severity=3)[0]
-    half = by_nodes(name, flat(0.5, 20, 30), severity=3, reference_width=60)[0]
+    values = {"severity": 3, "coarse": name in NOISES[:2]}
+    whole = by_nodes(name, flat(0.5, 40, 60), **values)[0]
+    half = by_nodes(name, flat(0.5, 20, 30), reference_width=60, **values)[0]
     np.testing.assert_array_equal(half, whole[1::2, 1::2])
 
 

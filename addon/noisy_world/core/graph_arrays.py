@@ -24,7 +24,12 @@ from .srgb import decoded, encoded
 
 Words: TypeAlias = NDArray[np.uint32]
 
-_THREE_WORDS, _FOUR_WORDS = (np.uint32(0xDEADBEEF + (count << 2) + 13) for count in (3, 4))
+_TWO_WORDS, _THREE_WORDS, _FOUR_WORDS = (np.uint32(0xDEADBEEF + (count << 2) + 13) for count in (2, 3, 4))
+
+
+def hash_of_two(x: Words, y: Words) -> Words:
+    """Return the hash of two words, arrays of one shape."""
+    return _final(x + _TWO_WORDS, y + _TWO_WORDS, np.full_like(x, _TWO_WORDS))
 
 
 def hash_of_three(x: Words, y: Words, z: Words) -> Words:
@@ -185,16 +190,18 @@ def mixed(first: Held, second: Held, share: Number) -> Held:
 # --- random numbers ---
 
 
-def white_noise(where: Triple, w: Number | None) -> Callable[[str], Held]:
-    """Return White Noise's outputs by name, Value or Color: Jenkins' hash of three or four words (lookup3, 2006)."""
-    parts = (*where,) if w is None else (*where, w)
+def white_noise(where: tuple[Number, ...]) -> Callable[[str], Held]:
+    """Return White Noise's outputs by name, Value or Color: Jenkins' hash of two to four words (lookup3, 2006)."""
+    parts = where
     wide = np.broadcast_arrays(*(np.asarray(part, np.float32) for part in parts))
     words = [np.ascontiguousarray(part).view(np.uint32).reshape(part.shape) for part in wide]
-    # Of three words the node's colour adds a fourth of its own, so here Value alone is known.
-    orders = ((0, 1, 2),) if w is None else ((0, 1, 2, 3), (2, 0, 3, 1), (3, 2, 1, 0))
-    hashed = hash_of_three if w is None else hash_of_four
+    orders = ((0, 1, 2, 3), (2, 0, 3, 1), (3, 2, 1, 0)) if len(parts) == 4 else (tuple(range(len(parts))),)
+    if len(parts) == 2:  # its colour has 1 and 2 as third words; of three words Value alone is known
+        words += [np.full_like(words[0], np.float32(number).view(np.uint32)) for number in (1, 2)]
+        orders = ((0, 1), (0, 1, 2), (0, 1, 3))
 
     def uniform(order: tuple[int, ...]) -> Number:
+        hashed: Callable[..., Words] = (hash_of_two, hash_of_three, hash_of_four)[len(order) - 2]
         found = hashed(*(words[k] for k in order)).astype(np.float32) / np.float32(2.0**32)
         return found if found.ndim else np.float32(found)
 
@@ -562,8 +569,11 @@ def _mix(properties: Values, values: Values) -> Held:
     return x, y, z
 
 
-def _noise(_properties: Values, values: Values) -> Any:
-    return white_noise(triple(values["Vector"]), number(values["W"]) if "W" in values else None)
+def _noise(properties: Values, values: Values) -> Any:
+    where = triple(values["Vector"])
+    return white_noise(
+        {"2D": where[:2], "3D": where}.get(properties["noise_dimensions"]) or (*where, number(values["W"]))
+    )
 
 
 def _by_channels(names: Iterable[str], value: Held) -> dict[str, Held]:

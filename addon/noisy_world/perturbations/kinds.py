@@ -371,6 +371,8 @@ LIGHT_STAGES: tuple[ColourStage, ...] = ("environment", "lens")
 """Those before a sensor: on lit frames they act on scene-linear light, before the view transform."""
 
 SEVERITIES = (1, 2, 3, 4, 5)  # as ImageNet-C and the paper
+# Of a parameter, a bool by which steps that are newly written do nearly the same in less time.
+QUICK = "coarse"
 RESERVED = ("severity", "mode", "levels", "temporal")  # keys of every perturbation in a preset, beside its parameters
 
 

@@ -44,5 +44,6 @@ def test_a_group_whose_random_images_depend_on_its_severity_stays_whole(name):
 def test_what_a_second_step_draws_for_the_first_one_s_image_is_its_own():
     steps = [step_of("gaussian_noise", severity=3), step_of("shot_noise", severity=3)]
     parts = divided(build_written(steps))
-    assert kinds(parts.draws).count(NOISE) == 1
-    assert kinds(parts.rest).count(NOISE) == 1
+    # Each is drawn by four numbers or, quickly, by two that the frame's own stretch.
+    assert kinds(parts.draws).count(NOISE) == 3
+    assert kinds(parts.rest).count(NOISE) == 3

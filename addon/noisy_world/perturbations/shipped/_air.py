@@ -10,7 +10,7 @@ from frame to frame. Of lit frames, which arrays give to nodes, the mean of 16 p
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeAlias
 
@@ -115,6 +115,8 @@ def colour_of(red: float, green: float, blue: float) -> Float64:
 FLAKE, DROP = 0.125, 0.256
 DIFFUSE = 0.75 * (1 - 0.85)
 WIDTHS_RAD = (0.8, 0.4, 0.2, 0.1, 0.05, 0.025, 0.0125)
+WIDE = 4  # of them are wide enough for larger blocks; chosen
+LARGE_RAD = 0.1 / 3  # of these blocks: a third of the least width; chosen
 VOLUMES = tuple(math.log(2) * math.sqrt(8 * math.pi) * width * (2 if width == 0.8 else 1) for width in WIDTHS_RAD)
 
 
@@ -227,19 +229,26 @@ class FrameBlocks:
 
     def over(self, means: Socket, image: Socket) -> Socket:
         """Return an image of the blocks, with its alpha, over an image that shows what the frame does, smoothly."""
+        graph = self.canvas.graph
+        share = graph.node("CompositorNodeImageCoordinates", {"Image": image}).out("Normalized", "vector")
+        return self.at(means, graph.choose(self.on, share, (0.0, 0.0, 0.0), "vector"))
+
+    def at(self, means: Socket, share: Socket) -> Socket:
+        """Return an image of the blocks at places from 0 to 1 along the frame's sides."""
         graph, side = self.canvas.graph, self.side
         per_block = [graph.math("DIVIDE", 1.0, each * side) for each in (self.columns, self.rows)]
         scale = graph.vector(self.canvas.width_px * per_block[0], self.canvas.height_px * per_block[1])
-        share = graph.node("CompositorNodeImageCoordinates", {"Image": image}).out("Normalized", "vector")
-        share = graph.choose(self.on, share, (0.0, 0.0, 0.0), "vector")
         at = graph.math("MULTIPLY_ADD", share, scale, graph.vector(side * per_block[0], side * per_block[1], 1.0))
         return looked_up(graph, means, at, "Bilinear")
 
 
-def blocks_of(canvas: Canvas, on: Socket) -> FrameBlocks:
-    """Return the frame's blocks. on: 1 where they are wanted; otherwise they are one, and cost nothing."""
+def blocks_of(canvas: Canvas, on: Socket, least: Value = 1.0) -> FrameBlocks:
+    """Return the frame's blocks. on: 1 where they are wanted; otherwise they are one, and cost nothing.
+
+    least: side in pixels of the canvas, at least.
+    """
     graph = canvas.graph
-    side = graph.math("MAXIMUM", graph.math("ROUND", canvas.scale * float(BLOCK_PX)), 1.0)
+    side = graph.math("MAXIMUM", graph.math("ROUND", canvas.scale * float(BLOCK_PX)), least)
     columns, rows = (
         graph.math("MULTIPLY_ADD", graph.math("CEIL", each / side) + 1.0, on, 1.0)
         for each in (canvas.width_px, canvas.height_px)
@@ -418,20 +427,49 @@ def lamp_light_nodes(
         bright = small.canvas.image * graph.vector(arrives, arrives, arrives)
         smaller = halved(small.canvas, bright, luminance * arrives * lit_up, on)
         blocks = blocks_of(smaller.canvas, on)
-        lamps = blocks.means(smaller.canvas.image)
-        lamps = with_extra(lamps * graph.vector(*[blocks.inside] * 3), extra_of(lamps) * blocks.inside)
     with graph.section("Lamps: their light around them"):
         half = graph.math("TANGENT", view_deg * (math.pi / 360))
-        focal = smaller.canvas.width_px * 0.5 / half / blocks.side
+        focal_px = smaller.canvas.width_px * 0.5 / half
         strength = graph.vector(*[given["lamps"] * scattering] * 3)
-        total: Value = (0.0, 0.0, 0.0)
-        of_air: Value = 0.0
-        for width, volume in zip(WIDTHS_RAD, VOLUMES, strict=True):
-            around = gaussian(lamps, focal * width)
-            total = graph.math("MULTIPLY_ADD", around, (volume, volume, volume), total)
-            of_air = graph.math("MULTIPLY_ADD", extra_of(around), volume, of_air)
-        assert isinstance(total, Socket)
-        assert isinstance(of_air, Socket)
+        total, of_air = _around(blocks, smaller.canvas.image, focal_px, given["coarse"])
         most = of_air / graph.math("MAXIMUM", graph.math("DOT_PRODUCT", total, LUMINANCE), LEAST)
         found = blocks.over(with_extra(total * strength, most), canvas.image)
         return LampLight(found, extra_of(found))
+
+
+def _around(blocks: FrameBlocks, image: Socket, focal_px: Socket, quick: Socket) -> tuple[Socket, Socket]:
+    """Return the sum of Gaussians of lamps in blocks, and that of their alpha; quickly, wide ones of larger blocks."""
+    graph = quick.graph
+    large = blocks_of(blocks.canvas, blocks.on, graph.math("MAXIMUM", graph.math("FLOOR", focal_px * LARGE_RAD), 1.0))
+    reach = blocks.side - 1.0
+    where = graph.math("MULTIPLY_ADD", graph.vector(reach, reach), _half_px(blocks.canvas), blocks.first)
+    wide, narrow = WIDTHS_RAD[:WIDE], WIDTHS_RAD[WIDE:]
+    sums = _sum(blocks, image, focal_px, WIDTHS_RAD, ((0.0, 0.0, 0.0), 0.0))
+    far = _sum(large, image, focal_px, wide, ((0.0, 0.0, 0.0), 0.0))
+    found = large.at(with_extra(*far), where)
+    quickly = _sum(blocks, image, focal_px, narrow, (found, extra_of(found)))
+    total = graph.choose(quick, quickly[0], sums[0], "vector")
+    return total, graph.choose(quick, quickly[1], sums[1], "float")
+
+
+def _half_px(canvas: Canvas) -> Socket:
+    """Return half a pixel as a share of the sides."""
+    return canvas.graph.math("DIVIDE", (0.5, 0.5, 0.0), canvas.graph.vector(canvas.width_px, canvas.height_px, 1.0))
+
+
+def _sum(
+    blocks: FrameBlocks, image: Socket, focal_px: Socket, widths_rad: Sequence[float], before: tuple[Value, Value]
+) -> tuple[Socket, Socket]:
+    """Return Gaussians of an image's means in blocks, and those of its alpha, added to what was before."""
+    graph = blocks.canvas.graph
+    lamps = blocks.means(image)
+    lamps = with_extra(lamps * graph.vector(*[blocks.inside] * 3), extra_of(lamps) * blocks.inside)
+    focal, (total, of_air) = focal_px / blocks.side, before
+    for width in widths_rad:
+        volume = VOLUMES[WIDTHS_RAD.index(width)]
+        around = gaussian(lamps, focal * width)
+        total = graph.math("MULTIPLY_ADD", around, (volume, volume, volume), total)
+        of_air = graph.math("MULTIPLY_ADD", extra_of(around), volume, of_air)
+    assert isinstance(total, Socket)
+    assert isinstance(of_air, Socket)
+    return total, of_air

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ...core.geometry import Intrinsics
 from ...core.schema import key
 from ...images.pixels import as_float, rgb_bytes
-from ..kinds import FrameContext
+from ..kinds import QUICK, FrameContext
 
 T = TypeVar("T", bound=np.generic)
 U = TypeVar("U", bound=np.generic)
@@ -107,6 +107,16 @@ def three_channels(layer: NDArray[np.float32]) -> NDArray[np.float32]:
     return np.asarray(cv2.merge([layer, layer, layer]), np.float32)
 
 
+def halved_nearest(image: NDArray[T]) -> NDArray[T]:
+    """Return (H, W, ...) at half the size, rounded: of each pair of rows the upper one, of columns the right one."""
+    height, width = image.shape[:2]
+    rows, columns = (
+        ((np.arange(half) + 0.5) * (side / half)).astype(int)
+        for side, half in ((height, (height + 1) // 2), (width, (width + 1) // 2))
+    )
+    return image[(height - 1 - rows)[::-1]][:, columns]  # rows are counted from below, as nodes do
+
+
 # Finding the pixels of a depth image that have no depth (void).
 
 
@@ -155,6 +165,19 @@ def camera_of(intrinsics: Intrinsics | None, size_px: tuple[int, int], view_deg:
     width, height = size_px
     focal = width / 2 / math.tan(math.radians(view_deg / 2))
     return Intrinsics(width, height, focal, focal, (width - 1) / 2, (height - 1) / 2)
+
+
+# The quick way of what takes long.
+
+
+QUICKLY = {QUICK: True}
+"""What steps that are newly written have."""
+QUICK_NOISE = "On: another pattern of the same kind, in less time"
+
+
+def quick_key(how: str = "draw random numbers by a shorter hash in node groups: as random, in half the time") -> bool:
+    """Return the parameter by which a perturbation does the same in less time. how: it does so, and what differs."""
+    return key(how, default=False, later=True, label="Quick")
 
 
 # The optical axis in the image, for what a lens does around it.

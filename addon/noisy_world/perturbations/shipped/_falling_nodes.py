@@ -17,7 +17,20 @@ from ._air import air_nodes, kept_sky, lamp_light_nodes
 from ._arrays import SKY_M
 from ._particles import EXTINCTION_EFFICIENCY, NEAR_M
 from ._sheet_nodes import LIT_SIZES, SIZES, seen_through_lit_sheets, seen_through_sheets
-from ._weather import DENSITY, EXCESS, LEVELS, MOST_OPAQUE, SOFTNESS, TILE, UNITS, area_and_width, shells
+from ._sizes import Coarser, coarser
+from ._weather import (
+    DENSITY,
+    EXCESS,
+    LEAST_WIDTH_PX,
+    LEVELS,
+    MOST_OPAQUE,
+    QUICK_LEAST,
+    SOFTNESS,
+    TILE,
+    UNITS,
+    area_and_width,
+    shells,
+)
 
 _GOLDEN = (math.sqrt(5) - 1) / 2
 HIDDEN = 1e9  # nearness of what hides all
@@ -65,6 +78,7 @@ def build_falling(canvas: Canvas, given: Mapping[str, Socket], laws: Laws) -> So
         # An image even where Depth is one number: the shells take their pixels from it.
         pixel = graph.node("CompositorNodeImageCoordinates", {"Image": canvas.image}).out("Pixel", "vector")
         nearness = graph.math("MULTIPLY_ADD", pixel.x, 0.0, nearness)
+    drawn = coarser(canvas, given["coarse"])
     with graph.section("Camera"):
         half = graph.math("TANGENT", given["view_deg"] * (math.pi / 360))
         wind_m_s = given["wind_m_s"]
@@ -76,10 +90,11 @@ def build_falling(canvas: Canvas, given: Mapping[str, Socket], laws: Laws) -> So
             "Own": camera.to_own(camera.velocity),
             "Turning": camera.turning * (1.0, -1.0, -1.0),
             "Turned": graph.vector(across, upwards),
-            "Nearness": nearness,
-            "Height": canvas.height_px,
-            "Width": canvas.width_px,
-            "Scale": canvas.scale,
+            "Nearness": drawn.taken(nearness),
+            "Height": drawn.height_px,
+            "Width": drawn.width_px,
+            "Scale": drawn.scale,
+            "Least width": graph.choose(given["coarse"], QUICK_LEAST * LEAST_WIDTH_PX, LEAST_WIDTH_PX, "float"),
             "Count": count_m3,
             "Mean": scale_mm,
             "Measured": measured_mm,
@@ -101,7 +116,7 @@ def build_falling(canvas: Canvas, given: Mapping[str, Socket], laws: Laws) -> So
         extinction = count_m3 * scale_mm * scale_mm * (EXTINCTION_EFFICIENCY * math.pi / 2 * 1e-6)
         veil = graph.math("MULTIPLY_ADD", integral, seen_to_m, distance_m - limit_m) * extinction
         veil = veil * kept_sky(canvas, given)
-    hidden = _hidden(canvas, given, laws, shared, veil)
+    hidden = _hidden(canvas, given, laws, shared, veil=veil, drawn=drawn)
     return _over_the_image(canvas, given, laws, hidden)
 
 
@@ -115,9 +130,18 @@ class _Hidden:
 
 
 def _hidden(
-    canvas: Canvas, given: Mapping[str, Socket], laws: Laws, shared: Mapping[str, Socket], veil: Socket
+    canvas: Canvas,
+    given: Mapping[str, Socket],
+    laws: Laws,
+    shared: Mapping[str, Socket],
+    *,
+    veil: Socket,
+    drawn: Coarser,
 ) -> _Hidden:
-    """Return what hides the scene. shared: what all streaks are given. veil: its optical depth."""
+    """Return what hides the scene.
+
+    shared: what all streaks are given. veil: its optical depth. drawn: of which size they are.
+    """
     graph = canvas.graph
     with graph.section("Streaks in the world"):
         speeds = {
@@ -139,13 +163,17 @@ def _hidden(
     if not canvas.always_lit:
         through = through * seen_through_sheets(canvas, given, drifting, speeds)
     with graph.section("Streaks"):
-        seen = graph.math("EXPONENT", veil * -1.0) * through
+        quick = given["coarse"]
+        through, veiled = drawn.back(through), graph.math("EXPONENT", veil * -1.0)
+        behind = veiled * through
+        seen = graph.choose(quick, 1.0, behind, "float")
         part = _shell_graph(laws)
         for number, shell in enumerate(() if canvas.always_lit else shells()):
             start = canvas.random(number) * graph.vector(float(UNITS), float(UNITS))
             inputs = shown | {"Start": start, "Share": shell.share, "Middle": shell.middle}
             inputs |= {f"Depth {power}": value for power, value in enumerate(shell.places)}
             seen = seen * graph.group(part, inputs, name=f"Shell {number + 1}").out("Seen", "float")
+        seen = graph.choose(quick, behind * drawn.back(seen), seen, "float")
     return _Hidden(veil, through, seen)
 
 
@@ -196,6 +224,7 @@ _INPUTS = {
     "Count": "Particles of all sizes in a cubic metre",
     "Mean": "Mean diameter, mm",
     "Measured": "Mean diameter of the measured particles, mm, which decides the speed",
+    "Least width": "Of a streak, in pixels of the reference width",
     "Seen to": "Metres at which the mean particle spans the least angle",
     "Focal length": "In pixels",
     "Gusts": "Standard deviation of each particle's own velocity, m/s",
@@ -262,7 +291,7 @@ def _shell_graph(laws: Laws) -> Graph:
         before = graph.math("MULTIPLY_ADD", length_px, -0.5, graph.math("ABSOLUTE", along))
         before = graph.math("MAXIMUM", before, 0.0)
         apart = graph.math("SQRT", graph.math("MULTIPLY_ADD", beside, beside, before * before))
-        ramp = graph.math("MAXIMUM", width_px * SOFTNESS, 1.0)
+        ramp = graph.math("MAXIMUM", width_px * SOFTNESS, taken["Least width"])
         edge = graph.math("MULTIPLY_ADD", width_px, 0.5, apart * -1.0)
         covered = graph.clamp(graph.math("DIVIDE", edge, ramp) + 0.5)
     with graph.section("What passes"):

@@ -9,7 +9,7 @@ off, which a Kolmogorov-Smirnov test detects from some 1e10 samples on. The oute
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, lru_cache, reduce
 from statistics import NormalDist
 from typing import TypeAlias, TypeVar
@@ -17,7 +17,7 @@ from typing import TypeAlias, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ...core.graph_arrays import Words, hash_of_four
+from ...core.graph_arrays import Words, hash_of_four, hash_of_three, hash_of_two
 from ...core.node_graph import Graph, GroupInput, Socket
 from ...core.streams import stream
 from ..groups import PURPOSES, seed_of
@@ -322,17 +322,32 @@ _ORDERS = ((0, 2, 3), (1, 0, 2), (2, 3, 1), (3, 1, 0))
 
 @dataclass(frozen=True)
 class WhiteNoise:
-    """Uniform numbers by position, as `Canvas.random` gives them. key: the frame's, 0 for a pattern that is kept."""
+    """Uniform numbers by position, as `Canvas.random` gives them. key: the frame's, 0 for a pattern that is kept.
+
+    quick: of a canvas that is so.
+    """
 
     seed: int
     key: int
+    quick: bool = False
 
     def random(self, purpose: int, x: Float32, y: Float32) -> tuple[Float32, Float32, Float32]:
         """Return three independent numbers in [0, 1] for each position of whole numbers, arrays of one shape."""
+        if self.quick:
+            return self._quick(purpose, x, y)
         words = [_bits(np.broadcast_to(np.float32(item), x.shape)) for item in (x, y, self.seed, self._key(purpose))]
         # The three numbers are those of three orders of the words; they are calculated at once.
         first, second, third = _uniform(*(np.stack([words[k] for k in order]) for order in _ORDERS))
         return first, second, third
+
+    def _quick(self, purpose: int, x: Float32, y: Float32) -> tuple[Float32, Float32, Float32]:
+        own = np.add(self.numbers(purpose), 1, dtype=np.float32)
+        across, along = (
+            _bits((place + np.float32(0.5)) * factor)
+            for place, factor in zip(np.broadcast_arrays(x, y), own, strict=False)
+        )
+        second, third = (hash_of_three(across, along, _bits(np.full_like(x, number))) for number in (1, 2))
+        return _share(hash_of_two(across, along)), _share(second), _share(third)
 
     def _key(self, purpose: int) -> int:
         return self.key * PURPOSES + purpose
@@ -340,13 +355,13 @@ class WhiteNoise:
     def numbers(self, purpose: int) -> tuple[float, float, float]:
         """Return three independent numbers in [0, 1] of the whole frame."""
         zero = np.zeros(1, np.float32)
-        first, second, third = self.random(purpose, zero, zero)
+        first, second, third = replace(self, quick=False).random(purpose, zero, zero)
         return float(first[0]), float(second[0]), float(third[0])
 
 
-def white_noise(context: FrameContext) -> WhiteNoise:
+def white_noise(context: FrameContext, *, quick: bool = False) -> WhiteNoise:
     """Return the numbers of a frame, which are those of its node group."""
-    return WhiteNoise(seed_of(context.identifiers), context.index if context.temporal == "fresh" else 0)
+    return WhiteNoise(seed_of(context.identifiers), context.index if context.temporal == "fresh" else 0, quick)
 
 
 def _bits(value: Float32) -> Words:
@@ -354,7 +369,11 @@ def _bits(value: Float32) -> Words:
 
 
 def _uniform(x: Words, y: Words, z: Words, w: Words) -> Float32:
-    return (hash_of_four(x, y, z, w).astype(np.float64) / 0xFFFFFFFF).astype(np.float32)
+    return _share(hash_of_four(x, y, z, w))
+
+
+def _share(hashed: Words) -> Float32:
+    return (hashed.astype(np.float64) / 0xFFFFFFFF).astype(np.float32)
 
 
 # Depth that each pixel takes from a place near its own.

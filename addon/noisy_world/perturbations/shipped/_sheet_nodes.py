@@ -15,7 +15,7 @@ from typing import TypeAlias
 from ...core.node_graph import Graph, GroupInput, Kind, Socket
 from ..groups import CameraSockets, Canvas
 from ._particles import NEAR_M
-from ._weather import EXCESS, MOST_OPAQUE, SOFTNESS, area_and_width
+from ._weather import EXCESS, MOST_OPAQUE, QUICK_LEAST, SOFTNESS, area_and_width
 
 _GOLDEN = (math.sqrt(5) - 1) / 2
 FIRST_PURPOSE = 16  # of the random numbers that key the sheets
@@ -131,7 +131,7 @@ def seen_through_sheets(
     sockets |= {f"Camera {item.name}": getattr(camera, item.name) for item in fields(camera)}
     inside = {name: graph.input(_input(name, socket)) for name, socket in sockets.items()}
     own = CameraSockets(*(inside[f"Camera {item.name}"] for item in fields(camera)))
-    there = replace(canvas, graph=graph, camera=own, seed=inside["Seed"], key=inside["Frame"])
+    there = replace(canvas, graph=graph, camera=own, seed=inside["Seed"], key=inside["Frame"], quick=None)
     speeds = {sizes: inside[f"Speed {number}"] for number, sizes in enumerate(SIZES, start=1)}
     graph.output("Seen", _seen(there, inside["Wind"], inside, speeds), "float", "Share of the light that passes")
     return canvas.graph.group(graph, sockets, name=graph.name).out("Seen", "float")
@@ -239,6 +239,7 @@ def swept(graph: Graph, turning: Socket, x: Socket, y: Socket) -> tuple[Socket, 
 
 _SHARED = {
     "Nearness": "1 / metres of what hides, at each pixel",
+    "Least width": "Of a streak, in pixels of the reference width",
     "Focal length": "In pixels",
     "Seen to": "Metres at which the mean particle spans the least angle",
     "Mean": "Mean diameter, mm",
@@ -327,7 +328,7 @@ def _sheet_graph() -> Graph:
         squared = graph.math("MULTIPLY_ADD", runs[0], runs[0], graph.math("MULTIPLY_ADD", runs[1], runs[1], 1e-8))
         length_px = graph.math("SQRT", squared)
         streak = _Streak(area, width_px, (away[0], away[1]), (runs[0], runs[1]), length_px, squared)
-    hidden = _hidden(graph, streak)
+    hidden = _hidden(graph, streak, taken["Least width"])
     with graph.section("What passes"):
         there = (nearness > taken["Nearness"]) * (nearness < 1 / NEAR_M)
         there = there * (larger * taken["Seen to"] * nearness > 1.0)
@@ -348,15 +349,15 @@ class _Streak:
     squared: Socket
 
 
-def _hidden(graph: Graph, streak: _Streak) -> Socket:
-    """Return the share of light that a streak hides."""
+def _hidden(graph: Graph, streak: _Streak, least_px: Socket) -> Socket:
+    """Return the share of light that a streak hides. least_px: the ramp of its edge, at least."""
     width_px, length_px = streak.width_px, streak.length_px
     with graph.section("Its streak"):
         along = graph.math("MULTIPLY_ADD", streak.away[0], streak.run[0], streak.away[1] * streak.run[1])
         part = graph.clamp(along / streak.squared, -0.5, 0.5) * -1.0
         off = [graph.math("MULTIPLY_ADD", run, part, item) for run, item in zip(streak.run, streak.away, strict=True)]
         off_px = graph.math("SQRT", graph.math("MULTIPLY_ADD", off[0], off[0], off[1] * off[1]))
-        ramp = graph.math("MAXIMUM", width_px * SOFTNESS, 1.0)
+        ramp = graph.math("MAXIMUM", width_px * SOFTNESS, least_px)
         edge = graph.math("MULTIPLY_ADD", width_px, 0.5, off_px * -1.0)
         covered = graph.clamp(graph.math("DIVIDE", edge, ramp) + 0.5)
         track = graph.math("MULTIPLY_ADD", width_px, math.pi / 4, length_px) * width_px
@@ -378,6 +379,7 @@ _WAYS = ("Right", "Down")
 # Chosen: 2 % of what is seen is beyond the last sheet.
 LIT_SIZES = (Sizes(0.0, 2.0, 0.5, 4, (-0.25, 0.2)), Sizes(2.0, EXCESS, 1.8, 4, (0.45, -0.25)))
 LEAST_ROUND_PX = 2.0  # of a particle's width as it is drawn, so that pixels sample it evenly; it is fainter instead
+LEAST_SQUARE = (LEAST_ROUND_PX / 2) ** 2  # of its radius
 SPREAD = math.sqrt(0.5)  # of a run: the half axis of an ellipse as wide
 LIT_KEYS = 64.0  # a sheet's key is less; it keeps the digits of what is added to it
 # Of the numbers that a cell draws, chosen: irrational steps, and slopes so steep that no part of 512 x 512 cells
@@ -423,6 +425,7 @@ def seen_through_lit_sheets(
             "Least": graph.math("DIVIDE", 1.0, shared["Seen to"]),
             "Lean": shared["Gusts"] * spread_px * math.sqrt(12),
             "Longest": 1.0 + (2 * SPREAD * longest) ** 2,
+            "Least square": graph.choose(given["coarse"], QUICK_LEAST**2 * LEAST_SQUARE, LEAST_SQUARE, "float"),
         }
         for number, sizes in enumerate(LIT_SIZES, start=1):
             blown_m_s = graph.vector(given["wind_m_s"], 0.0, speed_m_s[sizes] * -1.0)
@@ -475,6 +478,7 @@ _LIT_SHEET_NODES_INPUTS: Mapping[str, tuple[Kind, str]] = {
     "Least": ("float", "1 / metres, of the distance at which the mean particle spans the least angle"),
     "Lean": ("float", "Pixels at a metre that its own velocity spreads a particle over meanwhile, the range"),
     "Longest": ("float", "Square of a streak's length in widths, at most"),
+    "Least square": ("float", "Square of the radius that it is drawn with at least, pixels"),
 }
 _INPUTS_OF_SIZES: Mapping[str, tuple[Kind, str]] = {
     "Place": ("vector", "Where the camera is among the particles, metres"),
@@ -531,7 +535,17 @@ _INPUTS_OF_A_SHEET = {
     "Low": "The least size, of the mean diameter's",
     "Held": "Share of the sizes above the least that are below the greatest",
 }
-_LIT_SHARED = ("Sweep right", "Sweep down", "Half size", "Half blur", "Focus", "Least", "Lean", "Longest")
+_LIT_SHARED = (
+    "Sweep right",
+    "Sweep down",
+    "Half size",
+    "Half blur",
+    "Focus",
+    "Least",
+    "Lean",
+    "Longest",
+    "Least square",
+)
 
 
 def _sheets_graph() -> Graph:
@@ -676,7 +690,7 @@ def _lit_sheet_graph() -> Graph:
         area = graph.math("MULTIPLY", radius_px, radius_px)
         blur_px = (nearness - taken["Focus"]) * taken["Half blur"]
         blurred = graph.math("MULTIPLY_ADD", blur_px, blur_px, area)
-        blurred = graph.math("MAXIMUM", blurred, (LEAST_ROUND_PX / 2) ** 2)
+        blurred = graph.math("MAXIMUM", blurred, taken["Least square"])
         away, run = [], []
         for moved, way in zip(jitter, ways, strict=True):
             steps = [taken[f"{way.title()} {side}"] for side in sides]

@@ -110,6 +110,50 @@ def _looked_up(image: Socket, where: Socket, interpolation: str) -> Socket:
     return image.graph.node("CompositorNodeMapUV", inputs).out("Image", "color")
 
 
+# Half the frame's size, for what may be softer.
+
+
+@dataclass(frozen=True)
+class Coarser:
+    """Half the frame's size where `quick`, a bool of the group, is on, else the frame's own.
+
+    scale: as a canvas has it. blank: an image of half the size; one pixel where that is not asked for. share: where the
+    frame's pixels are, from 0 to 1 along the sides.
+    """
+
+    width_px: Socket
+    height_px: Socket
+    scale: Socket
+    blank: Socket
+    share: Socket
+    quick: Socket
+
+    def taken(self, value: Socket) -> Socket:
+        """Return a number at each pixel of the frame at those of this size."""
+        where = value.graph.math("ADD", _normalized(self.blank), (0.0, 0.0, 1.0))
+        return value.graph.choose(self.quick, _looked_up(value, where, "Nearest").r, value, "float")
+
+    def back(self, value: Socket) -> Socket:
+        """Return a number at each pixel of this size at those of the frame, between pixels."""
+        graph = value.graph
+        asked = graph.choose(self.quick, value, 0.0, "float")
+        return graph.choose(self.quick, sampled(asked, self.share).r, value, "float")
+
+
+def coarser(canvas: Canvas, quick: Socket) -> Coarser:
+    """Return half the frame's size where `quick`, a bool of the group, is on."""
+    graph = canvas.graph
+    with graph.section("Half the size"):
+        sides = [graph.math("FLOOR", side * 0.5 + 0.5) for side in (canvas.width_px, canvas.height_px)]
+        size = graph.choose(quick, graph.vector(*sides), (1.0, 1.0, 0.0), "vector")
+        blank = graph.node("CompositorNodeBlankImage", {"Size": size}).out("Image", "color")
+        width, height = (
+            graph.choose(quick, *ends, "float") for ends in zip(sides, (canvas.width_px, canvas.height_px), strict=True)
+        )
+        scale = graph.choose(quick, canvas.scale * (sides[0] / canvas.width_px), canvas.scale, "float")
+        return Coarser(width, height, scale, blank, _normalized(canvas.image), quick)
+
+
 # A frame at half its size or less as nodes, for what is only a mean or is blurred widely: a quarter of the pixels.
 
 

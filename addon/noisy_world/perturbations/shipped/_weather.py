@@ -7,7 +7,7 @@ of the veil of all particles too small to be seen by themselves, as Koschmieder'
 
 import math
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import pairwise
 from typing import ClassVar, Literal, TypeAlias
@@ -25,7 +25,17 @@ from ...core.srgb import LUMINANCE, decoded, encoded
 from ...core.streams import stream
 from ..kinds import FrameContext
 from ._air import AIR_TOOLTIPS, air_colour_key, air_key, air_light, around_key, colour_of, lamps_key
-from ._arrays import SKY_M, by_bands, camera_of, frame_rate_key, three_channels, view_key
+from ._arrays import (
+    HALF_PX,
+    SKY_M,
+    by_bands,
+    camera_of,
+    frame_rate_key,
+    halved_nearest,
+    quick_key,
+    three_channels,
+    view_key,
+)
 from ._particles import NEAR_M, Air, AirCamera, Particles, Precipitation, affordable, in_sight, slopes_of, veil_depth
 
 # Streaks: what particles leave on an image while the shutter is open.
@@ -39,27 +49,33 @@ Piece: TypeAlias = tuple[NDArray[np.int32], Float32]
 PIECE = 1 << 15  # pixels that are looked at together; chosen, so that their arrays stay in the processor's cache
 MOST_FOUND = 1 << 23  # hidden pixels that are kept before they are summed; chosen: 100 MB
 LEAST_WIDTH_PX = 1.0  # of a streak as it is drawn; thinner ones are fainter instead
+QUICK_LEAST = 1.4  # times that at half the size: less, and thin streaks are beads; more, and they fade; chosen
 SOFTNESS = 0.7  # of a streak's edge, as a share of its width; chosen: flakes are no disks, and a lens's blur is soft
 MOST_OPAQUE = 0.999  # so that its logarithm is finite
 
 
 @dataclass(frozen=True)
 class Lens:
-    """A thin lens. aperture_m: its diameter; 0 is a pinhole. focus_m: the depth of what is sharp."""
+    """A thin lens. aperture_m: its diameter; 0 is a pinhole. focus_m: the depth of what is sharp.
+
+    least_px: the width that streaks behind it are drawn with at least, and how far their edges go at least.
+    """
 
     aperture_m: float
     focus_m: float
+    least_px: float = LEAST_WIDTH_PX
 
 
 @dataclass(frozen=True)
 class Streaks:
-    """Capsules on the image. start_px, end_px: (N, 2). width_px, opacity, depth_m: (N,)."""
+    """Capsules on the image. start_px, end_px: (N, 2). width_px, opacity, depth_m: (N,). least_px: as of the lens."""
 
     start_px: Float32
     end_px: Float32
     width_px: Float32
     opacity: Float32
     depth_m: Float32
+    least_px: float = LEAST_WIDTH_PX
 
 
 def streaks_of(particles: Particles, view: AirCamera, lens: Lens) -> Streaks:
@@ -80,11 +96,12 @@ def streaks_of(particles: Particles, view: AirCamera, lens: Lens) -> Streaks:
     focal_px = np.float32(np.sqrt(view.focal_px[0] * view.focal_px[1]))
     seen_px = particles.diameter_m * focal_px / depth_m
     blur_px = np.float32(lens.aperture_m) * focal_px * np.abs(1 / depth_m - np.float32(1 / lens.focus_m))
-    width_px = np.maximum(np.hypot(seen_px, blur_px), np.float32(LEAST_WIDTH_PX))
+    width_px = np.maximum(np.hypot(seen_px, blur_px), np.float32(lens.least_px))
     length_px = np.hypot(*(ends[1] - ends[0]).T)
     quarter = np.float32(np.pi / 4)
     opacity = quarter * seen_px**2 / (length_px * width_px + quarter * width_px**2)
-    return Streaks(ends[0], ends[1], width_px, np.minimum(opacity, np.float32(MOST_OPAQUE)), depth_m)
+    opacity = np.minimum(opacity, np.float32(MOST_OPAQUE))
+    return Streaks(ends[0], ends[1], width_px, opacity, depth_m, lens.least_px)
 
 
 def _projected(position_m: Float32, view: AirCamera) -> Float32:
@@ -157,7 +174,7 @@ def _walks(streaks: Streaks, size_px: tuple[int, int]) -> _Walks:
     back = run < 0
     along, beside = np.where(back, along + run, along), np.where(back, beside + rise, beside)
     run, rise = np.abs(run), np.where(back, -rise, rise)
-    ramp = np.maximum(streaks.width_px * np.float32(SOFTNESS), np.float32(1))
+    ramp = np.maximum(streaks.width_px * np.float32(SOFTNESS), np.float32(streaks.least_px))
     reach = (streaks.width_px + ramp) * np.float32(0.5)
     slope = np.divide(rise, run, out=np.zeros_like(run), where=run > 0)
     aside = reach * np.sqrt(1 + slope * slope)
@@ -278,6 +295,7 @@ class Falling:
     void_m: float = key("void counts as this far", default=500.0, unit="m", minimum=0.1, maximum=100000)
     view_deg: float = view_key()
     frame_rate_hz: float = frame_rate_key()
+    coarse: bool = quick_key("draw streaks at half the frame's size: softer ones, in half the time")
     TOOLTIPS: ClassVar[Mapping[str, str]] = AIR_TOOLTIPS | {
         "size": "Higher: every particle is larger",
         "tint": "Higher: particles take more of the color of the scene",
@@ -288,6 +306,7 @@ class Falling:
         "reach_m": "Lower: less of what is far is drawn, and the veil takes its place",
         "void_m": "Higher: where nothing is, the veil gets denser",
         "view_deg": "Higher: a wider view, so particles are smaller in it",
+        "coarse": "On: thin streaks are softer, and it takes half the time",
         "frame_rate_hz": "Lower: with the pattern Drift, particles move further from frame to frame",
     }
 
@@ -330,7 +349,7 @@ def fallen_on(kind: Kind, rgb: Float32, parameters: Falling, context: FrameConte
     air = drawn_air(kind, parameters, camera_of(context.intrinsics, (width, height), parameters.view_deg))
     surface = (context.depth_m > 0) & (context.depth_m <= SKY_M)
     depth_m = np.where(surface, context.depth_m, np.float32(parameters.void_m))
-    opaque = streaks_on(air, depth_m, parameters, context)
+    opaque = (_softly if parameters.coarse else streaks_on)(air, depth_m, parameters, context)
     linear = by_bands(rgb, rgb.dtype, decoded)
     # A row of it: three numbers beside an image take ten times as long.
     light = np.tile(_light(linear, kind, parameters, context), depth_m.shape[1])
@@ -412,8 +431,27 @@ def streaks_on(air: Air, depth_m: Float32, parameters: Falling, context: FrameCo
     view = view_of(depth_m, parameters, context)
     hashed = int(context.pattern_stream().integers(2**64, dtype=np.uint64))
     particles = in_sight(air, view, hashed, time_s)
-    streaks = streaks_of(particles, view, Lens(parameters.aperture_mm * 1e-3, parameters.focus_m))
+    least_px = LEAST_WIDTH_PX * (QUICK_LEAST / 2 if parameters.coarse else 1.0)
+    streaks = streaks_of(particles, view, Lens(parameters.aperture_mm * 1e-3, parameters.focus_m, least_px))
     return optical_depth(streaks, depth_m)
+
+
+def _softly(air: Air, depth_m: Float32, parameters: Falling, context: FrameContext) -> Float32:
+    """Return what `streaks_on` does, of streaks that are drawn at half the size."""
+    import cv2
+
+    small_m = halved_nearest(depth_m)
+    camera = camera_of(context.intrinsics, depth_m.shape[1::-1], parameters.view_deg)
+    seen = np.exp(-streaks_on(air, small_m, parameters, replace(context, intrinsics=_resized(camera, small_m.shape))))
+    large = np.asarray(cv2.resize(seen, depth_m.shape[1::-1], interpolation=cv2.INTER_LINEAR), np.float32)
+    return -np.log(np.maximum(large.reshape(depth_m.shape), np.float32(1e-30)))
+
+
+def _resized(camera: Intrinsics, shape: tuple[int, ...]) -> Intrinsics:
+    """Return a camera whose image has (H, W): it sees the same."""
+    x, y = shape[1] / camera.width_px, shape[0] / camera.height_px
+    middle = (camera.cx_px + HALF_PX) * x - HALF_PX, (camera.cy_px + HALF_PX) * y - HALF_PX
+    return Intrinsics(shape[1], shape[0], camera.fx_px * x, camera.fy_px * y, *middle)
 
 
 def view_of(depth_m: Float32, parameters: Falling, context: FrameContext) -> AirCamera:
@@ -528,4 +566,4 @@ def area_and_width(graph: Graph, taken: Mapping[str, Socket], large: Socket, nea
     blur_px = (nearness - graph.math("DIVIDE", 1.0, taken["Focus"])) * aperture_px
     area = graph.math("MULTIPLY", size_px, size_px)
     wide = graph.math("SQRT", graph.math("MULTIPLY_ADD", blur_px, blur_px, area))
-    return area, graph.math("MAXIMUM", wide, LEAST_WIDTH_PX)
+    return area, graph.math("MAXIMUM", wide, taken["Least width"])

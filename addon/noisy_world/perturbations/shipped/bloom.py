@@ -13,13 +13,14 @@ from ...core.schema import key
 from ...core.srgb import decoded, encoded
 from ..groups import Canvas
 from ..kinds import About, ColourPerturbation, FrameContext, Nodes
-from ._arrays import as_blur_node
+from ._arrays import QUICKLY, as_blur_node, quick_key
 from ._glass import reduced, reduced_nodes, sampled
 
 Float32: TypeAlias = NDArray[np.float32]
 
 # Share of what is scattered, standard deviation over the reach, and how often the image is halved for it; chosen.
 PARTS = ((0.5, 0.08, 0), (0.3, 0.3, 2), (0.2, 1.2, 3))
+QUICK_PARTS = ((0.5, 0.08, 1), (0.3, 0.3, 2), (0.2, 1.2, 3))
 HALF = 0.5**0.5  # of a standard deviation: what two blurs in a row have each
 
 
@@ -38,9 +39,11 @@ class Bloom:
         minimum=0,
         maximum=400,
     )
+    coarse: bool = quick_key("blur what is near at half the frame's size, too: hardly another, in half the time")
     TOOLTIPS: ClassVar[Mapping[str, str]] = {
         "amount": "Higher: bright things glow more, and all is veiled",
         "reach_px": "Higher: the glow is wider and fainter",
+        "coarse": "On: hardly another glow, in half the time",
     }
 
 
@@ -48,9 +51,25 @@ def apply(rgb: Float32, parameters: Bloom, _context: FrameContext) -> Float32:
     """Let (H, W, 3) glow."""
     light = decoded(rgb)
     made = light * np.float32(1 - parameters.amount)
+    if parameters.coarse:
+        made += _quickly(light, parameters.reach_px) * np.float32(parameters.amount)
+        return encoded(made)
     for share, times, halvings in PARTS:
         made += glow(light, parameters.reach_px * times, halvings) * np.float32(share * parameters.amount)
     return encoded(made)
+
+
+def _quickly(light: Float32, reach_px: float) -> Float32:
+    """Return the sum of the glows of linear light (H, W, 3), each enlarged to the size of the next nearer one."""
+    import cv2
+
+    total: Float32 | None = None
+    for share, times, halvings in reversed(QUICK_PARTS):
+        size_px = reach_px * times * 3.0 * HALF * 0.5**halvings
+        small = as_blur_node(as_blur_node(reduced(light, halvings), size_px), size_px) * np.float32(share)
+        total = small if total is None else small + np.asarray(cv2.resize(total, small.shape[1::-1]), np.float32)
+    assert total is not None
+    return np.asarray(cv2.resize(total, light.shape[1::-1]), np.float32).reshape(light.shape)
 
 
 def glow(light: Float32, sigma_px: float, halvings: int) -> Float32:
@@ -71,7 +90,7 @@ def build(canvas: Canvas, given: Mapping[str, Socket], _served: Mapping[str, flo
     with graph.section("What stays"):
         share = graph.node("CompositorNodeImageCoordinates", {"Image": canvas.image}).out("Normalized", "vector")
         left = 1.0 - amount
-        total = canvas.image * graph.vector(left, left, left)
+        total = kept = canvas.image * graph.vector(left, left, left)
     images = [reduced_nodes(canvas, halvings) if halvings else canvas.image for _, _, halvings in PARTS]
     for small, name, (part, times, halvings) in zip(images, ("Near", "Middle", "Far"), PARTS, strict=True):
         with graph.section(name):
@@ -81,7 +100,17 @@ def build(canvas: Canvas, given: Mapping[str, Socket], _served: Mapping[str, flo
             weight = amount * part
             seen = sampled(spread, share) if halvings else spread
             total = graph.math("MULTIPLY_ADD", seen, graph.vector(weight, weight, weight), total)
-    return total
+    with graph.section("Quickly"):
+        glows: Socket | None = None
+        for part, times, halvings in reversed(QUICK_PARTS):
+            small = reduced_nodes(canvas, halvings)
+            size = given["reach_px"] / canvas.scale * (0.5**halvings * times * 3.0 * HALF)
+            spread = _blurred(_blurred(small, size), size) * (part, part, part)
+            own = graph.node("CompositorNodeImageCoordinates", {"Image": small}).out("Normalized", "vector")
+            glows = spread if glows is None else spread + sampled(glows, own)
+        assert glows is not None
+        quickly = graph.math("MULTIPLY_ADD", sampled(glows, share), graph.vector(amount, amount, amount), kept)
+        return graph.choose(given["coarse"], quickly, total, "vector")
 
 
 def _blurred(image: Socket, size: Socket) -> Socket:
@@ -95,6 +124,7 @@ PERTURBATION = ColourPerturbation(
     stage="lens",
     order=52,
     parameters=Bloom,
+    newly=QUICKLY,
     severities={"amount": (0.05, 0.1, 0.15, 0.25, 0.4)},
     source="our own: chosen, from a good lens to a hazy one",
     about=About(

@@ -43,7 +43,16 @@ from ._air import (
     reach_of,
     sky_in,
 )
-from ._arrays import by_bands, by_camera, camera_of, frame_rate_key, three_channels, view_key
+from ._arrays import (
+    QUICKLY,
+    by_bands,
+    by_camera,
+    camera_of,
+    frame_rate_key,
+    quick_key,
+    three_channels,
+    view_key,
+)
 
 # Parameters of fog by depth.
 
@@ -105,6 +114,7 @@ class FogDepth:
     )
     view_deg: float = view_key()
     frame_rate_hz: float = frame_rate_key()
+    coarse: bool = quick_key("blur the light of lamps by larger blocks where that is wide: as good, in less time")
     TOOLTIPS: ClassVar[Mapping[str, str]] = AIR_TOOLTIPS | {
         "air_tint": "Lower: fog in a room of brick or wood is grey, not brown as smoke",
         "visibility_m": "Lower: the fog gets denser, and hides what is nearer",
@@ -120,6 +130,7 @@ class FogDepth:
         "glow": "Higher: lamps glow more in the fog",
         "glow_width_deg": "Higher: wider and softer glows",
         "view_deg": "Higher: as through a wider lens; a known camera decides it",
+        "coarse": "On: light of lamps is blurred by larger blocks, in less time",
         "frame_rate_hz": "Lower: with the pattern Drift, more time passes from frame to frame",
     }
 
@@ -701,7 +712,7 @@ PERTURBATION = ColourPerturbation(
     nodes=Nodes(build, linear=True, draws_lit=True, by_camera=by_camera),
     needs_depth=True,
     by_depth=by_depth,
-    newly={"air_tint": 0.25},
+    newly={"air_tint": 0.25, **QUICKLY},
     implied=GIVEN_AIR | {"glow": ("lamps", 0.0)},
     uses_motion=True,
     repeats=is_even,

@@ -13,7 +13,7 @@ from ...core.node_graph import Socket
 from ...core.schema import key
 from ..groups import Canvas
 from ..kinds import About, ColourPerturbation, FrameContext, Nodes
-from ._arrays import by_bands
+from ._arrays import QUICK_NOISE, QUICKLY, by_bands, quick_key
 from ._noise import look_up, normal_quantile, normal_quantiles, uniform_codes
 
 
@@ -22,8 +22,10 @@ class GaussianNoise:
     """Independent normal noise on every channel of every pixel, as ImageNet-C."""
 
     std: float = key("standard deviation, of full scale", default=0.18, minimum=0, maximum=2)
+    coarse: bool = quick_key()
     TOOLTIPS: ClassVar[Mapping[str, str]] = {
         "std": "Higher: more color grain, everywhere alike",
+        "coarse": QUICK_NOISE,
     }
 
 
@@ -75,6 +77,7 @@ PERTURBATION = ColourPerturbation(
     order=10,
     parameters=GaussianNoise,
     severities={"std": (0.08, 0.12, 0.18, 0.26, 0.38)},
+    newly=QUICKLY,
     source='paper, table "Specific configurations of the RGB imaging perturbations"',
     about=About(
         "Adds grain, as strong in dark places as in bright ones",

@@ -14,7 +14,7 @@ from ...core.node_graph import BroughtImage, Socket
 from ...core.schema import key
 from ..groups import Canvas
 from ..kinds import About, ColourPerturbation, FrameContext, Nodes
-from ._arrays import as_blur_node, gaussian
+from ._arrays import QUICK_NOISE, QUICKLY, as_blur_node, gaussian, quick_key
 from ._noise import WhiteNoise, look_up, uniform_codes, white_noise
 from ._sizes import full_size, with_full_sizes
 
@@ -42,17 +42,19 @@ class GlassBlur:
         "how far away one copy takes a pixel from", default=2, unit="px", minimum=0, maximum=MAX_DELTA_PX
     )
     iterations: int = key("how many times pixels change places", default=3, minimum=0, maximum=20)
+    coarse: bool = quick_key()
     TOOLTIPS: ClassVar[Mapping[str, str]] = {
         "sigma_px": "Higher: softer before and after pixels change places",
         "max_delta_px": "Higher: pixels change places over a longer way, as behind coarser glass",
         "iterations": "Higher: more pixels change places, and it takes longer",
+        "coarse": QUICK_NOISE,
     }
 
 
 def apply(rgb: NDArray[np.float32], parameters: GlassBlur, context: FrameContext) -> NDArray[np.float32]:
     """Blur and shuffle (H, W, 3)."""
     if context.lit:
-        return _as_nodes(rgb, parameters, white_noise(context))
+        return _as_nodes(rgb, parameters, white_noise(context, quick=parameters.coarse))
     image = gaussian(rgb, parameters.sigma_px)
     if parameters.max_delta_px and parameters.iterations:
         height, width = rgb.shape[:2]
@@ -231,6 +233,7 @@ PERTURBATION = ColourPerturbation(
         "max_delta_px": (1, 2, 2, 3, 4),
         "iterations": (2, 1, 3, 2, 2),
     },
+    newly=QUICKLY,
     source='paper, table "Specific configurations of the RGB imaging perturbations"',
     about=About(
         "Shifts each pixel by chance, as ribbed glass does",

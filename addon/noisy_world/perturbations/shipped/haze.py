@@ -31,7 +31,7 @@ from ._air import (
     lamps_key,
     sky_in,
 )
-from ._arrays import by_bands, by_camera, view_key
+from ._arrays import QUICKLY, by_bands, by_camera, quick_key, view_key
 
 VISUAL_NM = 550.0  # where visibility is meant: the eye is most sensitive
 # Dominant wavelengths of Rec. 709's primaries against its white.
@@ -67,12 +67,14 @@ class Haze:
         "void and what is farther count as this far", default=100000.0, unit="m", minimum=0.1, maximum=1e6
     )
     view_deg: float = view_key()
+    coarse: bool = quick_key("blur the light of lamps by larger blocks where that is wide: as good, in less time")
     TOOLTIPS: ClassVar[Mapping[str, str]] = AIR_TOOLTIPS | {
         "visibility_m": "Lower: the haze gets denser, and hides what is nearer",
         "angstrom": "Higher: the distance gets bluer, and lamps in it redder; 0 is gray, as fog",
         "airlight": "Higher: the haze gets lighter; 0 is smoke, 1 is white",
         "blueness": "Higher: the haze itself gets bluer",
         "void_m": "Lower: more of the sky is seen through the haze",
+        "coarse": "On: light of lamps is blurred by larger blocks, in less time",
         "view_deg": "Higher: as through a wider lens; a known camera decides it",
     }
 
@@ -171,6 +173,7 @@ PERTURBATION = ColourPerturbation(
     stage="environment",
     order=18,
     parameters=Haze,
+    newly=QUICKLY,
     severities={"visibility_m": (1000, 500, 250, 120, 60)},
     source=(
         "our own: from haze (WMO: 1 km and more) to smoke; Koschmieder, 1924; Angstrom, On the atmospheric "

@@ -13,7 +13,7 @@ from ...core.node_graph import Socket
 from ...core.schema import key
 from ..groups import Canvas
 from ..kinds import About, ColourPerturbation, FrameContext, Nodes
-from ._arrays import by_bands
+from ._arrays import QUICK_NOISE, QUICKLY, by_bands, quick_key
 from ._noise import CODES, look_up, uniform_codes
 
 T = TypeVar("T", bound=np.integer | np.floating)
@@ -27,8 +27,10 @@ class ImpulseNoise:
     """
 
     amount: float = key("share of the values that are replaced", default=0.09, minimum=0, maximum=1)
+    coarse: bool = quick_key()
     TOOLTIPS: ClassVar[Mapping[str, str]] = {
         "amount": "Higher: more pixels are pure black, white or a pure color",
+        "coarse": QUICK_NOISE,
     }
 
 
@@ -84,6 +86,7 @@ PERTURBATION = ColourPerturbation(
     order=20,
     parameters=ImpulseNoise,
     severities={"amount": (0.03, 0.06, 0.09, 0.17, 0.27)},
+    newly=QUICKLY,
     source='paper, table "Specific configurations of the RGB imaging perturbations"',
     about=About(
         "Makes single pixels black or white",

@@ -5,7 +5,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
-from typing import ClassVar
+from typing import ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -94,12 +94,30 @@ def inverse() -> NDArray[np.float32]:
 def pixels() -> Graph:
     """Describe the group that turns eight images of coefficients into eight images, one for each pixel of a run."""
     graph = Graph("DCT Pixels", "The eight pixels of each run from its DCT coefficients", alone=True)
-    given = [graph.input(GroupInput(f"{u}", "color", _BLACK, "A coefficient of each run")) for u in RUN]
+    given = [graph.input(GroupInput(f"{u}", "vector", _NOTHING, "A coefficient of each run")) for u in RUN]
     with graph.section("Cosines"):
         for k in RUN:
             weights = [float(weight) for weight in inverse()[k]]
             graph.output(f"{k}", _weighted(graph, given, weights), "vector", "A pixel of each run")
     return graph
+
+
+def interleaved(images: Sequence[Socket], size: Socket, axis: Literal["x", "y"]) -> Socket:
+    """Return the one image of a size in which runs of pixels along an axis come from so many images, one from each.
+
+    Two halves are joined, each made alike of every second image: that looks up fewer pixels than all at once.
+    """
+    if len(images) == 1:
+        return images[0]
+    graph = size.graph
+    short = size * ((0.5, 1.0, 1.0) if axis == "x" else (1.0, 0.5, 1.0))
+    halves = [interleaved(images[first::2], short, axis) for first in range(2)]
+    position = _positions(size, "Runs")
+    odd = graph.math("FLOORED_MODULO", getattr(position, axis), 2.0)
+    place = graph.node("CompositorNodeImageCoordinates", {"Image": position}).out("Normalized", "vector")
+    first, second = (sample(graph, half, graph.math("ADD", place, (0.0, 0.0, 1.0))) for half in halves)
+    inputs = {"Factor_Float": odd, "A_Color": first, "B_Color": second}
+    return graph.node("ShaderNodeMix", inputs, {"data_type": "RGBA"}).out("Result_Color", "color")
 
 
 def joined(images: Sequence[Socket], places: Sequence[Socket]) -> Socket:
@@ -281,19 +299,21 @@ def _decoded(frame: _JpegFrame, planes: Socket, position: Socket, quality: Socke
             inputs = {f"{u}": columns[u].out(f"{y}", "vector") for u in RUN}
             made.append(graph.group(row, inputs | limits, name=f"Row {y} of the blocks"))
     with graph.section("Rows of the blocks"):
-        tall = _positions(runs, "Runs of a row")
-        ups = places(tall, tall.y, 1)
-        parts = [joined([item.out(f"{part}", "vector") for item in made], ups) for part in range(-(-SIZE // packed))]
+        parts = [
+            interleaved([item.out(f"{part}", "vector") for item in made], runs, "y")
+            for part in range(-(-SIZE // packed))
+        ]
     with graph.section("Pixels of the rows"):
+        if packed == 1:
+            return interleaved(parts, frame.planes, "x")
         whole = joined(parts, places(position, position.x, packed))
-        return whole if packed == 1 else _unpacked(whole, position.x)
+        return _unpacked(whole, position.x)
 
 
 def _row(packed: int) -> Graph:
     """Describe the group that makes one row of every block: so many pixels side by side to a number."""
     graph = Graph("JPEG Row", "One row of every block from its horizontal frequencies, rounded to whole numbers")
-    nothing = (0.0, 0.0, 0.0, 1.0)
-    given = {f"{u}": graph.input(GroupInput(f"{u}", "color", nothing, "A horizontal frequency")) for u in RUN}
+    given = {f"{u}": graph.input(GroupInput(f"{u}", "vector", _NOTHING, "A horizontal frequency")) for u in RUN}
     lowest = graph.input(GroupInput("Lowest", "float", 0.0, "The least value"))
     highest = graph.input(GroupInput("Highest", "float", 255.0, "The greatest value"))
     with graph.section("Frequencies to pixels"):

@@ -15,7 +15,7 @@ from ...core.schema import key
 from ..groups import Canvas
 from ..kinds import About, ColourPerturbation, FrameContext, Nodes
 from ._air import DROP, around_by_depth
-from ._arrays import by_camera
+from ._arrays import QUICKLY, by_camera
 from ._falling_nodes import Laws, build_falling
 from ._particles import drop_speed_m_s, rain
 from ._weather import GIVEN_AIR, Falling, Kind, fallen_on, limits_of, mirrored_air
@@ -83,7 +83,7 @@ PERTURBATION = ColourPerturbation(
     order=24,
     parameters=RainDepth,
     # Streaks as of a film by day; of 2.5 ms they are as short as snow's. Larger drops make up for their faintness.
-    newly={"shutter_ms": 8.0, "size": 1.5},
+    newly={"shutter_ms": 8.0, "size": 1.5, **QUICKLY},
     severities={"rate_mm_h": (2.5, 10.0, 25.0, 50.0, 100.0)},
     source="our own: light, moderate, heavy, violent rain, and a cloudburst; sizes: Marshall and Palmer, 1948",
     about=About(

@@ -16,7 +16,7 @@ from ...core.srgb import decoded, encoded
 from ...core.streams import stream
 from ..groups import HALF, ROUNDING, SEEDS, Canvas
 from ..kinds import About, ByFrame, ColourPerturbation, Example, FrameContext, Nodes
-from ._arrays import by_bands
+from ._arrays import QUICK_NOISE, QUICKLY, by_bands, quick_key
 from ._noise import CODES, look_up, normal_quantile, poisson_quantile, scaled_normal, uniform_codes
 
 # Grain larger than a pixel: normal numbers of variance 1 that neighbours share in part.
@@ -257,6 +257,7 @@ class SensorNoise:
         default=False,
         later=True,
     )
+    coarse: bool = quick_key()
     sensor: int = key("which one of its kind: it decides where hot pixels are", default=0, minimum=0, maximum=2**31 - 1)
     TOOLTIPS: ClassVar[Mapping[str, str]] = {
         "gain_db": "Higher: a darker scene, so stronger noise",
@@ -273,6 +274,7 @@ class SensorNoise:
         "grain_px": "Higher: soft and large grain",
         "headroom_stops": "Lower: what shines is cut off earlier",
         "even_steps": "On: from one severity to the next noise grows by as much; off: it nearly doubles",
+        "coarse": QUICK_NOISE,
         "sensor": "Another number: hot pixels are elsewhere",
     }
 
@@ -442,7 +444,7 @@ PERTURBATION = ColourPerturbation(
         "read_noise_electrons": (0.8, 0.89, 0.99, 1.1, 1.22),
     },
     other_severities={"even_steps": {"gain_db": EVEN_GAIN_DB, "read_noise_electrons": EVEN_READ}},
-    newly={"even_steps": True},
+    newly={"even_steps": True, **QUICKLY},
     source=(
         "our own: the range of shot noise of Brooks and others (Unprocessing images for learned raw denoising, 2019) "
         "in equal ratios, with the read noise of their line, for a full well of 10,000 electrons; model: EMVA 1288"

@@ -15,7 +15,7 @@ from ...core.schema import key
 from ...images.pixels import rgb_bytes
 from ..groups import Canvas
 from ..kinds import About, ColourPerturbation, FrameContext, Nodes
-from ._arrays import bands, by_bands
+from ._arrays import QUICK_NOISE, QUICKLY, bands, by_bands, quick_key
 from ._noise import CODES, look_up, poisson_quantile, uniform_codes, uniform_words
 
 MOST_PHOTONS = 256  # the largest mean whose 256 likeliest numbers leave out less than 1e-12 of the probability
@@ -31,8 +31,10 @@ class ShotNoise:
     photons: float = key(
         "mean number of photons at full scale; 0 is darkness", default=12.0, minimum=0, maximum=MOST_PHOTONS
     )
+    coarse: bool = quick_key()
     TOOLTIPS: ClassVar[Mapping[str, str]] = {
         "photons": "Lower: more grain, most of it in bright places; 0 is darkness",
+        "coarse": QUICK_NOISE,
     }
 
 
@@ -196,6 +198,7 @@ PERTURBATION = ColourPerturbation(
     order=30,
     parameters=ShotNoise,
     severities={"photons": (60, 25, 12, 5, 3)},
+    newly=QUICKLY,
     source='paper, table "Specific configurations of the RGB imaging perturbations"',
     about=About(
         "Adds the grain of few photons, most of it in bright places",

@@ -3,7 +3,7 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
@@ -13,8 +13,18 @@ from ...core.node_graph import Graph, GroupInput, Socket
 from ...core.schema import key
 from ..groups import Canvas
 from ..kinds import About, ColourPerturbation, FrameContext, Nodes
-from ._arrays import Level, colour_by_bands, correlate, kept_for_sequence, line_kernel, three_channels, torus_window
-from ._sizes import full_size, with_full_sizes
+from ._arrays import (
+    QUICKLY,
+    Level,
+    colour_by_bands,
+    correlate,
+    kept_for_sequence,
+    line_kernel,
+    quick_key,
+    three_channels,
+    torus_window,
+)
+from ._sizes import FullSize, coarser, full_size, with_full_sizes
 
 
 @dataclass(frozen=True)
@@ -34,6 +44,7 @@ class Snow:
     fall_px: float = key(
         "drift: how far the flakes fall a frame", default=12.0, unit="px", minimum=0, maximum=1000, slider=(0, 100)
     )
+    coarse: bool = quick_key("draw flakes at half the frame's size: softer ones, in a third of the time")
     TOOLTIPS: ClassVar[Mapping[str, str]] = {
         "mean": "Higher: more flakes",
         "std": "Higher: flakes differ more in brightness",
@@ -43,6 +54,7 @@ class Snow:
         "blur_sigma_px": "Higher: the streaks fade less toward their ends",
         "blending_ratio": "Lower: the picture itself gets whiter, as in thick snowfall",
         "fall_px": "Higher: with the pattern Drift, the flakes fall faster",
+        "coarse": "On: softer flakes, in a third of the time",
     }
 
 
@@ -69,27 +81,40 @@ def _whitened(rgb: NDArray[np.float32], ratio: float) -> NDArray[np.float32]:
 
 def _flakes(size: tuple[int, int], parameters: Snow, context: FrameContext) -> NDArray[np.float32]:
     """Return the sum of both layers of flakes, (H, W)."""
+    import cv2
+
     noise, angle_deg = _noise(context, _cells(size, parameters.scale))
     fallen_px = context.drift_frames * parameters.fall_px
     layer = _layer(size, noise, angle_deg, parameters, fallen_px)
     # The second layer is turned by 180 degrees at the end, so it has to rise here to fall there.
     other = _layer(size, noise, angle_deg, parameters, -fallen_px) if fallen_px else layer
-    return layer + other[::-1, ::-1]
+    both = layer + other[::-1, ::-1]
+    return np.asarray(cv2.resize(both, size[::-1]), np.float32) if parameters.coarse else both
 
 
 def _layer(
     size: tuple[int, int], noise: NDArray[np.float32], angle_deg: float, parameters: Snow, fallen_px: float
 ) -> NDArray[np.float32]:
-    """Return (H, W): the flakes of this noise, streaked along the angle, moved along it by `fallen_px`."""
+    """Return (H, W): the flakes of this noise, streaked along the angle, moved along it by `fallen_px`.
+
+    size: H and W; what it returns has half of them where the parameters say so.
+    """
     # The noise's first and last points lie at the frame's outermost pixels.
     step_y, step_x = ((cells - 1) / max(pixels - 1, 1) for cells, pixels in zip(noise.shape, size, strict=True))
     start = (-fallen_px * step_y, -fallen_px * step_x / math.tan(math.radians(angle_deg)))
+    radius_px, sigma_px = parameters.blur_radius_px, parameters.blur_sigma_px
+    if parameters.coarse:
+        half = (size[0] + 1) // 2, (size[1] + 1) // 2
+        wide = size[0] / half[0], size[1] / half[1]
+        start = start[0] + (wide[0] - 1) / 2 * step_y, start[1] + (wide[1] - 1) / 2 * step_x
+        size, step_y, step_x = half, step_y * wide[0], step_x * wide[1]
+        radius_px, sigma_px = math.floor(radius_px / wide[1] + 0.5), sigma_px / wide[1]
     layer = torus_window(noise, size, (step_y, step_x), start)
     layer *= np.float32(parameters.std)
     layer += np.float32(parameters.mean)
     layer *= layer >= np.float32(parameters.threshold)
     np.clip(layer, 0.0, 1.0, out=layer)
-    return correlate(layer, line_kernel(parameters.blur_radius_px, parameters.blur_sigma_px, angle_deg))
+    return correlate(layer, line_kernel(radius_px, sigma_px, angle_deg))
 
 
 def _cells(size: tuple[int, int], scale: float) -> tuple[int, int]:
@@ -124,13 +149,31 @@ def build(canvas: Canvas, given: Mapping[str, Socket], served: Mapping[str, floa
     graph, image = canvas.graph, canvas.image
     full = full_size(canvas)
     sized = with_full_sizes(full, given, "blur_radius_px", "blur_sigma_px", "fall_px")
-    flakes = full.back(_both_layers(full.canvas, full.pixel, sized, served))
+    flakes = full.back(_sized_layers(full, sized, served))
     with graph.section("Whiten"):
         grey = graph.math("MULTIPLY_ADD", graph.math("DOT_PRODUCT", image, _GREY), 1.5, 0.5)
         white = graph.math("MAXIMUM", image, grey)
         whitened = graph.mix(white, image, given["blending_ratio"])
     with graph.section("Snow on it"):
         return whitened + flakes
+
+
+def _sized_layers(full: FullSize, given: Mapping[str, Socket], served: Mapping[str, float]) -> Socket:
+    """Return the sum of both layers at the frame's size; quickly, made at half of it."""
+    graph, quick = full.canvas.graph, given["coarse"]
+    drawn = coarser(full.canvas, quick)
+    with graph.section("Size of the flakes"):
+        own = graph.node("CompositorNodeImageCoordinates", {"Image": drawn.blank}).out("Pixel", "vector")
+        pixel = graph.choose(quick, own, full.pixel, "vector")
+        times = drawn.scale / full.canvas.scale
+        sized = {name: given[name] * times for name in ("blur_radius_px", "blur_sigma_px", "fall_px")}
+        sized["blur_radius_px"] = graph.choose(
+            quick, graph.math("FLOOR", sized["blur_radius_px"] + 0.5), given["blur_radius_px"], "float"
+        )
+    canvas = replace(full.canvas, width_px=drawn.width_px, height_px=drawn.height_px, scale=drawn.scale)
+    layers = _both_layers(canvas, pixel, {**given, **sized}, served)
+    with graph.section("Flakes at the frame's size"):
+        return drawn.back(layers)
 
 
 def _both_layers(canvas: Canvas, pixel: Socket, given: Mapping[str, Socket], served: Mapping[str, float]) -> Socket:
@@ -321,6 +364,7 @@ PERTURBATION = ColourPerturbation(
     stage="environment",
     order=40,
     parameters=Snow,
+    newly=QUICKLY,
     severities={
         "mean": (0.1, 0.2, 0.55, 0.55, 0.55),
         "std": (0.3, 0.3, 0.3, 0.3, 0.3),

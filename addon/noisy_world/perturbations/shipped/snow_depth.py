@@ -15,7 +15,7 @@ from ...core.schema import key
 from ..groups import Canvas
 from ..kinds import About, ColourPerturbation, FrameContext, Nodes
 from ._air import FLAKE, around_by_depth
-from ._arrays import by_camera
+from ._arrays import QUICKLY, by_camera
 from ._falling_nodes import Laws, build_falling
 from ._particles import SWOLLEN, flake_speed_m_s, snow
 from ._weather import GIVEN_AIR, Falling, Kind, fallen_on, limits_of, mirrored_air
@@ -82,6 +82,7 @@ PERTURBATION = ColourPerturbation(
     stage="environment",
     order=22,
     parameters=SnowDepth,
+    newly=QUICKLY,
     severities={"rate_mm_h": (0.5, 1.0, 2.0, 4.0, 8.0)},
     source="our own: from light to very heavy snowfall; sizes: Gunn and Marshall, 1958",
     about=About(

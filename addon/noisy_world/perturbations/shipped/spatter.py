@@ -13,7 +13,16 @@ from ...core.node_graph import INTERFACE, Graph, Kind, Socket, Value
 from ...core.schema import key
 from ..groups import Canvas
 from ..kinds import About, ColourPerturbation, FrameContext, Nodes
-from ._arrays import Level, colour_by_bands, gaussian, kept_for_sequence, three_channels, torus_window
+from ._arrays import (
+    QUICKLY,
+    Level,
+    colour_by_bands,
+    gaussian,
+    kept_for_sequence,
+    quick_key,
+    three_channels,
+    torus_window,
+)
 from ._noise import look_up, normal_quantiles, uniform_codes
 
 # The colours, the distance and the kernel are ImageNet-C's.
@@ -48,6 +57,7 @@ class Spatter:
     run_px: float = key(
         "drift: how far the drops run down a frame", default=0.5, unit="px", minimum=0, maximum=1000, slider=(0, 10)
     )
+    coarse: bool = quick_key("draw random numbers by a shorter hash in node groups: other drops, in less time")
     TOOLTIPS: ClassVar[Mapping[str, str]] = {
         "mean": "Higher: more of the lens is covered",
         "std": "Higher: drops differ more in size",
@@ -56,6 +66,7 @@ class Spatter:
         "scaling": "Higher: the drops cover the picture more",
         "complexity": "0 shows drops of water, 1 mud",
         "run_px": "Higher: with the pattern Drift, the drops run down faster",
+        "coarse": "On: other drops of the same kind, in less time",
     }
 
 
@@ -262,8 +273,9 @@ def _share_nearer(distance: Socket, crossed: Socket) -> Socket:
 def _relief(canvas: Canvas, share: Socket) -> Socket:
     """Return the share embossed as by _RIM and averaged over 3 x 3."""
     graph = share.graph
+    looked_up = _boxed(graph.clamp(graph.math("MULTIPLY_ADD", _embossed(graph, share), 4.5, share)))
     if canvas.always_lit:
-        return _boxed(graph.clamp(graph.math("MULTIPLY_ADD", _embossed(graph, share), 4.5, share)))
+        return looked_up
     # A bilinear look-up 2/3 of a pixel away on the diagonal weights its neighbours 2 : 1 : 1; the difference of the two
     # sides is _RIM without its middle.
     sides = [
@@ -279,7 +291,9 @@ def _relief(canvas: Canvas, share: Socket) -> Socket:
         ).out("Image", "float")
         for sign in (1, -1)
     ]
-    return _boxed(graph.clamp(graph.math("MULTIPLY_ADD", sides[0] - sides[1], 4.5, share)))
+    moved = _boxed(graph.clamp(graph.math("MULTIPLY_ADD", sides[0] - sides[1], 4.5, share)))
+    assert canvas.quick is not None
+    return graph.choose(canvas.quick, looked_up, moved, "float")
 
 
 def _embossed(graph: Graph, share: Socket) -> Socket:
@@ -343,6 +357,7 @@ PERTURBATION = ColourPerturbation(
     stage="environment",
     order=50,
     parameters=Spatter,
+    newly=QUICKLY,
     severities={
         "mean": (0.65, 0.65, 0.65, 0.65, 0.67),
         "std": (0.3, 0.3, 0.3, 0.3, 0.4),

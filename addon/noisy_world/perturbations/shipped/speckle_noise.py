@@ -13,7 +13,7 @@ from ...core.node_graph import Socket
 from ...core.schema import key
 from ..groups import Canvas
 from ..kinds import About, ColourPerturbation, FrameContext, Nodes
-from ._arrays import by_bands
+from ._arrays import QUICK_NOISE, QUICKLY, by_bands, quick_key
 from ._noise import look_up, normal_quantile, normal_quantiles, uniform_codes
 
 GAIN_STEPS = 2**14  # an odd multiple of 2^-14 times a byte has at most 14 fractional bits and, unless 0, is no tie
@@ -24,8 +24,10 @@ class SpeckleNoise:
     """Each channel of each pixel times its own normal gain of mean 1, as ImageNet-C."""
 
     std: float = key("standard deviation, of the pixel's value", default=0.35, minimum=0, maximum=2)
+    coarse: bool = quick_key()
     TOOLTIPS: ClassVar[Mapping[str, str]] = {
         "std": "Higher: more grain in bright places; dark ones stay clean",
+        "coarse": QUICK_NOISE,
     }
 
 
@@ -77,6 +79,7 @@ PERTURBATION = ColourPerturbation(
     order=40,
     parameters=SpeckleNoise,
     severities={"std": (0.15, 0.2, 0.35, 0.45, 0.6)},
+    newly=QUICKLY,
     source='paper, table "Specific configurations of the RGB imaging perturbations"',
     about=About(
         "Adds grain in proportion to brightness",
