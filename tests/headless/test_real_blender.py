@@ -32,21 +32,28 @@ def world(tmp_path_factory):
     return write_world(tmp_path_factory.mktemp("world"), frames=4, size=(320, 240))
 
 
+@pytest.fixture(scope="module")
+def by_package(world, tmp_path_factory):
+    """The frames under the bpy package."""
+    out = tmp_path_factory.mktemp("wheel") / "out"
+    generate(world, "--out", out)
+    return out
+
+
 @pytest.mark.parametrize("jobs", [1, 2])
-def test_the_same_frames(world, tmp_path, jobs):
+def test_the_same_frames(world, by_package, tmp_path, jobs):
     inside = blender(world, "--out", tmp_path / "blender", "--jobs", jobs)
     assert inside.returncode == 0, inside.stderr
     assert "4 frames rendered" in inside.stdout
-    generate(world, "--out", tmp_path / "wheel")
     for k in range(4):
         name = f"clean/box/results/depth{k:06d}.png"
         depth = [
-            cv2.imread(str(tmp_path / who / name), cv2.IMREAD_UNCHANGED).astype(int) for who in ("blender", "wheel")
+            cv2.imread(str(out / name), cv2.IMREAD_UNCHANGED).astype(int) for out in (tmp_path / "blender", by_package)
         ]
         assert (depth[0] > 0).all()
         assert np.abs(depth[0] - depth[1]).max() <= 1
         name = f"clean/box/results/frame{k:06d}.png"
-        colour = [cv2.imread(str(tmp_path / who / name)).astype(int) for who in ("blender", "wheel")]
+        colour = [cv2.imread(str(out / name)).astype(int) for out in (tmp_path / "blender", by_package)]
         assert np.abs(colour[0] - colour[1]).max() <= 1
 
 
