@@ -35,7 +35,8 @@ SECONDS_OF_BLENDER = 2.0  # in addition
 SECONDS_PER_OWN_SCENE = 4.0  # a .blend is looked at in a process of its own, too
 SECONDS_OF_EEVEE = 10.0  # building its shaders, once
 SECONDS_PER_EEVEE_PIXEL = 6e-6  # without a graphics card, whatever the samples
-EXPOSED_TIMES = 7  # that a frame costs which is exposed at several moments, or line by line: 4 to 15
+EXPOSED_TIMES = 12  # that a frame costs which is exposed at several moments
+READ_TIMES = 1.3  # that one costs which is read line by line
 SECONDS_PER_LINK = 1e-4  # an image that is there already under another name
 SECONDS_PER_PERTURBED_PIXEL = 1.2e-8  # perturbing, encoding and writing an image: 0.01 s, the mean of the benchmark's
 SECONDS_PER_COMPOSITED_PIXEL = 1e-7  # of each step in Blender's compositor, in addition: 0.08 s an image
@@ -142,7 +143,7 @@ def frame_seconds(
         render_spec, own = plan.preset.spec.render, render.scene.source.capabilities.own
         engine, samples = (render_spec.engine, render_spec.samples) if own is None else (own.engine, own.samples)
         engine = "embree" if quick else engine
-        rays_s = pixels * rendering_seconds(engine, samples) * (EXPOSED_TIMES if render.exposure else 1)
+        rays_s = pixels * rendering_seconds(engine, samples) * _exposed_times(render)
         each_s = rays_s if engine == "embree" else each_s + rays_s
     each_s *= pace.factor
     images_s: dict[Numbers, float] = {}  # of all images that show the same source frames one after another
@@ -162,6 +163,13 @@ def frame_seconds(
         else:
             seconds += image_s * np.bincount(sources.values, minlength=len(seconds))
     return seconds[array_of(frames)]
+
+
+def _exposed_times(render: Render) -> float:
+    """Return how many times the clean frame's rays a frame of a render takes."""
+    if any(step.perturbation.apply is not None for step in render.exposure):
+        return EXPOSED_TIMES
+    return READ_TIMES if render.exposure else 1.0
 
 
 def rendering_seconds(engine: str, samples: int) -> float:
