@@ -83,8 +83,11 @@ def resting(values, at_ns):
     return SimpleNamespace(samples=samples, rig=SimpleNamespace(rgb=SimpleNamespace(robot_from_sensor=eye)))
 
 
-@pytest.mark.parametrize("still_s", [-9.0, 20.0])  # until when it does not turn
-def test_an_imus_clock_that_drifts(still_s):
+@pytest.mark.parametrize(
+    ("still_s", "along"),  # until when it does not turn, and about which axis it says that it does
+    [(-9.0, [0, 0, 1]), (20.0, [0, 0, 1]), (20.0, [1, 0, 0])],
+)
+def test_an_imus_clock_that_drifts(still_s, along):
     ppm, offset_s = 400.0, 0.012
 
     def turned(times_s):
@@ -96,6 +99,7 @@ def test_an_imus_clock_that_drifts(still_s):
     imu_s = np.arange(-2, 62, 0.005)
     step_s = 1e-4
     rate = (turned(imu_s + step_s) - turned(imu_s - step_s)) / (2 * step_s)
+    rate = rate[:, 2:] * np.array(along, np.float64)
     said_s = imu_s + offset_s + ppm * 1e-6 * (imu_s - 30)
     clock, drift = imu_clock_by_poses(resting(rate, np.rint(said_s * 1e9).astype(np.int64)), path, at_s)
     assert clock.value == pytest.approx(offset_s, abs=0.004)  # of the parts with most motion

@@ -234,6 +234,8 @@ def _clock_with(
     for block in range(BLOCKS):
         rows, at_s = np.flatnonzero(blocks == block), value
         for _ in range(2):  # again around where the part itself has it
+            if not np.isfinite(at_s):
+                break
             near_s = np.asarray(at_s + np.arange(-6, 7) * FINE_S, np.float64)
             at_s = _bottom(near_s, [left(later_s, rows)[0] for later_s in near_s])
         each.append(at_s)
