@@ -20,7 +20,7 @@ from .figure import BLOCKS, Figure, blocks_of, jackknifed
 from .footage import Float32, Float64, RecordingView
 
 # Chosen, as all below.
-WIDE_SIDE = 24  # of blocks in pixels, for correlation; SIDE for the deviation
+WIDE_SIDES = 24, 12  # of blocks in pixels, for correlation: smaller ones where holes leave few; SIDE for the deviation
 DISTANCES_M = (0.3, 0.5, 0.8, 1.1, 1.4, 1.7, 2.0, 2.5, 3.0, 3.6, 4.5, 6.0, 8.0, 12.0)
 MOST_BLOCKS = 1200  # of a frame, that are looked for in another
 REPEATED = (
@@ -82,7 +82,7 @@ def depth_noise(footage: RecordingView, frames: Sequence[int], registered: Regis
     registered: by which the same surfaces are found in other frames; None for surfaces without relief.
     """
     planes: list[Planes] = []
-    wide: list[Wide] = []
+    told_by: list[_Seen] = []
     seen: list[HoleFrame] = []
     for frame in frames:
         look = footage.look(frame)
@@ -93,13 +93,13 @@ def depth_noise(footage: RecordingView, frames: Sequence[int], registered: Regis
         small = blocks_in(look.depth_m, SIDE)
         other = None if registered is None else registered.other(frame, small)
         planes.append(_planes(small, other, registered))
-        wide.append(_wide(frame, (look.depth_m, fresh), other, registered))
+        told_by.append(_Seen(frame, look.depth_m, fresh, other))
         seen.append(HoleFrame(look.depth_m, look.grey, None if fresh is None else fresh <= 0))
     apart = np.mean([each.apart for each in planes]) >= LEAST_SHARE if planes else False
     changing = _by_distance([each for each in planes if each.compared])[0]
     told = _told_share(planes)
     planes = [each for each in planes if each.apart] if apart else [each.with_relief for each in planes]
-    wide = [each for each in wide if each.apart] if apart else [each.with_relief for each in wide]
+    wide = _wide(told_by, registered, apart=bool(apart))
     planes = _even(planes)
     curve, law = _by_distance(planes)
     steps = _steps([each.depth_m for each in seen])
@@ -371,6 +371,7 @@ class Wide:
     spread, repeated: (N,) as Planes has them, of inverse depth. plain, plain_time: sums and time of one frame alone.
     """
 
+    side: int
     sums: Float64
     time: Float64
     spread: Float64
@@ -386,28 +387,47 @@ class Wide:
         return replace(self, sums=self.plain, time=self.plain_time, spread=whole, repeated=0 * whole)
 
 
-def _wide(
-    frame: int, depths_m: tuple[Float32, Float32 | None], other: Other | None, registered: Registered | None
-) -> Wide:
-    """Return what of wide blocks tells how pixels' noise goes together. depths_m: of a frame and of the one after it.
+@dataclass(frozen=True)
+class _Seen:
+    """A frame, its depth and that of the one after, and another frame of the same surfaces."""
+
+    frame: int
+    depth_m: Float32
+    after_m: Float32 | None
+    other: Other | None
+
+
+def _wide(seen: Sequence[_Seen], registered: Registered | None, *, apart: bool) -> list[Wide]:
+    """Return frames' wide blocks, of the largest side of which there are enough. apart: as `Planes` has it."""
+    found: list[Wide] = []
+    for side in WIDE_SIDES:
+        found = [_wide_of(each, registered, side) for each in seen]
+        found = [each for each in found if each.apart] if apart else [each.with_relief for each in found]
+        if sum(len(each.spread) for each in found) >= LEAST_BLOCKS:
+            break
+    return found
+
+
+def _wide_of(seen: _Seen, registered: Registered | None, side: int) -> Wide:
+    """Return what of wide blocks tells how pixels' noise goes together.
 
     Products are of what planes leave here and what is left of that without the other frame's: noise of that is another.
     """
-    depth_m, after_m = depths_m
+    other = seen.other
     apart = other is not None and other.enough
-    here, noise, spread, repeated = _left(blocks_in(depth_m, WIDE_SIDE), other, registered)
-    plain, sums = _sums(here.left, here.left), _sums(here.left, noise)
+    here, noise, spread, repeated = _left(blocks_in(seen.depth_m, side), other, registered)
+    plain, sums = _sums(here.left, here.left, side), _sums(here.left, noise, side)
     times = [np.full((len(here), 3), np.nan) for _ in range(2)]
-    if after_m is not None:
+    if seen.after_m is not None:
         if other is not None and registered is not None:
-            other = registered.after(frame, blocks_in(after_m, SIDE), other)
-        later, later_noise, _, _ = _left(blocks_in(after_m, WIDE_SIDE), other, registered)
+            other = registered.after(seen.frame, blocks_in(seen.after_m, SIDE), other)
+        later, later_noise, _, _ = _left(blocks_in(seen.after_m, side), other, registered)
         _, one, two = np.intersect1d(here.which, later.which, return_indices=True)
         for time, other_noise, own in ((times[0], later_noise, noise), (times[1], later.left, here.left)):
             time[one, 0] = (here.left[one] * other_noise[two]).mean(axis=1)
             time[one, 1] = (here.left[one] * own[one]).mean(axis=1)
             time[one, 2] = (later.left[two] * other_noise[two]).mean(axis=1)
-    return Wide(sums, times[0], spread, repeated, plain, times[1], apart)
+    return Wide(side, sums, times[0], spread, repeated, plain, times[1], apart)
 
 
 def _left(
@@ -424,14 +444,14 @@ def _left(
     return here, noise, spread, (here.left * there.left).mean(axis=1, dtype=np.float64)
 
 
-def _sums(left: Float32, noise: Float32) -> Float64:
+def _sums(left: Float32, noise: Float32, side: int) -> Float64:
     """Return (N, 5), as Wide has them, of two (N, pixels)."""
-    one, other = (each.reshape(-1, WIDE_SIDE, WIDE_SIDE) for each in (left, noise))
+    one, other = (each.reshape(-1, side, side) for each in (left, noise))
     lags = [
         ((one[:, :, lag:] * other[:, :, :-lag]) + (one[:, :, :-lag] * other[:, :, lag:])).mean(axis=(1, 2)) / 2
         for lag in LAGS_PX
     ]
-    means = [each.reshape(-1, WIDE_SIDE // 4, 4, WIDE_SIDE // 4, 4).mean(axis=(2, 4)) for each in (one, other)]
+    means = [each.reshape(-1, side // 4, 4, side // 4, 4).mean(axis=(2, 4)) for each in (one, other)]
     products = [*lags, (means[0] * means[1]).mean(axis=(1, 2)), (one * other).mean(axis=(1, 2))]
     return np.stack(products, axis=1).astype(np.float64)
 
@@ -459,7 +479,7 @@ def _correlations(wide: Sequence[Wide]) -> tuple[Figure, ...]:
     def values(chosen: NDArray[np.bool_]) -> Float64:
         total = sums[chosen].sum(axis=0)
         lags = total[: len(LAGS_PX)] / max(total[-1], 1e-18)
-        shared, taken = _taken_by_planes(lags)
+        shared, taken = _taken_by_planes(lags, wide[0].side)
         lags = lags * (1 - taken) + taken
         means = max(total[-2] / max(total[-1], 1e-18) * (1 - taken) + taken, 0.0)
         both = chosen & np.isfinite(time[:, 0])
@@ -482,7 +502,7 @@ def _correlations(wide: Sequence[Wide]) -> tuple[Figure, ...]:
     return (*by_lag, *figures[len(LAGS_PX) :])
 
 
-def _taken_by_planes(correlations: Float64) -> tuple[float, float]:
+def _taken_by_planes(correlations: Float64, side: int) -> tuple[float, float]:
     """Return the share of noise's variance that is shared, and that which planes take with them, by what they left.
 
     correlations: at LAGS_PX, of what planes left.
@@ -490,7 +510,7 @@ def _taken_by_planes(correlations: Float64) -> tuple[float, float]:
     taken, share = 0.0, 0.0
     for _ in range(ROUNDS):
         px, share = shared_by(LAGS_PX, correlations * (1 - taken) + taken)
-        before, taken = taken, share * (1 - left_share(WIDE_SIDE, round(4 * px) / 4)) if px > 0 else 0.0
+        before, taken = taken, share * (1 - left_share(side, round(4 * px) / 4)) if px > 0 else 0.0
         if abs(before - taken) < SAME:
             break
     return share, taken
