@@ -4,10 +4,11 @@
     blender --enable-event-simulate -P tests/ui/window/drive.py -- FOLDER [ADD-ON'S FOLDER [PART ...]]
 
 FOLDER holds mesh.ply, a small room, and trajectory.txt, five poses in it. Writes pictures, the preset, the dataset and
-result.json there. The add-on is the extension that is installed, or the package in the other folder. Without names
-of parts, all are done.
+result.json there. The add-on is the extension that is installed and not enabled yet, of which leftovers.json tells what
+it leaves behind; or the package in the other folder. Without names of parts, all are done.
 """
 
+import json
 import math
 import sys
 import time
@@ -17,6 +18,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parent))
 
 import bpy
 import driver as at
+import leftovers
 import numpy as np
 
 FOLDER, *SOURCE = (Path(word) for word in sys.argv[sys.argv.index("--") + 1 :][:2])
@@ -28,14 +30,17 @@ REMARKS: list[str] = []
 
 def steps() -> at.Steps:
     """Go through the sidebar's two tabs."""
+    bpy.ops.wm.read_homefile(use_splash=False)
     if SOURCE:
         register_source(SOURCE[0])
-    bpy.ops.wm.read_homefile(use_splash=False)
+    else:
+        yield from leftovers.steps()
+        (FOLDER / "leftovers.json").write_text(json.dumps(leftovers.SEEN))
+        print(leftovers.__doc__)  # what was said before is of that
     system = bpy.context.preferences.system
     system.use_region_overlap = False  # or the room is drawn again wherever the mouse goes
     system.viewport_aa = "OFF"
     yield lambda: hasattr(bpy.context.scene, "noisy_world")
-    yield 1.0
     every = (try_it, empty, load, add_perturbations, preview, look_at_nodes, save, generate, track, this_scene)
     for part in [part for part in every if not PARTS or part.__name__ in PARTS]:
         start_s = time.monotonic()
@@ -84,7 +89,6 @@ def try_it() -> at.Steps:
     yield from at.go(*at.middle(at.region("WINDOW")))
     at.press("SPACE")  # a place that is drawn all the time is seldom under the mouse when it is asked for
     yield lambda: not bpy.context.screen.is_animation_playing
-    yield 1.0
     at.STATE["found"] = False
     yield from at.push("noisy_world.back")
     yield lambda: bpy.context.scene == own
@@ -95,7 +99,7 @@ def try_it() -> at.Steps:
 def empty() -> at.Steps:
     """Begin anew, with an empty scene, which is loaded into."""
     bpy.ops.wm.read_homefile(use_splash=False)
-    yield 1.0
+    yield at.SETTLE_S
     at.STATE["found"] = False
     yield from at.go(*at.middle(at.region("WINDOW")))
     at.press("A")
@@ -122,12 +126,12 @@ def load() -> at.Steps:
     yield from at.choose_shading("SOLID")
     yield from at.go(*at.middle(at.region("WINDOW")))
     at.press("NUMPAD_7")
-    yield 1.0
+    yield from at.still()
     at.press("HOME")
-    yield 1.0
+    yield from at.still()
     for _ in range(5):
         at.press("WHEELUPMOUSE")
-    yield 2.0
+    yield from at.still()
     yield from photograph("paths")
 
 
@@ -163,7 +167,6 @@ def preview() -> at.Steps:
     at.press("NUMPAD_0")
     yield lambda: at.view().spaces.active.region_3d.view_perspective == "CAMERA"
     yield from at.choose_shading("RENDERED")
-    yield 1.0
     yield from photograph("preview")
     yield from at.choose_shading("SOLID")
 
@@ -174,13 +177,13 @@ def look_at_nodes() -> at.Steps:
     yield from at.go(*at.middle(at.region("WINDOW")))
     for _ in range(8):
         at.press("F3", shift=True)
-        yield 0.5
+        yield at.SETTLE_S
         if area.ui_type == "CompositorNodeTree":
             break
     canvas = at.region("WINDOW", area)
     yield from at.go(*at.middle(canvas))
     at.press("HOME")
-    yield 1.0
+    yield at.SMOOTH_S
     tree = bpy.context.scene.compositing_node_group
     (group,) = (node for node in tree.nodes if node.type == "GROUP")
     x, y = canvas.view2d.view_to_region(*(bpy.context.preferences.system.ui_scale * part for part in group.location))
@@ -189,7 +192,7 @@ def look_at_nodes() -> at.Steps:
     yield from photograph("chain")
     for key in ("TAB", "HOME"):
         at.press(key)
-        yield 1.0
+        yield at.SMOOTH_S
     yield from photograph("nodes")
     at.press("F5", shift=True)
     yield lambda: area.type == "VIEW_3D"
@@ -266,7 +269,7 @@ def track() -> at.Steps:
 def this_scene() -> at.Steps:
     """Make an artist's scene, never saved, and generate it, seen by its own camera and deviated."""
     bpy.ops.wm.read_homefile(use_splash=False, use_empty=False)
-    yield 1.0
+    yield at.SETTLE_S
     make_hall(bpy.context.scene)
     at.STATE["found"] = False
     yield from at.open_sidebar("Noisy World")

@@ -21,7 +21,8 @@ Steps: TypeAlias = Iterator[float | Callable[[], object]]
 """What is waited for: seconds, or something to become true."""
 
 TIMEOUT_S = 120.0
-SETTLE_S = 0.15
+SETTLE_S = 0.15  # between two timers Blender handles what was pressed, and draws
+SMOOTH_S = 0.4  # how long a view takes to move, and somewhat more
 ROW_PX = 18
 STATE: dict = {"mouse": (800, 450), "found": False}
 
@@ -209,11 +210,20 @@ def choose(wanted: str, key: str) -> Steps:
     yield 0.4
 
 
+def still() -> Steps:
+    """Wait until the 3D view, which moves smoothly, stands still."""
+    before = None
+    yield SETTLE_S
+    while before != (now := [list(row) for row in view().spaces.active.region_3d.view_matrix]):
+        before = now
+        yield SETTLE_S
+
+
 def choose_shading(kind: str) -> Steps:
     """Choose from the pie that Z opens in the 3D view; its directions have the numbers of a keyboard's block."""
     yield from go(*middle(region("WINDOW")))
     press("Z")
-    yield 0.5
+    yield 2 * SETTLE_S
     press({"RENDERED": "EIGHT", "SOLID": "SIX"}[kind])
     yield lambda: view().spaces.active.shading.type == kind
 
@@ -237,7 +247,7 @@ def save_as(folder: Path, name: str) -> Steps:
     yield lambda: window().screen.areas[0].type == "FILE_BROWSER"
     browser = window().screen.areas[0]
     yield lambda: browser.spaces.active.params is not None and region("EXECUTE", browser).width > 1
-    yield 1.0
+    yield SMOOTH_S
     lower, upper = region("EXECUTE", browser), region("UI", browser)
     # The field for the name says nothing of itself; it begins at the left.
     yield from go(lower.x + 100, lower.y + lower.height // 2 + 60)
@@ -273,7 +283,7 @@ def photograph_now(path: Path) -> None:
 
 def photograph(path: Path) -> Steps:
     """Write what the display shows, after it was drawn."""
-    yield 0.4
+    yield 2 * SETTLE_S
     photograph_now(path)
 
 

@@ -1,15 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What an add-on leaves behind in a Blender with a window: enable, disable, enable, reload all scripts, disable.
 
-    blender -P tests/ui/window/leftovers.py -- ADD-ON'S MODULE RESULT.json
-
-The result holds what was there before, after enabling, after enabling again, after the reloads and at the end.
+`steps` are for `driver.run`. The result holds what was there before, after enabling, after enabling again, after the
+reloads and at the end.
 """
 
 import gc
-import json
 import sys
-import traceback
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from pathlib import Path
@@ -17,16 +14,15 @@ from types import FrameType, FunctionType
 
 import bpy
 
-MODULE, RESULT = sys.argv[sys.argv.index("--") + 1 :]
-RELOADS = 5  # what stays behind, stays each time
+RELOADS = 2  # what stays behind, stays each time
 SETTLE_S = 0.2
+MODULE = "bl_ext.user_default.noisy_world"
 SEEN: dict[str, dict] = {}
 
 
 def steps() -> Iterator[float]:
-    """Switch the add-on on and off and look at Blender between; yields the seconds to wait."""
-    bpy.ops.wm.read_homefile(use_splash=False)
-    yield 1.0
+    """Switch the add-on on and off, look at Blender between, and leave it on; yields the seconds to wait."""
+    yield SETTLE_S
     SEEN["before"] = snapshot()
     yield from switch("enable")
     SEEN["enabled"] = snapshot()
@@ -40,6 +36,7 @@ def steps() -> Iterator[float]:
     SEEN["reloaded"] = snapshot()
     yield from switch("disable")
     SEEN["after"] = snapshot()
+    yield from switch("enable")
 
 
 def switch(how: str) -> Iterator[float]:
@@ -96,21 +93,3 @@ def called_while_drawing() -> dict[str, int]:
         finally:
             sys.setprofile(None)
     return dict(calls)
-
-
-def proceed() -> float | None:
-    """Take the next step; at the end write what was seen and quit."""
-    error = ""
-    try:
-        return next(STEPS)
-    except StopIteration:
-        pass
-    except BaseException:  # noqa: BLE001 - the test shows it
-        error = traceback.format_exc()
-    Path(RESULT).write_text(json.dumps({"error": error, "seen": SEEN}))
-    bpy.ops.wm.quit_blender()
-    return None
-
-
-STEPS = steps()
-bpy.app.timers.register(proceed, first_interval=1.0, persistent=True)
