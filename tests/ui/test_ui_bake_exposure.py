@@ -157,14 +157,14 @@ def test_what_is_metered_is_kept_so_that_a_slider_needs_no_rendering(lamps, tmp_
     assert abs(late[3] - at_once[3]) > 0.5
     assert not frame_preview.follows_grey(bpy.context.scene)
     lamps.frame_end += 1
-    preview.touch(lamps, "preview")
+    preview.touch(lamps, ("preview",))
     preview.flush()
     assert frame_preview.follows_grey(lamps), "a frame was added that nobody has metered, and the tab says so"
     lamps.frame_end -= 1
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "kept.blend"))
     bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "kept.blend"))
     scene = bpy.context.scene
-    preview.touch(scene, "preview")
+    preview.touch(scene, ("preview",))
     preview.flush()
     np.testing.assert_array_equal(keyed(scene, shown_chain(scene).nodes["Auto-exposure"], "Exposure"), at_once)
 

@@ -271,6 +271,20 @@ def test_wrong_settings_are_kept_for_the_panel(scene):
     assert shown_chain(scene) == chain
 
 
+def test_changes_that_come_together_are_shown_once(scene, monkeypatch):
+    """As of a preset that is opened, which sets a hundred values."""
+    add(scene, "fog")
+    scene.noisy_world.preview = True
+    shown, show = [], preview.show
+    monkeypatch.setattr(preview, "show", lambda *given, **options: shown.append(given) or show(*given, **options))
+    with notify_once():
+        scene.noisy_world.seed = 3
+        scene.noisy_world.setting.name = "other"
+        scene.noisy_world.camera.width = 320
+    assert len(shown) == 1
+    assert scene.compositing_node_group.nodes[GROUP].inputs["Reference Width"].default_value == 320
+
+
 def test_reference_width_follows_the_camera(scene):
     add(scene, "gaussian_blur")
     scene.noisy_world.preview = True

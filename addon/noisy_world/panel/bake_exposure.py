@@ -140,7 +140,7 @@ they are written, lag and all. Press again when the scene's light has changed; E
         panel, (sequence, _) = panel_of(scene), sequence_of(scene)
         if not panel.preview:
             return f"{_counted(lights)}: switch Preview on to see it"
-        preview.touch(scene, "preview")
+        preview.touch(scene, ("preview",))
         preview.flush()
         chain = shown_chain(scene)
         left = [] if chain is None else kept_by_user(chain, sequence.setting.rgb)

@@ -207,7 +207,7 @@ def _recent(scene: bpy.types.Scene) -> _Found:
     return found
 
 
-def _on_panel_change(scene: bpy.types.Scene, _: str) -> None:
+def _on_panel_change(scene: bpy.types.Scene, _: frozenset[str]) -> None:
     if isinstance(scene, bpy.types.Scene):
         _changed.add(scene.session_uid)
 

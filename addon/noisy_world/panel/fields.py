@@ -43,8 +43,8 @@ class ShownField:
 SHOWN: dict[tuple[Any, str], ShownField] = {}
 """The fields of the tab by dataclass and name of what they give."""
 
-Listener: TypeAlias = Callable[[bpy.types.Scene, str], None]
-"""Called with the scene and the name of the changed property; "steps" for everything inside a perturbation."""
+Listener: TypeAlias = Callable[[bpy.types.Scene, frozenset[str]], None]
+"""Called with the scene and the names of the changed properties; "steps" for everything inside a perturbation."""
 
 LISTENERS: list[Listener] = []
 _collected: list[dict[tuple[int, str], bpy.types.Scene]] = []  # inside notify_once
@@ -181,7 +181,7 @@ def tell(name: str) -> Callable[[Any, bpy.types.Context], None]:
             _collected[-1].setdefault((group.id_data.session_uid, name), group.id_data)
             return
         for listener in LISTENERS:
-            listener(group.id_data, name)
+            listener(group.id_data, frozenset((name,)))
 
     return update
 
@@ -197,7 +197,7 @@ def choice(update: str, label: str, meaning: str, *items: tuple[str, str, str], 
 
 @contextmanager
 def notify_once() -> Iterator[None]:
-    """Delay the listeners to the end of the outermost such context, and call them once for each changed property."""
+    """Delay the listeners to the end of the outermost such context, and call each once for a scene with all changes."""
     _collected.append({})
     try:
         yield
@@ -206,9 +206,11 @@ def notify_once() -> Iterator[None]:
         if _collected:
             _collected[-1].update(changes)
             changes = {}
-        for (_, name), scene in changes.items():
+        scenes = {uid: scene for (uid, _), scene in changes.items()}
+        for uid, scene in scenes.items():
+            names = frozenset(name for other, name in changes if other == uid)
             for listener in LISTENERS:
-                listener(scene, name)
+                listener(scene, names)
 
 
 # Handlers of Blender's events, which a module of the panel adds and removes together.

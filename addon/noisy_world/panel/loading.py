@@ -45,7 +45,7 @@ DISPLAY_COLOURS = "Display"
 FASTEST_FPS = 32767  # that Blender knows
 RATE_TOLERANCE = 1e-3  # of a rate, which stamps with six decimals do not hold exactly; chosen
 FAR_M = 1000.0  # beyond it float32 numbers are 0.06 mm apart or more, and the scene is moved
-PATH_PROPERTIES = ("seed", "scene.name", "scene.use_name", "setting.name")
+PATH_PROPERTIES = frozenset(("seed", "scene.name", "scene.use_name", "setting.name"))
 
 
 def is_editable(scene: bpy.types.Scene | None) -> bool:
@@ -323,13 +323,13 @@ def _lens_state(scene: bpy.types.Scene, item: bpy.types.Object) -> str:
 # --- following ---
 
 
-def follow(scene: bpy.types.Scene, name: str) -> None:
-    """Update our camera after a change of the panel."""
+def follow(scene: bpy.types.Scene, names: frozenset[str]) -> None:
+    """Update our camera after changes of the panel."""
     if not isinstance(scene, bpy.types.Scene) or not is_editable(scene):
         return
-    if name.startswith("camera."):
+    if any(name.startswith("camera.") for name in names):
         apply_intrinsics(scene)
-    elif name in PATH_PROPERTIES or (name in ("steps", "motion") and _keyed_otherwise(scene)):
+    if names & PATH_PROPERTIES or (names & {"steps", "motion"} and _keyed_otherwise(scene)):
         with suppress(NoisyWorldError):  # the panel shows the message beside the legend of the paths
             key_camera(scene)
 

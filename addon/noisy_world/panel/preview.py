@@ -2,7 +2,7 @@
 """The preview: the panel's perturbations on the view and on the last render, following every slider."""
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager
 from typing import Any
 
@@ -260,24 +260,25 @@ _at_rest: set[int] = set()  # scenes whose weather is shown as for a camera that
 # --- following ---
 
 
-def touch(scene: bpy.types.Scene, what: str = "steps") -> None:
-    """Update a scene's preview after a change: its chain at once, its pictures in the next pause if they are slow.
+def touch(scene: bpy.types.Scene, names: Collection[str] = ("steps",)) -> None:
+    """Update a scene's preview after changes: its chain at once, its pictures in the next pause if they are slow.
 
     Blender redraws all views on any change, so delaying the chain would only have them drawn twice.
     """
     if not isinstance(scene, bpy.types.Scene):
         return
-    if what != "preview_split":
+    split_alone = set(names) == {"preview_split"}
+    if not split_alone:
         frame_preview.forget_drawn(scene)
-    if not what.startswith(SHOWN_BY):
+    if not any(name.startswith(SHOWN_BY) for name in names):
         return
-    if what.startswith(RENDERED_BY):
+    if any(name.startswith(RENDERED_BY) for name in names):
         frame_preview.forget(scene)
-    if what == "preview":
+    if "preview" in names:
         apply(scene)  # at once, so that the switch's step of undo has the chain, or has it no more
         _touch_later(scene)
         return
-    if panel_of(scene).preview and what == "preview_split" and _move_split(scene):
+    if panel_of(scene).preview and split_alone and _move_split(scene):
         draw_pictures(scene)
         return
     if panel_of(scene).preview:
