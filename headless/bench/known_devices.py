@@ -53,6 +53,7 @@ WITHIN = 0.1  # relative
 LATE_FRAMES, CORRELATION, EXACTLY = 0.1, 0.1, 1e-3
 EXPOSED_MS = 4.0  # by which flicker is seen where no shutter says it; its own default
 LEAST_SWING = 0.01
+SHAKEN, SHAKEN_HZ = 0.25, (4.0, 8.0)  # share of the devices that shake, and the octave in which
 LAGS_PX = (1, 2, 4)
 STRAIGHT = {"from_m": 0.0, "linear": 0.0, "steep": 0.0, "lateral_px": 0.0, "lateral_steep_px": 0.0}
 HOLE_LAW = (
@@ -156,7 +157,8 @@ def _drawn(rng: np.random.Generator, name: str, late: float, imu: ImuModel) -> D
     )
     # Drawn last, so that all before is as it was.
     law |= _hole_law(rng, steps)
-    return replace(device, clock_ppm=even(-400, 400))
+    device = replace(device, clock_ppm=even(-400, 400))
+    return replace(device, steps=(*_shaking(rng), *device.steps))
 
 
 def _hole_law(rng: np.random.Generator, steps: Sequence[Values]) -> Values:
@@ -166,6 +168,15 @@ def _hole_law(rng: np.random.Generator, steps: Sequence[Values]) -> Values:
     spread, px = (round(float(rng.uniform(*ends)), 3) for ends in ((0.4, 1.5), (4, 16)))
     light = {"least_light": _log(rng, 0.02, 0.08), "reflectance_spread": spread}
     return light | {"clump_px": px, "clump_frames": int(rng.integers(1, 6))}
+
+
+def _shaking(rng: np.random.Generator) -> list[Values]:
+    """Return the step of a hand or a body that shakes in an octave, for some devices."""
+    if rng.random() > SHAKEN:
+        return []
+    low_hz, high_hz = SHAKEN_HZ
+    by = {"translation_m": _log(rng, 1e-3, 1e-2), "rotation_deg": _log(rng, 0.1, 1.0)}
+    return [{"vibration": {"source": "band", "low_hz": low_hz, "high_hz": high_hz, **by}}]
 
 
 # --- put on a walk ---
@@ -346,7 +357,8 @@ def share(parameter: str, value: float, figure: str) -> Known:
 
 def cases_of(put: Put, found: RecordingFigures, twin: Twin) -> Iterator[Case]:
     """Yield what is known of a device beside what was measured."""
-    for known in (*_of_pixels(put.device), *_of_light(put.device), *_of_depth(put.device), *_of_clocks(put)):
+    known_of = (_of_pixels, _of_light, _of_motion, _of_depth)
+    for known in (*(each for of in known_of for each in of(put.device)), *_of_clocks(put)):
         yield known.case(put.device.name, found)
     yield from _sigmas(put.device, found, twin)
     yield _clock_case(put.device)
@@ -378,6 +390,14 @@ def _of_light(device: Device) -> Iterator[Known]:
         yield share("exposure by motion blur", shutter_ms, "exposure_ms")
     if readout_ms := device.given("rolling_shutter").get("readout_ms"):
         yield share("readout", readout_ms, "readout_down_ms")
+
+
+def _of_motion(device: Device) -> Iterator[Known]:
+    """Yield what a device shakes by; a walk's own is a hundredth of the least of it in this octave."""
+    if shaken := device.given("vibration"):
+        octave = "{:g}_to_{:g}_hz".format(*SHAKEN_HZ)
+        yield share("shaking, turns", shaken["rotation_deg"], f"shake_turn_deg_{octave}")
+        yield share("shaking, shifts", shaken["translation_m"], f"shake_shift_m_{octave}")
 
 
 def _of_depth(device: Device) -> Iterator[Known]:

@@ -32,7 +32,7 @@ MOST_EDGES = 5000  # of a frame
 FLOW_PX = 400  # the width at which motion is followed, at most
 LEAST_EDGES = 2000
 CLIPPED_PX2 = 4.0  # variance of an edge: wider ones count as this
-WIDEST_PX = 1.0, 1.6  # deviation of the lens: more is looked at in a smaller image; of that, in one still smaller
+WIDEST_PX = 2.6  # deviation of the lens: more is looked at in a smaller image
 FARTHEST_PX = 5.5  # way of an edge: more is looked at in a smaller image
 LEVELS = 3
 WAYS_CLIPPED_PX = 10.0
@@ -41,11 +41,12 @@ STILL_PX = 1.0  # way across an edge during the exposure, or that of a tenth of 
 ANGLES, CONTRASTS = 6, 4  # classes of edges within which width is compared
 SHARES = np.linspace(-0.6, 1.3, 39)  # exposures that are tried, of the interval; below 0 wider edges move less
 LEAST_SURE = 0.35  # half an interval of an exposure's share that tells nothing
-# The sharper edges tell the lens, as a scene has soft ones of its own. How sharp these are differs from scene to scene:
-# of known blurs on known rooms their variance is this much and this share of the lens's, at the recorded size and in
-# smaller images, with that error.
+# The sharper edges tell the lens, as a scene has soft ones of its own. LENS_PX2 is its variance by theirs, EDGES_PX2,
+# of known blurs on known rooms with and without noise; SMALLER what smaller images show of it. SCENES_PX2 and SCENES
+# are how far scenes differ in it: whatever it is, at the recorded size and in smaller images, and of it.
 SHARPER = 0.3
-OWN_PX2, SEEN, SCENES_PX2 = (0.0, 0.04), (0.66, 0.78), (0.34, 0.12)
+EDGES_PX2, LENS_PX2 = (-0.33, 0.0, 1.48, 2.45, 3.4, 5.5), (-0.5, 0.0, 2.25, 4.0, 6.25, 11.0)
+SMALLER, SCENES_PX2, SCENES = 0.78, (0.34, 0.45), 0.15
 LENS_ERROR = 0.06  # of a deviation: a disk's slope is less than a Gaussian's
 EXPOSURE_ERROR = 0.07  # of its square, found on known ones
 WIDTH_ERROR_PX2 = 0.1  # variance by which near and far things, which move differently, are differently sharp
@@ -129,7 +130,7 @@ class _Widths:
     @property
     def soft(self) -> bool:
         """Whether a smaller image tells more of the lens."""
-        return self.variance > WIDEST_PX[self.times > 1] ** 2
+        return self.variance > WIDEST_PX**2
 
 
 def _widths(edges: _Edges, times: float, count: int) -> _Widths:
@@ -145,8 +146,11 @@ def _widths(edges: _Edges, times: float, count: int) -> _Widths:
     smaller = int(times > 1)
     sharp = float(np.quantile(widths, SHARPER))
     by_block = np.array([float(np.quantile(widths[whose != block], SHARPER)) for block in range(BLOCKS)])
-    lens = (sharp - OWN_PX2[smaller]) / SEEN[smaller]
-    lens_error = math.hypot(jackknifed(by_block) / SEEN[smaller], SCENES_PX2[smaller], 2 * LENS_ERROR * lens)
+    lens, *left_out = [
+        each / SMALLER if smaller else float(np.interp(each, EDGES_PX2, LENS_PX2)) for each in (sharp, *by_block)
+    ]
+    by_frames = jackknifed(np.array(left_out))
+    lens_error = math.hypot(by_frames, SCENES_PX2[smaller], SCENES * lens, 2 * LENS_ERROR * lens)
     return _Widths(times, square, error, lens, lens_error, share * way)
 
 

@@ -36,8 +36,8 @@ SMOOTHER = 0.3  # share of a frame's blocks in which red is looked at
 SMOOTHEST = 0.1  # share of the blocks that are looked at where none is of noise alone
 # Relative error of a deviation by what texture adds to the smoothest blocks, found on known noise: the first over the
 # share of blocks that have none, within the others.
-TEXTURE, LEAST_ERROR, MOST_ERROR = 0.012, 0.015, 0.15
-UPPER_ERROR = 0.015  # the same of the upper frequencies
+TEXTURE, LEAST_ERROR, MOST_ERROR = 0.012, 0.025, 0.15
+UPPER_ERROR = 0.025  # the same of the upper frequencies
 LEAST_LEVELS = 3  # intensities that tell photons from even noise
 ROUNDED = 1 / 12  # variance of what rounding to whole numbers adds
 TOGETHER = 0.8  # correlation of red and green that no sensor's own noise has

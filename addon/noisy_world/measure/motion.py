@@ -23,7 +23,7 @@ QUICK_FEATURES, FINE_FEATURES, LEAST_FEATURES = 200, 400, 20
 BACK_PX = 0.7  # how far from where it was a feature may be that is followed there and back
 LEAST_KEPT = 0.25  # share of the features that have to be found again
 FLAT = 0.05  # relative difference of depth in 5 x 5 pixels, more of which is an edge
-ITERATIONS = 8  # of Gauss and Newton's method
+ITERATIONS, ALREADY = 8, 1e-6  # of Gauss and Newton's method; radians, or units of depth, that change nothing
 TUKEY = 4.7  # standard deviations from which on something counts nothing (Tukey's, 95 % efficient)
 LEAST_PX = 0.1  # standard deviation of where a feature is found
 NEAREST = 0.05  # times its depth: a point does not come nearer
@@ -257,7 +257,7 @@ def moved_by(here: Float64, there: Float64, inverse: Float64, focal_px: float) -
         change = np.linalg.solve(normal, weighted.T @ off_px.ravel())
         turned_so = rotation_from_rotvec(change[:3]) @ rotation_from_rotvec(found[:3])
         found = np.concatenate([rotvec_from_rotation(turned_so), found[3:] + change[3:]])
-        if np.abs(change).max() < 1e-8:
+        if np.abs(change).max() < ALREADY:
             break
     return found
 
