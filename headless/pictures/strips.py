@@ -12,7 +12,7 @@ in the frame as in one of 1200 pixels. given: parameters in place of those, as Y
 import argparse
 import json
 import sys
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -105,9 +105,10 @@ def new_values(perturbation: Perturbation, depth_m: NDArray[np.float32], scale: 
     if perturbation.temporals:
         values["temporal"] = perturbation.natural
     if perturbation.stage == "lens":
-        own = vars(perturbation.parameters())
-        sizes = [name for name in own if name.endswith("_px") and name not in perturbation.severities]
-        values |= {name: own[name] * scale for name in sizes}
+        own: Any = perturbation.parameters
+        for item in fields(own):
+            if item.name.endswith("_px") and item.name not in perturbation.severities:
+                values[item.name] = max(item.default * scale, item.metadata["key"].minimum or 0.0)
     return values
 
 
