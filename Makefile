@@ -89,13 +89,13 @@ $(VENV)-docs/.installed: requirements/docs.lock
 	touch $@
 
 # What stands below Blender, whose branches are counted: 95 % of the perturbations' and of what stands below them.
-BELOW_BLENDER := tests/core tests/perturbations tests/pipeline tests/sources tests/rays tests/recipes tests/measure
+BELOW_BLENDER := tests/core tests/perturbations tests/pipeline tests/sources tests/rays tests/recipes
 # Every perturbation acts under the oldest packages too, through the library; its figures are tested under the newest.
 BELOW_BLENDER_LOWEST := tests/core tests/sources tests/recipes tests/rays tests/pipeline/test_perturb_library.py
 # Blender imports the meshes of three, and core makes of them what they are; estimates have the one reader of poses;
-# mutated files reach refusals that no table has.
+# a measured twin is written and read as a device; mutated files reach refusals that no table has.
 COUNTED := $(BELOW_BLENDER) tests/blender/test_imported_colours.py tests/blender/test_imported_meshes.py tests/blender/test_imported_refusals.py \
-	tests/evaluation/systems/test_estimate_readers.py tests/evaluation/test_one_reader.py tests/test_fuzz.py
+	tests/evaluation/systems/test_estimate_readers.py tests/evaluation/test_one_reader.py tests/measure/test_twin.py tests/test_fuzz.py
 
 $(VENV)/.extras: requirements/extras.lock $(VENV)/.installed
 	$(ENVIRONMENT) "$(PYTHON)" $(VENV) --only-binary :all: --no-binary jsonpath-rw --require-hashes -r $< # all wheels but one
