@@ -105,10 +105,10 @@ def new_values(perturbation: Perturbation, depth_m: NDArray[np.float32], scale: 
     if perturbation.temporals:
         values["temporal"] = perturbation.natural
     if perturbation.stage == "lens":
-        own: Any = perturbation.parameters
-        for item in fields(own):
+        for item in fields(perturbation.parameters):
             if item.name.endswith("_px") and item.name not in perturbation.severities:
-                values[item.name] = max(item.default * scale, item.metadata["key"].minimum or 0.0)
+                own = getattr(perturbation.parameters(), item.name)
+                values[item.name] = max(own * scale, item.metadata["key"].minimum or 0.0)
     return values
 
 
