@@ -13,7 +13,6 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from ..core.geometry import rotation_from_rotvec
 from .footage import Float32, Float64, RecordingView
 from .motion import Steps, tukey
 
@@ -224,8 +223,10 @@ def _aligned(blocks: Blocks, moved: Float64, depth_m: Float32, rays: Rays) -> Fl
 
 def as_matrix(move: Float64) -> Float64:
     """Return a rotation vector and a translation (6,) as a matrix (4, 4)."""
+    import cv2
+
     made = np.eye(4)
-    made[:3, :3], made[:3, 3] = rotation_from_rotvec(move[:3]), move[3:]
+    made[:3, :3], made[:3, 3] = cv2.Rodrigues(np.asarray(move[:3], np.float64))[0], move[3:]
     return made
 
 
