@@ -193,6 +193,7 @@ def test_hot_pixels_stay_while_the_camera_moves(clean):
     assert found.low < share < found.high
     assert fixed(images)[0].value < 1e-4
     assert "stands still" in fixed([images[0]] * 12)[0].untold
+    assert "noise hides" in fixed(noisy(images, lambda: hot, lambda: RNG.normal(0, 22, shape)))[0].untold
 
 
 def test_a_jpeg_hides_pixels_of_their_own_and_the_law_of_noise():

@@ -19,6 +19,8 @@ MOVED = 3.0  # of 255: mean difference between frames, below which they show the
 BRIGHTER = 8.0  # of 255: a hot pixel over its neighbours, in the median frame
 SURE = 6.0  # times the spread of what pixels have over their neighbours in the median frame
 EVERY = 2  # pixels of a row of which one is looked at for rows' noise: enough, in half the time
+NOISY = 24.0  # of 255, that hot pixels have to be brighter by in strong noise, and may be missed
+HIDDEN = 0.5  # of what hot pixels are brighter by: where they have to be by more, others are missed
 SMOOTH = 0.5  # share of the pixels of a row that count: those that least differ from the rows beside it
 FLOOR, RELATIVE = 0.35, 0.05  # error, of 255 and relative, by what lies along rows in what is seen; found on known rows
 
@@ -49,7 +51,10 @@ def _hot(images: Sequence[NDArray[np.uint8]]) -> Figure:
     often = np.sum([each > limit for each in over], axis=0, dtype=np.uint8) >= len(over) // 2
     chosen = np.nonzero(often)
     hot = np.zeros(often.shape, np.bool_)
-    hot[chosen] = np.median(np.stack([each[chosen] for each in over]), axis=0) > limit
+    bright = np.median(np.stack([each[chosen] for each in over]), axis=0)
+    hot[chosen] = bright > limit
+    if limit > NOISY and limit > HIDDEN * float(np.median(bright[bright > limit]) if hot.any() else 0.0):
+        return Figure.none(HOT, f"noise hides what is less than {limit:.0f} of 255 brighter than its neighbours")
     hot = hot.any(axis=2)
     count = int(hot.sum())
     # Poisson's interval of so many that were found, by the normal approximation of its root.
