@@ -57,8 +57,9 @@ def lateness_of_planes(footage: RecordingView, steps: Steps, first: Figure) -> F
         return first
     groups = blocks_of(len(found))
     left_out = np.array([found.top(np.flatnonzero(groups != group)) for group in range(BLOCKS)])
-    # Neighbours share the motion of the frames between, so that blocks differ too little.
-    error = float(np.hypot(jackknifed(left_out), 2 / WITHIN * found.error))
+    # Pairs of neighbouring blocks share the motion of LAG frames, so that leaving one out changes too little.
+    apart = (1 + LAG * BLOCKS / count) ** 0.5 * jackknifed(left_out)
+    error = float(np.hypot(apart, 2 / WITHIN * found.error))
     if not error < 1.0:
         return first
     return Figure.within(first.name, late, error, len(found), "pairs of frames")
