@@ -7,6 +7,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
+from threading import Lock
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -74,6 +75,7 @@ class RecordingView:
     read: set[int] = field(default_factory=set[int])
     _kept: "OrderedDict[int, Look]" = field(default_factory=OrderedDict[int, Look], repr=False)
     _between: Registration | None = None
+    _reading: Lock = field(default_factory=Lock, repr=False)
 
     def __post_init__(self) -> None:
         depth = self.lens.depth
@@ -106,21 +108,23 @@ class RecordingView:
 
     def look(self, frame: int) -> Look:
         """Return a frame. The last ones are kept. Raises InputError where its files are damaged."""
-        if frame in self._kept:
-            self._kept.move_to_end(frame)
-            return self._kept[frame]
-        self._kept[frame] = made = self._made(frame)
-        self.read.add(frame)
-        if len(self._kept) > max(KEPT_BYTES // made.held_bytes, 1):
-            self._kept.popitem(last=False)
-        return made
+        with self._reading:
+            if frame in self._kept:
+                self._kept.move_to_end(frame)
+                return self._kept[frame]
+            self._kept[frame] = made = self._made(frame)
+            self.read.add(frame)
+            if len(self._kept) > max(KEPT_BYTES // made.held_bytes, 1):
+                self._kept.popitem(last=False)
+            return made
 
     def colour(self, frame: int) -> NDArray[np.uint8]:
         """Return a frame's colour alone, (H, W, 3) RGB, as it was recorded. Raises InputError as `look` does."""
-        if frame in self._kept:
-            return self._kept[frame].colour
-        self.read.add(frame)
-        return as_bytes(np.asarray(self.opened.frame(self._paths.request(frame)).rgb))
+        with self._reading:
+            if frame in self._kept:
+                return self._kept[frame].colour
+            self.read.add(frame)
+            return as_bytes(np.asarray(self.opened.frame(self._paths.request(frame)).rgb))
 
     def depth(self, frame: int) -> Float32:
         """Return a frame's depth alone, (H, W), as `look` has it; all void without any. Raises InputError likewise."""

@@ -2,6 +2,7 @@
 """A look at a recording before anything is made of it: figures, and what is wrong with it in a line each."""
 
 from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -157,16 +158,19 @@ def _with_noise(found: RecordingFigures, footage: RecordingView, steps: Steps | 
         return replace(found, figures=found.figures | {noise.name: noise for noise in inertial}, remarks=(remark,))
     stamps_s = footage.stamps.rgb.seconds
     compressed = coding(footage, frames)
-    colour = colour_noise(footage, frames, jpeg=compressed.jpeg)
-    fixed = fixed_noise(footage, frames, jpeg=compressed.jpeg)
-    figures = [*colour.figures, *fixed, *compressed.figures, *inertial]
-    figures += blur_figures(footage, evenly_between(frames, stamps_s))
-    light = light_figures(light_of(footage, runs_of(len(footage), LIGHT_FRAMES, parts=2)))
-    if steps is not None:
-        figures += _readouts(readout(without_gaps(steps, stamps_s), footage.rate_hz), light)
-    figures += [*shaking(footage, steps), *light]
-    if footage.has_depth:
-        figures += _depth_figures(footage, frames, steps, found.figures[LATE])
+    with ThreadPoolExecutor(1) as beside:  # depth is worked on while colour is
+        depth = (
+            beside.submit(_depth_figures, footage, frames, steps, found.figures[LATE]) if footage.has_depth else None
+        )
+        colour = colour_noise(footage, frames, jpeg=compressed.jpeg)
+        fixed = fixed_noise(footage, frames, jpeg=compressed.jpeg)
+        figures = [*colour.figures, *fixed, *compressed.figures, *inertial]
+        figures += blur_figures(footage, evenly_between(frames, stamps_s))
+        light = light_figures(light_of(footage, runs_of(len(footage), LIGHT_FRAMES, parts=2)))
+        if steps is not None:
+            figures += _readouts(readout(without_gaps(steps, stamps_s), footage.rate_hz), light)
+        figures += [*shaking(footage, steps), *light]
+        figures += depth.result() if depth is not None else ()
     remarks = (*((colour.remark,) if colour.remark else ()), *compressed.remarks)
     return replace(
         found,
