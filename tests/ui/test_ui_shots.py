@@ -242,7 +242,7 @@ def test_the_list_is_saved_in_the_file_and_goes_with_its_scene(stage, tmp_path):
     add(stage, name="close", camera=bpy.data.objects["Close"], frame_start=4, frame_end=8, seed=3)
     add(stage, enabled=False)
     kept = settings().shots[0].own_list
-    assert json.loads(kept)["perturb"] == [{"gaussian_noise": {"severity": 3.0}}]
+    assert json.loads(kept)["perturb"] == [{"gaussian_noise": {"severity": 3.0, "coarse": True}}]
     assert bpy.ops.noisy_world.move_shot(by=-1) == {"FINISHED"}
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "stage.blend"))
     bpy.ops.wm.read_factory_settings(use_empty=True)

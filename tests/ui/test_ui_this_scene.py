@@ -232,7 +232,9 @@ def test_frames_of_a_file_s_path_and_the_live_chain_follow_the_scenes_frames(hal
     step.keyframe_insert("severity", frame=1)
     step.severity = 5.0
     step.keyframe_insert("severity", frame=5)
-    assert document.perturb_of(settings()) == [{"gaussian_noise": {"mode": "keyed", "levels": [1.0, 3.0, 5.0]}}]
+    assert document.perturb_of(settings()) == [
+        {"gaussian_noise": {"mode": "keyed", "levels": [1.0, 3.0, 5.0], "coarse": True}}
+    ]
     settings().preview = True
     preview.flush()
     node = shown_chain(hall).nodes["Gaussian Noise"]

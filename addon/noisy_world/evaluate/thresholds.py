@@ -103,15 +103,16 @@ class Axis:
 def axis_of(kind: Perturbation, parameter: str | None, mild: float | None, worst: float | None) -> Axis:
     """Return the axis of a perturbation's parameter.
 
-    parameter: None for the severity or, where it has none, its only number. mild, worst: None for what the table of
-    severities says and BEYOND. Raises InputError and NoisyWorldError in a line that names the option.
+    parameter: None for the severity or, where it has none, its only number that is not a later one. mild, worst: None
+    for what the table of severities says and BEYOND. Raises InputError and NoisyWorldError in a line that names the
+    option.
     """
     hints = get_type_hints(kind.parameters)
     known: dict[str, KeyInfo] = {
         item.name: item.metadata["key"] for item in fields(kind.parameters) if hints[item.name] in (int, float)
     }
     if parameter is None:
-        parameter = _usual(kind, list(known))
+        parameter = _usual(kind, known)
     if parameter == SEVERITY and kind.severities:
         info, table = OF_SEVERITY, (1.0, 5.0)
     elif parameter in known:
@@ -129,11 +130,11 @@ def axis_of(kind: Perturbation, parameter: str | None, mild: float | None, worst
     return Axis(kind.name, parameter, info.unit, mild, worst, logarithmic, whole)
 
 
-def _usual(kind: Perturbation, numbers: list[str]) -> str:
+def _usual(kind: Perturbation, numbers: dict[str, KeyInfo]) -> str:
     if kind.severities:
         return SEVERITY
-    if len(numbers) == 1:
-        return numbers[0]
+    if len(first := [name for name, info in numbers.items() if not info.later]) == 1:
+        return first[0]
     raise NoisyWorldError(f"{kind.name} has no severity", remedy=f"name one of {', '.join(numbers)} with --parameter")
 
 

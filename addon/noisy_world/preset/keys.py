@@ -3,7 +3,6 @@
 
 import hashlib
 import json
-import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields, make_dataclass, replace
 from pathlib import Path
@@ -727,20 +726,20 @@ def _check(spec: PresetSpec, place: ConfigPath) -> None:
             check_depth_camera(spec.rig.depth, place.at("rig").at("depth"))
 
 
-WIDEST_DEG = 89.3  # off the axis: no pinhole camera sees so far, and numbers in another unit do; chosen
+# No camera is so, but numbers in another unit are; chosen: a focal length in pixels, and how far the axis lies outside.
+LEAST_FOCAL_OF_LENGTH = 0.001
+MOST_LENGTHS_OUTSIDE = 50
 
 
 def _check_view(camera: CameraSpec, place: ConfigPath) -> None:
     """Raise InputError where a focal length or a principal point cannot be in pixels."""
+    remedy = "give focal length and principal point in pixels of the image"
     for focal, middle, length in (("fx", "cx", "width"), ("fy", "cy", "height")):
         focal_px, middle_px, length_px = (getattr(camera, name) for name in (focal, middle, length))
-        farthest_px = max(abs(-0.5 - middle_px), abs(length_px - 0.5 - middle_px))
-        if (angle_deg := math.degrees(math.atan2(farthest_px, focal_px))) > WIDEST_DEG:
-            raise place.at(focal).error(
-                f"is {focal_px:g} px, with which {middle} {middle_px:g} and {length} {length_px} make it see "
-                f"{angle_deg:.1f} degrees off its axis",
-                "give focal length and principal point in pixels of the image",
-            )
+        if focal_px < LEAST_FOCAL_OF_LENGTH * length_px:
+            raise place.at(focal).error(f"is {focal_px:g} px, with a {length} of {length_px} px", remedy)
+        if max(-0.5 - middle_px, middle_px - length_px + 0.5) > MOST_LENGTHS_OUTSIDE * length_px:
+            raise place.at(middle).error(f"is {middle_px:g} px, with a {length} of {length_px} px", remedy)
 
 
 def _check_render(spec: RenderSpec, place: ConfigPath) -> None:

@@ -63,7 +63,6 @@ def test_what_blender_does_not_import_either(tmp_path, name):
 @cases(
     "data",
     [
-        b"",
         b"v\n",
         b"{}",
         b"solid ground",
@@ -79,6 +78,10 @@ def test_anything_else(tmp_path, data):
     assert refusal(tmp_path / "mesh.ply", data) == "not a PLY file; the first line of a PLY file reads 'ply'"
     known = "no mesh file that is known: PLY, glTF, FBX, USD, STL, OBJ; export it as one of these"
     assert refusal(tmp_path / "mesh.ply", data, check_mesh) == known
+
+
+def test_an_empty_file(tmp_path):
+    assert refusal(tmp_path / "mesh.ply", b"", check_mesh) == "is empty; copy or export it again"
 
 
 def test_content_counts_more_than_the_name(tmp_path):

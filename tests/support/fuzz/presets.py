@@ -275,7 +275,10 @@ def _document(rng):
     camera = {**_of_schema(CameraSpec, rng), "near_m": 0.01, "far_m": float(rng.uniform(1, 1e6))}
     camera.pop("distortion", None)  # most lenses fold over in most images
     camera.pop("device", None)  # stands for other keys, and is recorded as these
-    camera |= {"width": int(rng.integers(1, 5000)), "height": int(rng.integers(1, 5000))}
+    for focal, middle, length in (("fx", "cx", "width"), ("fy", "cy", "height")):  # another unit is refused
+        length_px = int(rng.integers(1, 5000))
+        lens = {focal: length_px * rng.uniform(0.01, 10), middle: length_px * rng.uniform(-3, 4)}
+        camera |= {length: length_px, **{name: float(value) for name, value in lens.items()}}
     layout = LAYOUTS[pick(rng, tuple(LAYOUTS))]
     render = {**_of_schema(RenderSpec, rng), "device": "cpu", "backend": "reference"}
     offered = {"workbench": WORKBENCH_SAMPLES, "embree": EMBREE_SAMPLES}
