@@ -52,6 +52,9 @@ def test_depth_that_is_late_and_drifts(late_frames, ms_per_min):
     short, untold = depth_lateness(steps, at_s / 10)
     assert short.value == late.value
     assert "apart" in untold.untold
+    steps.normal[: count // 4] = 0.0  # no depth there
+    _, untold = depth_lateness(steps, at_s)
+    assert untold.untold == "some parts of the recording do not tell it"
 
 
 def test_depth_that_is_late_by_planes_of_it():

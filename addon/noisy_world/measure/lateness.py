@@ -48,17 +48,21 @@ def depth_lateness(steps: Steps, stamps_s: Float64) -> tuple[Figure, Figure]:
         return _untold(LATE, LATE_DRIFT, why)
     normal, right = steps.normal * told[:, None, None], steps.right * told[:, None]
     scale = np.trace(normal, axis1=1, axis2=2)
-    middle = float(np.median(scale[told]))
-    even = 1 / np.maximum(scale, middle)
+    even = 1 / np.maximum(scale, np.median(scale[told]))
     normal, right = normal * even[:, None, None], right * even[:, None]
     most = min(MOST_FRAMES, len(steps) // 4)
     blocks = np.arange(BLOCKS)
 
     def explained(lags: NDArray[np.int64], kept: NDArray[np.int64]) -> tuple[Float64, Float64]:
-        """Return what motion of so much earlier explains, and its gain; of the same steps for all lags."""
+        """Return what motion of so much earlier explains, and its gain; of the same steps for all lags.
+
+        NaN where these steps show no depth.
+        """
         rows = _rows_within(steps.run, lags)
         rows = rows[np.isin(blocks_of(len(rows)), kept)]
-        scores, gains = np.zeros(len(lags)), np.zeros(len(lags))
+        scores, gains = np.full((2, len(lags)), np.nan)
+        if not normal[rows].any():
+            return scores, gains
         here = np.einsum("nij->ij", normal[rows]), right[rows].sum(axis=0)
         for place, lag in enumerate(lags):
             move = moves[rows - lag]
@@ -147,7 +151,9 @@ def _rows_within(run: NDArray[np.int64], lags: NDArray[np.int64]) -> NDArray[np.
 
 
 def _top(places: NDArray[np.int64], scores: Float64) -> float:
-    """Return where a parabola through the highest score and its neighbours has its top."""
+    """Return where a parabola through the highest score and its neighbours has its top; NaN where scores are."""
+    if not np.isfinite(scores).all():
+        return np.nan
     at = int(np.clip(scores.argmax(), 1, len(scores) - 2))
     before, here, after = scores[at - 1 : at + 2]
     bend = before - 2 * here + after
