@@ -5,6 +5,7 @@ import ctypes
 import os
 import sys
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -76,6 +77,17 @@ def test_packets_and_single_rays_are_equal_to_the_bit(dressed, lanes, samples, m
         assert packets.colour_rays == alone.colour_rays
         for name in ("rgb", "depth", "normal"):
             assert packets.image(name).tobytes() == alone.image(name).tobytes(), name
+
+
+def test_a_ray_that_meets_nothing_has_a_place_in_a_triangle():
+    """Embree leaves what memory held; a texture would be looked up there."""
+    held = {"primID": [-1, 4], "u": [np.nan, 0.25], "v": [3e38, 0.5], "tfar": [1e37, 2.0]}
+    found = {name: np.array(values, np.int32 if name == "primID" else np.float32) for name, values in held.items()}
+    triangles = object.__new__(embree.TracedTriangles)
+    triangles.scene = SimpleNamespace(run=lambda *rays, output: found)
+    hits = triangles.first(np.zeros((2, 3), np.float32), np.ones((2, 3), np.float32))
+    assert hits.second.tolist() == [0, 0.25]
+    assert hits.third.tolist() == [0, 0.5]
 
 
 def test_rays_meet_ties_here():

@@ -573,13 +573,13 @@ def on_light(work: ColourWork, rgb: NDArray[np.float32], mirrored: Mirrored | No
 
 def _seen_in_mirrors(work: ColourWork, rgb: NDArray[np.float32], mirrored: Mirrored) -> NDArray[np.float32]:
     """Return light (H, W, 3) whose mirrored part has come through the air that the steps lay behind the mirrors."""
-    own = rgb * mirrored.share
-    rest = rgb - own
+    own: NDArray[np.float32] = rgb * mirrored.share
+    rest: NDArray[np.float32] = rgb - own
     for step, context, severity in work.active:
         if step.perturbation.even_air is not None:
             air = step.perturbation.even_air(rgb, step.parameters(severity), replace(context, lit=True))
             own = shown_share(step, own, mirrored.through(air, own), context, bright=True)
-    return rest + own
+    return np.add(rest, own, dtype=np.float32)
 
 
 def after_light(work: ColourWork, shown: NDArray[np.float32]) -> NDArray[np.uint8]:

@@ -52,6 +52,8 @@ class TracedTriangles:
     def first(self, origins_m: NDArray[np.float32], directions: NDArray[np.float32]) -> Hits:
         """Cast rays from origins (N, 3) along directions (N, 3), which may have any length. Lets other threads run."""
         found = self.scene.run(origins_m, directions, output=True)
+        missed = found["primID"] < 0
+        found["u"][missed] = found["v"][missed] = 0  # Embree leaves there what memory held, which may be no number
         return Hits(found["primID"], found["u"], found["v"], found["tfar"])
 
 
