@@ -30,7 +30,7 @@ LEAST_SPREAD_PER_M = 1e-6
 
 
 @dataclass(frozen=True)
-class Blocks:
+class DepthBlocks:
     """N blocks of side x side pixels without void or edge.
 
     which: (N,) by number, row by row. corner_px: (N, 2) of their first pixel, right and down. z: (N,) metres in the
@@ -49,12 +49,12 @@ class Blocks:
     def __len__(self) -> int:
         return len(self.z)
 
-    def taken(self, rows: NDArray[np.intp]) -> "Blocks":
+    def taken(self, rows: NDArray[np.intp]) -> "DepthBlocks":
         """Return some of them."""
         places = self.which[rows], self.corner_px[rows]
-        return Blocks(self.side, *places, self.z[rows], self.slope[rows], self.left[rows], self.bend[rows])
+        return DepthBlocks(self.side, *places, self.z[rows], self.slope[rows], self.left[rows], self.bend[rows])
 
-    def evenly(self, count: int) -> "Blocks":
+    def evenly(self, count: int) -> "DepthBlocks":
         """Return so many of them at most, evenly over the image."""
         return self.taken(np.unique(np.linspace(0, len(self) - 1, count).astype(int)))
 
@@ -67,7 +67,7 @@ def _terms(side: int) -> tuple[Float32, Float32]:
     return terms, np.ascontiguousarray(np.linalg.pinv(terms), np.float32)
 
 
-def blocks_in(depth_m: Float32, side: int) -> Blocks:
+def blocks_in(depth_m: Float32, side: int) -> DepthBlocks:
     """Return the blocks of an image of depth (H, W) in metres, 0 = void."""
     high, wide = depth_m.shape[0] // side, depth_m.shape[1] // side
     cut = depth_m[: high * side, : wide * side].reshape(high, side, wide, side).swapaxes(1, 2).reshape(-1, side * side)
@@ -88,13 +88,13 @@ def blocks_in(depth_m: Float32, side: int) -> Blocks:
     bend = np.hypot(*(each.reshape(-1)[whole] - 2 * middle for each in around))
     row, column = np.divmod(whole, max(wide, 1))
     corner_px = np.stack([column, row], axis=1) * side
-    return Blocks(side, whole, corner_px, 1 / middle, slope, np.asarray(per_m, np.float32), bend)
+    return DepthBlocks(side, whole, corner_px, 1 / middle, slope, np.asarray(per_m, np.float32), bend)
 
 
 # --- in another frame ---
 
 
-class Rays:
+class PixelRays:
     """Where the pixels of a recording's looks are on the plane at 1, and back."""
 
     def __init__(self, footage: RecordingView) -> None:
@@ -120,7 +120,7 @@ class Rays:
             found.append(np.rint(place).astype(np.int32))
         return found[0], found[1]
 
-    def planes(self, blocks: Blocks) -> Float64:
+    def planes(self, blocks: DepthBlocks) -> Float64:
         """Return (N, 3): blocks' inverse depth is this times (x, y, 1) on the plane at 1."""
         middle = blocks.corner_px + blocks.side // 2
         column, row = (
@@ -166,7 +166,7 @@ class There:
         return weighted.T @ ways, -weighted.T @ self.off
 
 
-def seen_in(blocks: Blocks, moved: Float64, depth_m: Float32, rays: Rays, step: int = 1) -> There:
+def seen_in(blocks: DepthBlocks, moved: Float64, depth_m: Float32, rays: PixelRays, step: int = 1) -> There:
     """Return blocks in another frame. moved: (4, 4), from the first camera's axes to the other's.
 
     step: every how many pixels are taken.
@@ -205,7 +205,7 @@ def seen_in(blocks: Blocks, moved: Float64, depth_m: Float32, rays: Rays, step: 
     return There(rows[meant], left[meant], z[meant], mean[meant], plane[meant], middle[meant])
 
 
-def _aligned(blocks: Blocks, moved: Float64, depth_m: Float32, rays: Rays) -> Float64:
+def _aligned(blocks: DepthBlocks, moved: Float64, depth_m: Float32, rays: PixelRays) -> Float64:
     """Return a motion (4, 4) that was made exact by depth itself."""
     some = blocks.evenly(ALIGNED_BLOCKS)
     prior = np.diag([TURN_RAD**-2] * 3 + [SHIFT_M**-2] * 3)
@@ -266,14 +266,14 @@ class Registered:
             self._poses.append(as_matrix(move) @ self._poses[-1])
         self._row_of = {int(frame): row for row, frame in enumerate(steps.frames[:, 0])}
         self._run = steps.run
-        self.rays = Rays(footage)
+        self.rays = PixelRays(footage)
 
     @property
     def frames(self) -> list[int]:
         """Those that have a next one in the same run."""
         return sorted(self._row_of)
 
-    def other(self, frame: int, blocks: Blocks) -> Other | None:
+    def other(self, frame: int, blocks: DepthBlocks) -> Other | None:
         """Return another frame of a frame's blocks, in which they are elsewhere if there is such a one.
 
         None where there is no other.
@@ -296,7 +296,7 @@ class Registered:
         depth_m = self._footage.depth(chosen[0])
         return Other(chosen[0], depth_m, _aligned(blocks, chosen[1], depth_m, self.rays), enough)
 
-    def after(self, frame: int, blocks: Blocks, other: Other) -> Other | None:
+    def after(self, frame: int, blocks: DepthBlocks, other: Other) -> Other | None:
         """Return the other frame as the one after `frame` sees it. blocks: of that one."""
         moved = self.moved(frame, frame + 1)
         if moved is None or len(blocks) < LEAST_BLOCKS:
@@ -317,13 +317,13 @@ class Registered:
         row = int(np.clip(np.floor(at), 0, len(self._moves) - 1))
         return as_matrix((at - row) * self._moves[row]) @ self._poses[row]
 
-    def again(self, blocks: Blocks, other: Other) -> There:
+    def again(self, blocks: DepthBlocks, other: Other) -> There:
         """Return blocks in the other frame, with what planes over them leave."""
         seen = seen_in(blocks, other.moved, other.depth_m, self.rays)
         terms, finds = _terms(blocks.side)
         return replace(seen, left=seen.left - (seen.left @ finds) @ terms)
 
-    def _way_px(self, blocks: Blocks, planes: Float64, moved: Float64) -> float:
+    def _way_px(self, blocks: DepthBlocks, planes: Float64, moved: Float64) -> float:
         """Return by how many pixels blocks move, the median."""
         column, row = (blocks.corner_px + blocks.side // 2).T
         rays = np.stack([self.rays.x[row, column], self.rays.y[row, column], np.ones(len(blocks))], axis=1)

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.geometry import Intrinsics
-from .depth_blocks import LEAST_BLOCKS, SIDE, Blocks, Other, Registered, blocks_in
+from .depth_blocks import LEAST_BLOCKS, SIDE, DepthBlocks, Other, Registered, blocks_in
 from .depth_holes import HoleFrame, depth_holes
 from .figure import BLOCKS, Figure, blocks_of, jackknifed
 from .footage import Float32, Float64, RecordingView
@@ -152,7 +152,7 @@ class Planes:
         return replace(self, **named)
 
 
-def _planes(blocks: Blocks, other: Other | None, registered: Registered | None) -> Planes:
+def _planes(blocks: DepthBlocks, other: Other | None, registered: Registered | None) -> Planes:
     freedom = SIDE * SIDE - 3
     if other is None or registered is None:
         whole = np.sqrt((blocks.left**2).sum(axis=1) / freedom) * blocks.z**2
@@ -431,8 +431,8 @@ def _wide_of(seen: _Seen, registered: Registered | None, side: int) -> Wide:
 
 
 def _left(
-    blocks: Blocks, other: Other | None, registered: Registered | None
-) -> tuple[Blocks, Float32, Float64, Float64]:
+    blocks: DepthBlocks, other: Other | None, registered: Registered | None
+) -> tuple[DepthBlocks, Float32, Float64, Float64]:
     """Return blocks, what is left of them without what another frame has there, its deviation, and what is in both."""
     if other is None or registered is None:
         whole = np.sqrt((blocks.left**2).mean(axis=1, dtype=np.float64))

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..core.geometry import rotvec_from_rotation
-from .depth_blocks import LEAST_BLOCKS, SIDE, Blocks, Rays, as_matrix, blocks_in, seen_in
+from .depth_blocks import LEAST_BLOCKS, SIDE, DepthBlocks, PixelRays, as_matrix, blocks_in, seen_in
 from .figure import BLOCKS, WITHIN, Figure, blocks_of, jackknifed
 from .footage import Float64, RecordingView
 from .motion import Followed, Steps, tukey
@@ -42,7 +42,7 @@ def lateness_of_planes(footage: RecordingView, steps: Steps, first: Figure) -> F
     runs = [_Run.of(steps, np.flatnonzero(steps.run == run), passed) for run in np.unique(steps.run)]
     count = sum(len(run.frames) for run in runs)
     pairs = _chosen(footage, runs)
-    rays = Rays(footage)
+    rays = PixelRays(footage)
     late, span = first.value or 0.0, float(min(MOST_FRAMES, count // 6))
     tried = np.arange(-span, span + 1) + late
     found: _Fit | None = None
@@ -136,7 +136,7 @@ class _Pair:
 
     run: _Run
     place: int
-    blocks: Blocks
+    blocks: DepthBlocks
 
 
 def _chosen(footage: RecordingView, runs: Sequence[_Run]) -> list[_Pair]:
@@ -188,7 +188,7 @@ class _Fit:
         return at, float(before - 2 * here + after), float(before - after) / 2
 
 
-def _fit(footage: RecordingView, rays: Rays, pairs: Sequence[_Pair], tried: Float64, late: float) -> _Fit | None:
+def _fit(footage: RecordingView, rays: PixelRays, pairs: Sequence[_Pair], tried: Float64, late: float) -> _Fit | None:
     """Return how well each lateness fits, by planes that were looked for where one of them has them."""
     columns: list[Float64] = []
     for run, place, blocks in ((pair.run, pair.place, pair.blocks) for pair in pairs):
