@@ -26,7 +26,7 @@ from evo.core import metrics, sync
 from evo.core.trajectory import PoseTrajectory3D
 from evo.core.units import Unit
 
-SEEDS = range(60)  # six of each kind of oddness
+SEEDS = range(200)
 TOLERANCE = 1e-9
 STATISTICS = [getattr(metrics.StatisticsType, name) for name in ("rmse", "mean", "median", "max", "std")]
 
@@ -69,7 +69,7 @@ def test_absolute_errors(how):
         assert score.conditioning.ratio < 10.0
         turned = turned_by_poses(data, score)
         compared += same_as_evo(score, "ate_rotation", "deg", metrics.PoseRelation.rotation_angle_deg, turned)
-    assert compared > 450
+    assert compared > 1500
 
 
 def same_as_evo(score, part, unit, relation, data):
@@ -207,7 +207,7 @@ def test_relative_errors(kind, with_scale):
                 continue
             np.testing.assert_allclose(errors, metric.error, rtol=0, atol=TOLERANCE, err_msg=f"{seed} {pair.odd}")
             compared += 1
-    assert compared > 75
+    assert compared > 250
 
 
 def test_the_scores_of_one_frame_are_those_of_evo_where_no_frame_is_missing():
@@ -231,7 +231,7 @@ def test_the_scores_of_one_frame_are_those_of_evo_where_no_frame_is_missing():
             metric = metrics.RPE(relation, 1.0, Unit.meters, 0.1, all_pairs=True, pairs_from_reference=True)
             assert values[name] == pytest.approx(statistics(metric, data)["rmse"], rel=0, abs=TOLERANCE)
         compared += 1
-    assert compared == 30
+    assert compared == 100
 
 
 def test_the_papers_numbers_are_those_of_its_notebook():
@@ -252,4 +252,4 @@ def test_the_papers_numbers_are_those_of_its_notebook():
         }
         assert score.values == pytest.approx(expected, rel=0, abs=TOLERANCE)
         compared += 1
-    assert compared == 54
+    assert compared == 180
